@@ -1,0 +1,219 @@
+"""raccoon: the same drive on every battery, with every motor and in every light.
+
+A team program needs only this module::
+
+    from raccoon import deg, drive, on_black, open_robot, straight, turn
+
+    with open_robot("robot.toml") as robot:
+        robot.run(drive(0.2).until(on_black("front_left")))
+        robot.run(turn(deg(90)))
+
+Names are loaded when they are first used: importing raccoon costs next to nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from math import radians as deg
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.core.errors import (
+        CalibrationError,
+        ConfigError,
+        HardwareError,
+        MotionTimeout,
+        RaccoonError,
+        ReplayDiverged,
+        TraceError,
+    )
+    from raccoon.core.port import Port
+    from raccoon.core.readings import Inputs, Outputs, Status
+    from raccoon.model.pose import Pose
+    from raccoon.robot.actions import (
+        Action,
+        background,
+        do,
+        parallel,
+        race,
+        repeat,
+        seq,
+        wait,
+        wait_for,
+    )
+    from raccoon.robot.battery_check import check_battery
+    from raccoon.robot.calibration import calibrate_drive, calibrate_tophats
+    from raccoon.robot.conditions import (
+        Condition,
+        after_angle,
+        after_distance,
+        after_time,
+        analog_above,
+        analog_below,
+        bumped,
+        on_black,
+        on_white,
+        over_line,
+        pressed,
+        stalled,
+        when,
+    )
+    from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
+    from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
+    from raccoon.robot.motions import MotionResult, arc, drive, motors, pivot, straight, turn, turn_to
+    from raccoon.robot.opening import open_robot, replay
+    from raccoon.robot.paths import drive_to, follow_path
+    from raccoon.robot.robot import Robot
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "raccoon.core.config": ("RobotConfig", "load_robot"),
+    "raccoon.core.errors": (
+        "CalibrationError",
+        "ConfigError",
+        "HardwareError",
+        "MotionTimeout",
+        "RaccoonError",
+        "ReplayDiverged",
+        "TraceError",
+    ),
+    "raccoon.core.port": ("Port",),
+    "raccoon.core.readings": ("Inputs", "Outputs", "Status"),
+    "raccoon.model.pose": ("Pose",),
+    "raccoon.robot.actions": (
+        "Action",
+        "background",
+        "do",
+        "parallel",
+        "race",
+        "repeat",
+        "seq",
+        "wait",
+        "wait_for",
+    ),
+    "raccoon.robot.calibration": ("calibrate_drive", "calibrate_tophats"),
+    "raccoon.robot.conditions": (
+        "Condition",
+        "after_angle",
+        "after_distance",
+        "after_time",
+        "analog_above",
+        "analog_below",
+        "bumped",
+        "on_black",
+        "on_white",
+        "over_line",
+        "pressed",
+        "stalled",
+        "when",
+    ),
+    "raccoon.robot.motions": (
+        "MotionResult",
+        "arc",
+        "drive",
+        "motors",
+        "pivot",
+        "straight",
+        "turn",
+        "turn_to",
+    ),
+    "raccoon.robot.opening": ("open_robot", "replay"),
+    "raccoon.robot.paths": (
+        "drive_to",
+        "follow_path",
+    ),
+    "raccoon.robot.lines": (
+        "align_on_line",
+        "align_on_wall",
+        "follow_line",
+    ),
+    "raccoon.robot.battery_check": ("check_battery",),
+    "raccoon.robot.match": (
+        "MatchReport",
+        "mission",
+        "run_match",
+        "timed",
+        "wait_for_light",
+    ),
+    "raccoon.robot.robot": ("Robot",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "Action",
+    "CalibrationError",
+    "Condition",
+    "ConfigError",
+    "HardwareError",
+    "Inputs",
+    "MatchReport",
+    "MotionResult",
+    "MotionTimeout",
+    "Outputs",
+    "Port",
+    "Pose",
+    "RaccoonError",
+    "ReplayDiverged",
+    "Robot",
+    "RobotConfig",
+    "Status",
+    "TraceError",
+    "after_angle",
+    "after_distance",
+    "after_time",
+    "align_on_line",
+    "align_on_wall",
+    "analog_above",
+    "analog_below",
+    "arc",
+    "background",
+    "bumped",
+    "calibrate_drive",
+    "calibrate_tophats",
+    "check_battery",
+    "deg",
+    "do",
+    "drive",
+    "drive_to",
+    "follow_line",
+    "follow_path",
+    "load_robot",
+    "mission",
+    "motors",
+    "on_black",
+    "on_white",
+    "open_robot",
+    "over_line",
+    "parallel",
+    "pivot",
+    "pressed",
+    "race",
+    "repeat",
+    "replay",
+    "run_match",
+    "seq",
+    "stalled",
+    "straight",
+    "timed",
+    "turn",
+    "turn_to",
+    "wait",
+    "wait_for",
+    "wait_for_light",
+    "when",
+]
+
+
+def __getattr__(name: str) -> object:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"module 'raccoon' has no attribute {name!r}")
+    value = getattr(import_module(home), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -1,0 +1,5 @@
+"""The command line: one file a command, heavy imports inside."""
+
+from raccoon.cli.main import main
+
+__all__ = ["main"]

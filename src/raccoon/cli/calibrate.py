@@ -1,0 +1,146 @@
+"""`raccoon calibrate ...`: make calibrations of recordings and put them into robot.toml.
+
+Each kind is one sub-command: a function that adds it to the parser and one that does it.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from raccoon.cli.motors import add_calibration
+from raccoon.core.config import Measured, RobotConfig, load_robot
+from raccoon.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from raccoon.estimate.drive_columns import TapedWay
+    from raccoon.trace.loading import Run
+
+HELP = "make a calibration of recordings, and put it into robot.toml"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """A sub-command a kind of calibration."""
+    kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
+    for add in (_add_drive, add_calibration, _add_tophats):
+        add(kinds)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do the sub-command's calibration."""
+    return cast(Callable[[argparse.Namespace], int], args.calibrate)(args)
+
+
+def _add_drive(kinds: Any) -> None:
+    text = "the wheels' way a tick, track width and back-EMF offsets, of a manoeuvre with known lengths"
+    parser = kinds.add_parser("drive", help=text, description=text)
+    parser.add_argument("recording", nargs="+", type=Path, help="traces or CSV files, or folders of them")
+    parser.add_argument("--robot", type=Path, required=True, help="the robot.toml to start from")
+    parser.add_argument(
+        "--straight",
+        type=float,
+        metavar="METRES",
+        help="the recording is one straight drive of this length by tape, from rest to rest",
+    )
+    parser.add_argument(
+        "--tape",
+        action="append",
+        default=[],
+        metavar="BEGIN:END:METRES",
+        help="a straight piece from BEGIN to END (s of the recording) that measures METRES (may be repeated)",
+    )
+    parser.add_argument("--tape-std", type=float, default=0.002, metavar="M", help="of the tape, m (0.002)")
+    parser.add_argument(
+        "--write", action="store_true", help="put the result into robot.toml (else only show it)"
+    )
+    parser.set_defaults(calibrate=_calibrate_drive)
+
+
+def _calibrate_drive(args: argparse.Namespace) -> int:
+    from raccoon.trace.loading import load_runs
+
+    robot = load_robot(args.robot)
+    runs = [run for path in args.recording for run in load_runs(path)]
+    entries = _straight(args, robot, runs) if args.straight is not None else _manoeuvre(args, robot, runs)
+    _show(entries)
+    return _finish(args, entries)
+
+
+def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]) -> Mapping[str, Measured]:
+    from raccoon.estimate.drive_calibration import calibrate_straight
+    from raccoon.trace.columns import inputs_of
+
+    if len(runs) != 1 or args.tape:
+        raise ConfigError(f"--straight takes one recording and no --tape: there are {len(runs)} recordings")
+    inputs = list(inputs_of(runs[0].recording))
+    return calibrate_straight(robot, inputs, args.straight, distance_std=args.tape_std).entries(robot)
+
+
+def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]) -> Mapping[str, Measured]:
+    from raccoon.estimate.drive_columns import manoeuvre
+    from raccoon.estimate.drive_fit import calibrate_drive
+
+    taped = [_taped(text, args.tape_std) for text in args.tape]
+    if taped and len(runs) != 1:
+        raise ConfigError(f"--tape is for one recording: there are {len(runs)}")
+    made = [manoeuvre(run.recording.columns, robot, taped=taped, device=run.recording.device) for run in runs]
+    found = calibrate_drive(robot, made, device=runs[0].recording.device)
+    print(f"weighted error {found.error_before:.2f} before, {found.error_after:.2f} after")
+    return found.entries(robot)
+
+
+def _taped(text: str, std: float) -> TapedWay:
+    from raccoon.estimate.drive_columns import TapedWay
+
+    try:
+        begin, end, metres = (float(part) for part in text.split(":"))
+    except ValueError:
+        raise ConfigError(f"--tape {text}: allowed is BEGIN:END:METRES, such as 2.0:6.5:0.60") from None
+    return TapedWay(begin, end, metres, std)
+
+
+def _show(entries: Mapping[str, Measured]) -> None:
+    """Each value with its deviation."""
+    for key, value in entries.items():
+        share = f" ({100 * value.std / abs(value.value):.2f} %)" if value.value else ""
+        battery = "" if value.battery_voltage is None else f" at {value.battery_voltage:.2f} V"
+        print(f"{key:28} {value.value:.6g} +- {value.std:.2g}{share}{battery}")
+
+
+def _finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
+    """Put the values into robot.toml where that was asked for."""
+    from raccoon.core.config_file import write_measured
+
+    if not args.write:
+        print(f"{args.robot} is as it was: say --write to put these values in")
+        return 0
+    write_measured(args.robot, entries, day=date.today())
+    print(f"wrote {args.robot}; what was replaced is in {args.robot.stem}.history.toml")
+    return 0
+
+
+def _add_tophats(kinds: Any) -> None:
+    text = "white and black of each tophat, of a drive over a line; or show what is stored"
+    parser = kinds.add_parser("tophats", help=text, description=text)
+    parser.add_argument("recording", nargs="*", type=Path, help="traces or CSV files of a drive over a line")
+    parser.add_argument("--robot", type=Path, help="the robot.toml that names the sensors and their ports")
+    parser.add_argument("--store", type=Path, default=Path("tophats.json"), help="file of the calibrations")
+    parser.add_argument("--set", default="default", help="name of the surface, such as practice-table")
+    parser.add_argument("--show", action="store_true", help="show the stored calibrations and their history")
+    parser.add_argument("--write", action="store_true", help="store the result (else only show it)")
+    parser.set_defaults(calibrate=_calibrate_tophats)
+
+
+def _calibrate_tophats(args: argparse.Namespace) -> int:
+    from raccoon.cli.tophat_sets import calibrate_recordings, show_store
+
+    if args.recording:
+        if args.robot is None:
+            raise ConfigError("a recording needs --robot: robot.toml names the sensors and their ports")
+        return calibrate_recordings(args.recording, args.robot, args.store, args.set, write=args.write)
+    if not args.show:
+        raise ConfigError("name a recording of a drive over a line, or say --show")
+    return show_store(args.store)

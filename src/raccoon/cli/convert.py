@@ -1,0 +1,53 @@
+"""`raccoon convert`: a recording in another form."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raccoon.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from raccoon.trace.loading import Run
+
+HELP = "turn a recording into CSV or MCAP, or a recording of others into columns of this library"
+ENDINGS = (".csv", ".mcap")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument(
+        "source", type=Path, help="a trace, a CSV or MCAP file, or a known recording of others"
+    )
+    parser.add_argument("target", type=Path, help="what to write: its ending (.csv, .mcap) says how")
+    parser.add_argument("--overwrite", action="store_true", help="replace the target where it exists")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Convert one recording; what had to be left out is printed."""
+    from raccoon.trace.loading import load_run
+
+    source: Path = args.source
+    target: Path = args.target
+    if target.suffix not in ENDINGS:
+        raise ConfigError(f"{target}: allowed are the endings {', '.join(ENDINGS)}")
+    if target.exists() and not args.overwrite:
+        raise ConfigError(f"{target} exists and is left as it is: name another file or say --overwrite")
+    loaded = load_run(source)
+    _write(loaded, target)
+    for problem in loaded.recording.problems:
+        print(f"note: {problem}")
+    print(f"wrote {target}: {len(loaded.recording)} rows of {len(loaded.recording.columns)} columns")
+    return 0
+
+
+def _write(loaded: Run, target: Path) -> None:
+    if target.suffix == ".mcap":
+        from raccoon.trace.mcap import write_mcap
+
+        write_mcap(loaded.recording, target)
+        return
+    from raccoon.trace.csv import write_csv
+
+    write_csv(loaded.recording, target)

@@ -1,0 +1,24 @@
+"""`raccoon demo`: the paper's claims on simulated robots, and what the library leaves of them."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "the paper's batteries, motors and lights: open loop and with the library, without hardware"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument(
+        "--out", type=Path, default=Path("raccoon-demo"), help="folder for the picture and the trace"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes to use (default 2)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run it; 0 when every error with the library is within the promised limits."""
+    from raccoon.cli.demo.show import show
+
+    return show(args.out, args.seed, args.jobs)

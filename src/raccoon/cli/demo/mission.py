@@ -1,0 +1,75 @@
+"""The mission of the demo, written with the public API alone: once by time, once with the library."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from raccoon import Action, Pose, after_time, deg, motors, seq, straight, turn, wait
+
+# A Z over the table: legs in m, turns in rad.
+LEGS = (0.60, 0.40, 0.40)
+TURNS = (deg(90), deg(-90))
+DISTANCE = sum(LEGS)
+STILL = 1.0  # s at the start, as a robot waits for its start light
+
+
+def goal() -> Pose:
+    """Where the mission is meant to end."""
+    pose = Pose()
+    for leg, angle in zip(LEGS, (*TURNS, 0.0), strict=True):
+        pose = pose.ahead(leg).turned(angle)
+    return pose
+
+
+def with_library() -> Action[Any]:
+    """Closed loop: distances and angles."""
+    first, second, third = LEGS
+    return seq(
+        wait(STILL), straight(first), turn(TURNS[0]), straight(second), turn(TURNS[1]), straight(third)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """What a team times on its table and writes into its program, all at full power.
+
+    per_metre: s/m. per_radian: s/rad. metre_lost m, radian_lost rad: what starting and stopping cost.
+    """
+
+    per_metre: float
+    per_radian: float
+    metre_lost: float
+    radian_lost: float
+
+    def leg(self, distance: float) -> float:
+        """S at full power for `distance` m."""
+        return (distance + self.metre_lost) * self.per_metre
+
+    def spin(self, angle: float) -> float:
+        """S at full power on the spot for `angle` rad."""
+        return (abs(angle) + self.radian_lost) * self.per_radian
+
+
+def by_time(times: Times) -> Action[Any]:
+    """Open loop: full power for so many seconds."""
+    first, second, third = LEGS
+    left, right = TURNS
+    pause = wait(0.3)
+    return seq(
+        wait(STILL),
+        _power(1.0, 1.0, times.leg(first)),
+        pause,
+        _power(-1.0, 1.0, times.spin(left)),
+        pause,
+        _power(1.0, 1.0, times.leg(second)),
+        pause,
+        _power(1.0, -1.0, times.spin(right)),
+        pause,
+        _power(1.0, 1.0, times.leg(third)),
+        wait(0.5),
+    )
+
+
+def _power(left: float, right: float, seconds: float) -> Action[None]:
+    return motors(left, right).until(after_time(seconds))

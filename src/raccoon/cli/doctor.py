@@ -1,0 +1,103 @@
+"""`raccoon doctor`: what is wrong with the robot, and what to do about it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raccoon.core.config import RobotConfig, load_robot
+from raccoon.core.errors import HardwareError
+
+if TYPE_CHECKING:
+    from raccoon.core.port import Port
+    from raccoon.hal.doctor import Report
+
+HELP = "check controller, motors, sensors and battery; exit status 0 only when all is well"
+PORTS = ("wombat", "wombat-raccoon", "create", "sim", "emulator")
+FIRMWARES = ("stock", "17", "21")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument(
+        "--robot", type=Path, help="robot description; without it robot.toml where there is one"
+    )
+    parser.add_argument(
+        "--port", choices=PORTS, help="what to examine; without it robot.toml's controller.port"
+    )
+    parser.add_argument(
+        "--no-motion", action="store_true", help="move nothing; otherwise each wheel turns to and fro"
+    )
+    parser.add_argument(
+        "--firmware", choices=FIRMWARES, default="stock", help="of the emulated controller (--port emulator)"
+    )
+    parser.add_argument("--i2c", default="/dev/i2c-1", metavar="DEVICE", help="I2C bus for added sensors")
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Examine and report. 0: all is well; 1: something is not."""
+    config = _config(args)
+    say = _silent if args.json else _say
+    if not args.no_motion:
+        say("the robot will move: put it on the floor with 20 cm around it, and keep it still")
+    report = _report(config, args, say)
+    if args.json:
+        print(json.dumps(report.as_json(), indent=2, allow_nan=False))
+    else:
+        print(report.table())
+    return 0 if report.well else 1
+
+
+def _config(args: argparse.Namespace) -> RobotConfig:
+    usual = Path("robot.toml")
+    path = args.robot or (usual if usual.exists() else None)
+    config = RobotConfig() if path is None else load_robot(path)
+    if args.port is None:
+        return config
+    return replace(config, controller=replace(config.controller, port=args.port))
+
+
+def _report(config: RobotConfig, args: argparse.Namespace, say: Callable[[str], None]) -> Report:
+    from raccoon.hal.doctor import Report, examine
+    from raccoon.hal.doctor.buses import i2c, serial_ports
+    from raccoon.hal.doctor.examination import lost
+    from raccoon.robot.loop import stopped_on_exit
+
+    report = Report()
+    try:
+        port = _port(config, args.firmware)
+    except HardwareError as error:
+        report.add(lost(error))
+    else:
+        try:
+            with stopped_on_exit(port.close):
+                report = examine(port, config, move=not args.no_motion, progress=say)
+        except HardwareError as error:  # closing says that the motors may still run
+            report.add(lost(error))
+    if config.controller.port not in ("sim", "emulator"):
+        report.add(i2c(args.i2c), serial_ports())
+    return report
+
+
+def _port(config: RobotConfig, firmware: str) -> Port:
+    if config.controller.port == "emulator":
+        from raccoon.robot.emulated import open_emulated
+
+        return open_emulated(config, "stock" if firmware == "stock" else 17 if firmware == "17" else 21)
+    from raccoon.robot.opening import open_port
+
+    return open_port(config)
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)
+
+
+def _silent(_: str) -> None:
+    """For programs that read the output."""

@@ -1,0 +1,35 @@
+"""`raccoon effects`: what can make a robot differ from the textbook one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "list the effects the simulated robot knows, or write their page"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("id", nargs="?", help="an effect's id, or a group such as friction")
+    parser.add_argument("--json", action="store_true", help="as JSON")
+    parser.add_argument(
+        "--write",
+        type=Path,
+        metavar="FOLDER",
+        help="write effects.md and its pictures there (needs matplotlib)",
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the catalogue, a part of it, or write its page."""
+    from raccoon.cli.effects.listing import chosen, json_text, table_text
+
+    if args.write is not None:
+        from raccoon.cli.effects.page import write_page
+
+        count = write_page(args.write)
+        print(f"wrote {args.write / 'effects.md'} and {count} pictures")
+        return 0
+    entries = chosen(args.id)
+    print(json_text(entries) if args.json else table_text(entries))
+    return 0

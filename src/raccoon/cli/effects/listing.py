@@ -1,0 +1,81 @@
+"""The catalogue as text."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from itertools import groupby
+
+from raccoon.core.errors import ConfigError
+from raccoon.sim.effects import Effect, Parameter, Place, all_effects
+
+WHERE = {Place.ROBOT: "", Place.SIDE: "@left @right", Place.TOPHAT: "@port"}
+
+
+def chosen(name: str | None) -> list[Effect]:
+    """The effects of an id or of a group; all of them without a name. Raises ConfigError."""
+    entries = [each for each in all_effects() if name in (None, each.id, each.group)]
+    if not entries:
+        groups = ", ".join(dict.fromkeys(each.group for each in all_effects()))
+        raise ConfigError(f"effect {name!r}: there is no such id or group; groups are {groups}")
+    return entries
+
+
+def table_text(entries: Sequence[Effect]) -> str:
+    """One effect after the other, by group."""
+    lines: list[str] = []
+    for group, members in groupby(entries, key=lambda each: each.group):
+        lines += ["", group]
+        for entry in members:
+            lines.append(f"  {entry.id:30} {WHERE[entry.place]}".rstrip())
+            lines.append(f"      {entry.sentence}")
+            lines += [f"      {parameter_text(each)}" for each in entry.parameters]
+    return "\n".join(lines[1:])
+
+
+def parameter_text(parameter: Parameter) -> str:
+    """Name, unit, neutral value, bounds and usual size of a parameter."""
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    return (
+        f"{parameter.name}{unit}: neutral {neutral_text(parameter)}, {parameter.bounds}, "
+        f"usually off by {parameter.prior_width:g}"
+    )
+
+
+def neutral_text(parameter: Parameter) -> str:
+    """The neutral value as people read it."""
+    if parameter.neutral is not None:
+        return "no limit" if math.isinf(parameter.neutral) else f"{parameter.neutral:g}"
+    return "robot.toml's" if parameter.initial is None else f"any (starts at {parameter.initial:g})"
+
+
+def json_text(entries: Sequence[Effect]) -> str:
+    """The same for programs; an infinite number is null."""
+    rows = [
+        {
+            "id": each.id,
+            "group": each.group,
+            "place": each.place.value,
+            "sentence": each.sentence,
+            "parameters": [_row(parameter) for parameter in each.parameters],
+        }
+        for each in entries
+    ]
+    return json.dumps(rows, indent=2, allow_nan=False)
+
+
+def _row(parameter: Parameter) -> dict[str, object]:
+    return {
+        "name": parameter.name,
+        "unit": parameter.unit,
+        "neutral": _finite(parameter.neutral),
+        "initial": _finite(parameter.initial),
+        "low": _finite(parameter.bounds.low),
+        "high": _finite(parameter.bounds.high),
+        "prior_width": parameter.prior_width,
+    }
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None

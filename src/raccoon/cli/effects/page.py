@@ -1,0 +1,83 @@
+"""`docs/effects.md`: written from the catalogue, with a picture of what each effect does to a recording."""
+
+from __future__ import annotations
+
+import io
+import os
+from itertools import groupby
+from pathlib import Path
+
+from raccoon.cli.effects.listing import WHERE, neutral_text
+from raccoon.cli.effects.recordings import Comparison, comparison
+from raccoon.core.errors import ConfigError
+from raccoon.sim.effects import Effect, all_effects
+
+_HEAD = """# Effects
+
+What can make a robot differ from the textbook one, and what a diagnosis may name. Written by
+`raccoon effects --write docs`; edit `sim/catalogue.py` instead.
+
+Each picture shows one channel of the same drive (creeping, steps forward and back, turns; for tophats: over
+lines), grey without and red with the effect, in the channel in which it shows most. An effect that is off
+sits at its neutral value, where it changes nothing, exactly.
+
+Adding an effect: an entry in `sim/catalogue.py`, its term in `sim/equations.py` (a statement that ends with
+`# effect: ID`), its numbers in `sim/physical.py`, and this page written again. The tests of neutral values
+take it up by themselves; [the simulator's page](simulator.md) says more.
+"""
+
+
+def write_page(folder: Path) -> int:
+    """Write effects.md and effects/*.png into a folder; the number of pictures. Raises ConfigError."""
+    if not folder.is_dir():
+        raise ConfigError(f"{folder}: there is no such folder")
+    pictures = folder / "effects"
+    pictures.mkdir(exist_ok=True)
+    sections = [_HEAD]
+    entries = all_effects()
+    for group, members in groupby(entries, key=lambda each: each.group):
+        sections.append(f"## {group}\n")
+        for entry in members:
+            shown = comparison(entry)
+            _write(pictures / f"{entry.id}.png", _picture(shown))
+            sections.append(_section(entry, shown))
+    _write(folder / "effects.md", "\n".join(sections).encode())
+    return len(entries)
+
+
+def _section(entry: Effect, shown: Comparison) -> str:
+    rows = [
+        f"| `{each.name}` | {each.unit} | {neutral_text(each)} | {each.bounds} | {each.prior_width:g} |"
+        for each in entry.parameters
+    ]
+    where = f" {WHERE[entry.place]}" if WHERE[entry.place] else ""
+    values = ", ".join(f"{name} {value:.3g}" for name, value in shown.values.items())
+    table = "\n".join(
+        ("| parameter | unit | neutral | allowed | usual size |", "|---|---|---|---|---|", *rows)
+    )
+    return (
+        f"### `{entry.id}`{where}\n\n{entry.sentence}\n\n{table}\n\n"
+        f"![{entry.id}: {shown.channel}, {values}](effects/{entry.id}.png)\n"
+    )
+
+
+def _picture(shown: Comparison) -> bytes:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(5.2, 1.7), dpi=72, layout="constrained")
+    axes = figure.subplots()
+    axes.plot(shown.time, shown.without, color="0.6", linewidth=2.0)
+    axes.plot(shown.time, shown.with_effect, color="#c0392b", linewidth=1.0)
+    axes.set_xlabel("s", fontsize=7)
+    axes.set_ylabel(f"{shown.channel} / {shown.unit}", fontsize=7)
+    axes.tick_params(labelsize=7)
+    axes.margins(x=0)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _write(path: Path, data: bytes) -> None:
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_bytes(data)
+    os.replace(temporary, path)

@@ -1,0 +1,69 @@
+"""`raccoon excite`: drive what tells causes apart, and record it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from raccoon.core.config import RobotConfig
+
+HELP = "drive a safe manoeuvre that shows or separates causes, and record it"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="robot.toml (default: here)")
+    parser.add_argument("--manoeuvre", help="drive this one; without it the best for --cause")
+    parser.add_argument("--cause", help="cause to show, such as drive.backlash or bemf.scale@left")
+    parser.add_argument("--rival", action="append", default=[], help="cause to tell it from (repeatable)")
+    parser.add_argument(
+        "--within", type=float, default=1.0, help="m, free space around the robot (default 1)"
+    )
+    parser.add_argument("--seconds", type=float, default=20.0, help="longest drive in s (default 20)")
+    parser.add_argument("--simulate", action="store_true", help="drive the simulated robot")
+    parser.add_argument(
+        "--record", type=Path, help="recording to write; without it only the advice is printed"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the advice; drive and record where a recording is asked for."""
+    from raccoon.core.config import load_robot
+    from raccoon.core.errors import ConfigError
+
+    robot = load_robot(args.robot)
+    if args.manoeuvre is None and args.cause is None:
+        raise ConfigError("name a --manoeuvre, or a --cause to get the best one for it")
+    chosen = args.manoeuvre or _advised(args, robot)
+    if args.record is not None:
+        _drive(robot, chosen, args.record, args.simulate)
+        print(f"{args.record}: recorded {chosen!r}")
+    return 0
+
+
+def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
+    from raccoon.core.errors import ConfigError
+    from raccoon.diagnose.experiment import advise
+
+    advice = advise(robot, args.cause, args.rival, within=args.within, seconds=args.seconds)
+    if not advice:
+        raise ConfigError(f"no manoeuvre stays within {args.within} m and {args.seconds} s: allow more")
+    for each in advice:
+        reach = f"reach {each.reach:.2f} m, {each.seconds:.1f} s"
+        print(f"{each.manoeuvre:16s} evidence {each.evidence:10.1f}  {reach}")
+    if advice[0].evidence < 20.0:
+        print("None of them decides (20 is needed): the causes need a reference such as counted turns.")
+    return advice[0].manoeuvre
+
+
+def _drive(robot: RobotConfig, name: str, path: Path, simulate: bool) -> None:
+    from dataclasses import replace
+
+    from raccoon.diagnose.excitation import drive_and_record
+    from raccoon.diagnose.experiment import manoeuvre
+
+    if simulate:
+        robot = replace(robot, controller=replace(robot.controller, port="sim"))
+    drive_and_record(robot, manoeuvre(name), path)

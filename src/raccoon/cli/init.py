@@ -1,0 +1,35 @@
+"""`raccoon init`: a robot.toml to start from."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from raccoon.core.errors import ConfigError
+
+HELP = "write a robot.toml with every key, its default and its meaning"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("path", type=Path, nargs="?", default=Path("robot.toml"), help="where; - prints it")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the file; an existing one is never overwritten."""
+    from raccoon.core.config import template
+
+    path: Path = args.path
+    if str(path) == "-":
+        sys.stdout.write(template())
+        return 0
+    if path.exists():
+        raise ConfigError(f"{path} exists and is left as it is: name another file")
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    partial.write_text(template(), encoding="utf-8")
+    os.link(partial, path)  # unlike a rename this fails where somebody else was quicker
+    partial.unlink()
+    print(f"wrote {path}: take the # away from what you change")
+    return 0

@@ -1,0 +1,71 @@
+"""`raccoon COMMAND ...`: find the command, run it, turn errors into one clear line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Protocol, cast
+
+from raccoon import __version__
+from raccoon.core.errors import RaccoonError
+
+# One module of this package each; its name with - for _ is the command.
+COMMANDS: tuple[str, ...] = (
+    "calibrate",
+    "compare_mitigations",
+    "convert",
+    "demo",
+    "diagnose",
+    "doctor",
+    "effects",
+    "excite",
+    "init",
+    "replay",
+    "tune",
+    "view",
+)
+
+
+class Command(Protocol):
+    """What a command's module offers. Only standard-library imports at its top."""
+
+    HELP: str
+
+    def configure(self, parser: argparse.ArgumentParser) -> None:
+        """Add the command's arguments."""
+        ...
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Do it; the result is the exit status."""
+        ...
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser with every command in it."""
+    parser = argparse.ArgumentParser(prog="raccoon", description="Onboard robot control for the KIPR Wombat.")
+    parser.add_argument("--version", action="version", version=f"raccoon {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name in COMMANDS:
+        module = cast(Command, import_module(f"raccoon.cli.{name}"))
+        command = commands.add_parser(name.replace("_", "-"), help=module.HELP, description=module.HELP)
+        module.configure(command)
+        command.set_defaults(run=module.run)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command. Exit status: its own, 2 for bad input, 130 after Ctrl-C."""
+    args = build_parser().parse_args(argv)
+    try:
+        return int(args.run(args))
+    except (RaccoonError, FileNotFoundError, IsADirectoryError, PermissionError) as error:
+        print(f"raccoon {args.command}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"raccoon {args.command}: interrupted", file=sys.stderr)
+        return 130
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 141

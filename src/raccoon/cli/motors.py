@@ -1,0 +1,96 @@
+"""What `raccoon tune wheels` and `raccoon calibrate motors` share: excite a robot's wheels and show them."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from raccoon.core.config import Measured, load_robot
+
+if TYPE_CHECKING:
+    from raccoon.robot.identification import Excitation, WheelFit
+
+PORTS = ("wombat", "wombat-raccoon", "sim")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Arguments of both commands."""
+    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot.toml to start from")
+    parser.add_argument("--port", choices=PORTS, help="without it robot.toml's controller.port")
+    parser.add_argument("--seed", type=int, default=0, help="of the simulator")
+    parser.add_argument("--write", action="store_true", help="put the result into robot.toml")
+
+
+def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation, tuple[WheelFit, WheelFit]]:
+    """Drive the robot ahead and back, and identify both wheels. Raises CalibrationError, HardwareError.
+
+    bare: without the static compensation that robot.toml has, as a new one must not build on it.
+    """
+    from raccoon.robot.actions import wait
+    from raccoon.robot.identification import excite, fit_wheels
+    from raccoon.robot.opening import open_robot
+
+    config = load_robot(args.robot)
+    if args.port is not None:
+        config = replace(config, controller=replace(config.controller, port=args.port))
+    if bare:
+        ports = {config.drive.left, config.drive.right}
+        plain = {port: replace(config.motor(port), power_factor=Measured(1.0)) for port in ports}
+        config = replace(config, motors={**config.motors, **plain})
+    print("the robot moves 0.3 m ahead and back: put it on the floor with room in front")
+    with open_robot(config, seed=args.seed) as robot:
+        robot.run(wait(1.0))
+        seen = robot.run(excite())
+        assert robot.inputs is not None
+        return seen, fit_wheels(seen, config, robot.inputs.device)
+
+
+def show(fit: WheelFit) -> None:
+    """One wheel for people."""
+    found, gains, reached = fit.voltages, fit.gains, fit.margins
+    print(f"{fit.side} wheel, motor port {fit.port}: off by {found.residual:.3f} V on average")
+    for name, unit in (("static", "V"), ("speed", "V/(rad/s)"), ("acceleration", "V/(rad/s2)")):
+        print(f"  {name:13} {getattr(found, name):8.4f} +- {getattr(found, f'{name}_std'):.4f} {unit}")
+    print(
+        f"  gains         kp {gains.kp:.3f} V/(rad/s), ki {gains.ki:.2f} V/rad; time constant "
+        f"{1e3 * fit.model.time_constant:.0f} ms"
+    )
+    print(
+        f"  margins       {math.degrees(reached.phase):.0f} deg, {reached.gain_db:.1f} dB, crossover "
+        f"{reached.crossover:.0f} rad/s"
+    )
+
+
+def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
+    """Put the values into robot.toml where that was asked for."""
+    from raccoon.core.config_file import write_measured
+
+    for key, value in entries.items():
+        print(f"{key} = {value.value:.5g} +- {value.std:.2g}, at {value.battery_voltage:.2f} V")
+    if not args.write:
+        print(f"{args.robot} is as it was: say --write to put these values in")
+        return 0
+    write_measured(args.robot, entries, day=date.today())
+    print(f"wrote {args.robot}")
+    return 0
+
+
+def add_calibration(kinds: Any) -> None:
+    """`raccoon calibrate motors`."""
+    text = "static compensation k of each motor, of a short drive ahead and back"
+    parser = kinds.add_parser("motors", help=text, description=text)
+    add_arguments(parser)
+    parser.set_defaults(calibrate=calibrate)
+
+
+def calibrate(args: argparse.Namespace) -> int:
+    """Measure k of both motors and store it with date, battery voltage and standard deviation."""
+    from raccoon.robot.identification import power_factors
+
+    seen, fits = excited(args, bare=True)
+    return finish(args, power_factors(fits, seen.battery))

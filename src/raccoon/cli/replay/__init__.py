@@ -1,0 +1,67 @@
+"""`raccoon replay`: what the library makes of a recording, and how far that is from the truth in it."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from raccoon.core.errors import ConfigError
+
+HELP = "run the odometry, or a program, on a recording and compare with what it holds"
+PICTURES = (".svg", ".png", ".pdf")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument(
+        "file",
+        type=Path,
+        nargs="+",
+        help="a trace, a CSV or MCAP file, an OptiOdom session, or a folder of them",
+    )
+    parser.add_argument("--robot", type=Path, help="robot.toml; by default what the recording says")
+    parser.add_argument(
+        "--program", type=Path, help="a program with mission(robot): must command the same again"
+    )
+    parser.add_argument("--ignore-commands", action="store_true", help="let --program command something else")
+    parser.add_argument(
+        "--tolerance", type=float, default=0.0, help="relative difference that --program forgives (0: exact)"
+    )
+    parser.add_argument("--json", type=Path, metavar="OUT", help="write the results as JSON")
+    parser.add_argument("--plot", type=Path, metavar="OUT", help="draw the drives as .svg, .png or .pdf")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay, print, write. Exit status 0 when it ran, whatever it found."""
+    from raccoon.cli.replay.drive import replay_odometry
+    from raccoon.cli.replay.report import print_report, report, write_json
+    from raccoon.core.config import load_robot
+    from raccoon.trace.loading import load_runs
+
+    _check_outputs(args)
+    robot = None if args.robot is None else load_robot(args.robot)
+    runs = [run for file in args.file for run in load_runs(file)]
+    if args.program is not None:
+        from raccoon.cli.replay.program import replay_program
+
+        return replay_program(args, runs, robot)
+    drives = [replay_odometry(run, robot) for run in runs]
+    results = report(drives)
+    print_report(results)
+    if args.json is not None:
+        write_json(results, args.json)
+    if args.plot is not None:
+        from raccoon.cli.replay.picture import draw
+
+        draw(drives, args.plot)
+        print(f"drawn to {args.plot}")
+    return 0
+
+
+def _check_outputs(args: argparse.Namespace) -> None:
+    """Before the work, not after it."""
+    if args.plot is not None and args.plot.suffix not in PICTURES:
+        raise ConfigError(f"--plot {args.plot}: allowed are the endings {', '.join(PICTURES)}")
+    for path in (args.plot, args.json):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ConfigError(f"{path}: there is no folder {path.parent}")

@@ -1,0 +1,99 @@
+"""The odometry over a recorded run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.estimate.odometry import Odometry
+from raccoon.trace.columns import cycles_of
+from raccoon.trace.loading import Run
+from raccoon.trace.pose_error import PoseError, pose_error
+from raccoon.trace.recording import Column
+
+UNKNOWN = Outputs(duty=(1.0,) * 4)
+"""Stands for a command that was not recorded: a wheel that may be driven is never taken to be at rest."""
+COLUMNS = ("x", "y", "heading", "x_std", "y_std", "heading_std")
+RECORDED = {"x": 0, "y": 1, "heading": 2}
+"""Place of each value in the robot's annotation `drive`."""
+
+
+@dataclass(slots=True)
+class Drive:
+    """What the odometry says of each row of a run.
+
+    error: against the truth in the recording, None where there is none. deviation: largest difference to the
+    pose that was estimated while driving (m or rad), None where none was recorded.
+    """
+
+    run: Run
+    estimate: dict[str, Column]
+    status: str
+    reasons: tuple[str, ...] = ()
+    error: PoseError | None = None
+    deviation: float | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
+    """Run the odometry over a recorded run.
+
+    robot: what to take the robot for; the recording's own word where None, the default robot where that is
+    silent. Raises TraceError where there is nothing to drive by.
+    """
+    notes: list[str] = []
+    config = robot or run.robot
+    if config is None:
+        config = RobotConfig()
+        notes.append(
+            "the recording does not say its robot: taken for the default one (--robot names another)"
+        )
+    _check_wheels(run, config)
+    odometry = Odometry(config)
+    rows = []
+    command = None
+    for inputs, commands in _cycles(run):
+        estimate = odometry.update(inputs, command or (UNKNOWN if not _has_commands(run) else STOP))
+        rows.append([getattr(estimate, name) for name in COLUMNS])
+        command = commands[-1] if commands else command
+    table = np.array(rows, np.float64).reshape(-1, len(COLUMNS))
+    drive = Drive(run, dict(zip(COLUMNS, table.T, strict=True)), "", notes=notes)
+    drive.status, drive.reasons = odometry.estimate.status.value, odometry.estimate.reasons
+    _compare(drive)
+    return drive
+
+
+def _check_wheels(run: Run, config: RobotConfig) -> None:
+    for port in (config.drive.left, config.drive.right):
+        if not any(f"motor.{port}.{channel}" in run.recording for channel in ("position", "bemf")):
+            raise TraceError(
+                f"{run.name}: neither motor.{port}.position nor motor.{port}.bemf is in it, "
+                f"and {config.name} drives on the ports {config.drive.left} and {config.drive.right}"
+            )
+
+
+def _cycles(run: Run) -> Iterator[tuple[Inputs, tuple[Outputs, ...]]]:
+    """Raw words where there are any: they give the same estimate bit for bit."""
+    if run.trace is not None:
+        return ((tick.inputs, tick.commands) for tick in run.trace.ticks)
+    return cycles_of(run.recording)
+
+
+def _has_commands(run: Run) -> bool:
+    return bool(run.recording.ports("motor", "duty"))
+
+
+def _compare(drive: Drive) -> None:
+    recording, estimate = drive.run.recording, drive.estimate
+    if recording.has_truth and len(recording):
+        drive.error = pose_error(recording, estimate["x"], estimate["y"], estimate["heading"])
+    names = {name: f"estimate.drive.{place}" for name, place in RECORDED.items()}
+    if len(recording) and all(name in recording for name in names.values()):
+        differences = [np.abs(recording[column] - estimate[name]) for name, column in names.items()]
+        drive.deviation = float(np.nanmax(differences)) if np.isfinite(differences).any() else math.nan

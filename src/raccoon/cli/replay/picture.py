@@ -1,0 +1,62 @@
+"""A picture of replayed drives: the estimate with its uncertainty, over the truth where there is one."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from raccoon.cli.replay.drive import Drive
+from raccoon.core.errors import ConfigError
+from raccoon.trace.pose_error import field_truth
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+MOST = 16
+"""Drives in one picture; more could not be told apart."""
+
+
+def draw(drives: list[Drive], path: Path) -> None:
+    """Draw the paths side by side (m, x to the right) into a file of the format its ending names.
+
+    Raises ConfigError where matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise ConfigError(f"pictures need matplotlib: pip install 'raccoon[report]' ({error})") from None
+
+    shown = drives[:MOST]
+    columns = math.ceil(math.sqrt(len(shown)))
+    rows = math.ceil(len(shown) / columns)
+    # A figure of its own: no global state, no window.
+    figure = Figure(figsize=(4.5 * columns, 4.0 * rows + 0.3), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for axes in grid.flat[len(shown) :]:
+        axes.set_visible(False)
+    for axes, drive in zip(grid.flat, shown, strict=False):
+        _draw_one(axes, drive)
+    if len(drives) > MOST:
+        figure.suptitle(f"the first {MOST} of {len(drives)} runs")
+    part = path.with_name(f"part-{path.name}")
+    figure.savefig(part, dpi=120)
+    os.replace(part, path)
+
+
+def _draw_one(axes: Axes, drive: Drive) -> None:
+    title = drive.run.name
+    if drive.error is not None:
+        true_x, true_y, _ = field_truth(drive.run.recording)
+        axes.plot(true_x, true_y, color="0.2", linewidth=1.0, label="truth")
+        title += f"\nrms {1000 * drive.error.rms:.1f} mm, final {1000 * drive.error.final:.1f} mm"
+    x, y = drive.estimate["x"], drive.estimate["y"]
+    axes.plot(x, y, color="tab:orange", linewidth=1.2, label="odometry")
+    if len(x):
+        spread = 2.0 * math.hypot(drive.estimate["x_std"][-1], drive.estimate["y_std"][-1])
+        axes.errorbar(
+            x[-1], y[-1], xerr=spread, yerr=spread, color="tab:orange", capsize=2, label="end, 2 sd"
+        )
+    axes.set(title=title, xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    axes.legend(fontsize="small")

@@ -1,0 +1,107 @@
+"""`raccoon calibrate tophats`: the work behind it (no command of its own)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import load_robot
+from raccoon.core.errors import ConfigError
+from raccoon.estimate.tophat import TophatCalibration, calibrate
+from raccoon.estimate.tophat.sensor import Explanation, explanations
+from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
+from raccoon.trace.loading import load_runs
+
+HEADER = (
+    f"{'sensor':14}{'set':12}{'time':21}{'verdict':13}{'white':>7}{'black':>7}{'cut':>7}"
+    f"{'apart':>7}{'error':>9}  battery  sensor by its readings"
+)
+
+
+def show_store(path: Path) -> int:
+    """Print every stored calibration, oldest first; exit status 1 where there is none."""
+    entries = TophatStore(path).history()
+    if not entries:
+        print(f"{path}: no tophat calibrations yet")
+        return 1
+    print(HEADER)
+    for entry in entries:
+        print(_row(entry))
+    return 0
+
+
+def calibrate_recordings(
+    recordings: Sequence[Path], robot_file: Path, store: Path, set_name: str, *, write: bool
+) -> int:
+    """Calibrate every sensor of robot.toml on the recordings; exit status 1 where one gave no threshold."""
+    robot = load_robot(robot_file)
+    if not robot.tophats:
+        raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
+    readings, voltage = _readings(recordings, {sensor.analog for sensor in robot.tophats.values()})
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    print(HEADER)
+    failed = 0
+    for name, sensor in robot.tophats.items():
+        found = calibrate(readings.get(sensor.analog, []))
+        entry = _entry(name, set_name, now, found, robot.name, voltage)
+        print(_row(entry))
+        failed += not found.usable
+        if write and found.usable:
+            TophatStore(store).add(entry)
+    if not write:
+        print(f"{store} is as it was: say --write to store these")
+    return 1 if failed else 0
+
+
+def _entry(
+    name: str, set_name: str, now: str, found: TophatCalibration, robot: str, voltage: float | None
+) -> StoredCalibration:
+    known = list(_known(found))
+    ambient = known[0].ambient if len(known) == 1 else None
+    generation = known[0].generation if len(known) == 1 else None
+    return StoredCalibration(name, set_name, now, found, robot, ambient, voltage, generation)
+
+
+def _readings(
+    recordings: Sequence[Path], ports: set[int]
+) -> tuple[dict[int, NDArray[np.float64]], float | None]:
+    """(counts by analog port, mean battery voltage) of all recordings together."""
+    found: dict[int, list[NDArray[np.float64]]] = {}
+    voltages: list[float] = []
+    for run in [run for path in recordings for run in load_runs(path)]:
+        columns = run.recording.columns
+        for port in ports:
+            column = columns.get(f"analog.{port}")
+            if column is not None:
+                found.setdefault(port, []).append(column[np.isfinite(column)])
+        battery = columns.get("battery.voltage")
+        if battery is not None and np.isfinite(battery).any():
+            voltages.append(float(np.nanmean(battery)))
+    joined = {port: np.concatenate(parts) for port, parts in found.items()}
+    return joined, sum(voltages) / len(voltages) if voltages else None
+
+
+def _known(found: TophatCalibration) -> Iterator[Explanation]:
+    if found.usable:
+        white, black = found.surfaces()
+        yield from explanations(white.mean, black.mean)
+
+
+def _row(entry: StoredCalibration) -> str:
+    found = entry.calibration
+    start = f"{entry.sensor:14}{entry.set_name:12}{entry.time[:19]:21}{found.verdict!s:13}"
+    if not found.usable:
+        return f"{start}{found.reason}"
+    white, black = found.surfaces()
+    battery = "   -   " if entry.battery_voltage is None else f"{entry.battery_voltage:5.2f} V"
+    known = " or ".join(
+        f"{each.generation} at {1000 * each.height:.0f} mm" for each in explanations(white.mean, black.mean)
+    )
+    return (
+        f"{start}{white.mean:7.0f}{black.mean:7.0f}{found.threshold:7.0f}{found.separation:7.1f}"
+        f"{100 * (found.error_rate or 0.0):8.3f}%  {battery}  {known or 'not one of the two'}"
+    )

@@ -1,0 +1,50 @@
+"""`raccoon view run`: a recorded drive over its table, as a picture or an animation."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from raccoon.core.errors import ConfigError
+
+HELP = "draw a recorded drive over the table"
+ENDINGS = (".svg", ".png", ".gif")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    subjects = parser.add_subparsers(dest="subject", metavar="WHAT", required=True)
+    drive = subjects.add_parser("run", help="the drive of a recording")
+    drive.add_argument("trace", type=Path, help="a recording with truth or estimates in it")
+    drive.add_argument("-o", "--output", type=Path, help="picture to write; .gif is an animation (drive.svg)")
+    drive.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
+    drive.add_argument("--no-table", action="store_true", help="draw the path alone")
+    drive.add_argument(
+        "--start", type=float, nargs=3, metavar=("X", "Y", "DEG"), help="where on the table it started"
+    )
+    drive.add_argument("--speed", type=float, default=4.0, help="of the animation, times real time (4)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw one drive."""
+    from raccoon.cli.view.drive import drive_of
+    from raccoon.sim.world import World
+
+    target: Path = args.output or Path("drive.svg")
+    if target.suffix not in ENDINGS:
+        raise ConfigError(f"{target}: allowed are the endings {', '.join(ENDINGS)}")
+    if not args.speed > 0.0:
+        raise ConfigError(f"--speed is {args.speed}: allowed are numbers above 0")
+    world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
+    drive = drive_of(args.trace, args.start)
+    if target.suffix == ".gif":
+        from raccoon.cli.view.drawing import write_animation
+
+        frames = write_animation(drive, world, target, args.speed)
+        print(f"wrote {target}: {frames} frames of a drive of {drive.seconds:.1f} s")
+        return 0
+    from raccoon.cli.view.drawing import write_picture
+
+    write_picture(drive, world, target)
+    print(f"wrote {target}: a drive of {drive.seconds:.1f} s and {drive.length:.2f} m")
+    return 0

@@ -1,0 +1,151 @@
+"""A table and a drive over it, drawn with matplotlib."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raccoon.cli.view.drive import Drive, Path2
+from raccoon.sim.world import Box, World
+
+BODY_RADIUS = 0.09  # m
+FRAMES_A_SECOND = 10
+MOST_FRAMES = 600
+MARGIN = 0.1  # m
+TRUTH, BELIEF = "#1f4e9c", "#c0392b"
+
+
+def write_picture(drive: Drive, world: World, path: Path) -> None:
+    """Draw the whole drive into an SVG or PNG file, by its ending."""
+    figure, axes = _table(world, drive)
+    for which, colour, style in ((drive.truth, TRUTH, "-"), (drive.estimate, BELIEF, "--")):
+        if which is not None:
+            label = "truth" if which is drive.truth else "as the robot believes"
+            axes.plot(which.x, which.y, style, color=colour, linewidth=1.2, label=label)
+    _robot(axes, drive.best, 0, filled=False)
+    _robot(axes, drive.best, -1, filled=True)
+    axes.legend(loc="upper right", fontsize=7)
+    _save(figure, path)
+
+
+def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int:
+    """Draw the drive as a GIF that plays `speed` times as fast; the number of frames."""
+    from matplotlib.animation import FuncAnimation, PillowWriter
+
+    figure, axes = _table(world, drive)
+    best = drive.best
+    count = min(max(int(drive.seconds / speed * FRAMES_A_SECOND), 2), MOST_FRAMES)
+    moments = np.linspace(best.time[0], best.time[-1], count)
+    rows = np.searchsorted(best.time, moments).clip(0, len(best.time) - 1)
+    (trail,) = axes.plot([], [], color=TRUTH, linewidth=1.2)
+    body, nose = _robot(axes, best, 0, filled=True)
+    clock = axes.set_title("", fontsize=8, loc="left")
+
+    def draw(frame: int) -> list[Any]:
+        row = int(rows[frame])
+        trail.set_data(best.x[: row + 1], best.y[: row + 1])
+        body.center = (best.x[row], best.y[row])
+        nose.set_data(*_nose(best, row))
+        clock.set_text(f"{best.time[row] - best.time[0]:.1f} s")
+        return [trail, body, nose, clock]
+
+    animation = FuncAnimation(figure, draw, frames=count, blit=False)
+    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
+    animation.save(temporary, writer=PillowWriter(fps=FRAMES_A_SECOND), dpi=72)
+    os.replace(temporary, path)
+    return count
+
+
+def _table(world: World, drive: Drive) -> tuple[Any, Any]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots()
+    axes.set_aspect("equal")
+    low, high = _extent(world, drive)
+    axes.set_xlim(low[0] - MARGIN, high[0] + MARGIN)
+    axes.set_ylim(low[1] - MARGIN, high[1] + MARGIN)
+    axes.set_xlabel("x / m", fontsize=8)
+    axes.set_ylabel("y / m", fontsize=8)
+    axes.tick_params(labelsize=7)
+    _furniture(axes, world)
+    return figure, axes
+
+
+def _furniture(axes: Any, world: World) -> None:
+    from matplotlib.patches import Circle
+
+    for light in world.lights:
+        axes.add_patch(_rectangle(light.region, color="#f9e79f", alpha=0.5 * min(light.ambient, 1.0) + 0.2))
+    for ramp in world.ramps:
+        axes.add_patch(_rectangle(ramp.region, color="0.85", hatch="//", fill=False, linewidth=0.0))
+    if world.start_box is not None:
+        axes.add_patch(_rectangle(world.start_box, fill=False, edgecolor="0.5", linestyle=":"))
+    for line in world.lines:
+        axes.add_patch(_strip(line.points, line.width))
+    for wall in world.walls:
+        axes.plot(
+            *zip(wall.start, wall.end, strict=True), color="#8d6e63", linewidth=3.0, solid_capstyle="round"
+        )
+    for thing in world.objects:
+        axes.add_patch(Circle(thing.centre, thing.radius, color="#2e7d32"))
+
+
+def _strip(points: Any, width: float) -> Any:
+    """A line of a width in m: an outline offset to both sides."""
+    from matplotlib.patches import Polygon
+
+    way = np.array(points)
+    along = np.gradient(way, axis=0)
+    along /= np.hypot(*along.T)[:, None]
+    across = 0.5 * width * np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return Polygon(np.concatenate([way + across, (way - across)[::-1]]), closed=True, color="black")
+
+
+def _rectangle(box: Box, **style: Any) -> Any:
+    from matplotlib.patches import Rectangle
+
+    return Rectangle(box.low, box.high[0] - box.low[0], box.high[1] - box.low[1], **style)
+
+
+def _robot(axes: Any, path: Path2, row: int, *, filled: bool) -> tuple[Any, Any]:
+    from matplotlib.patches import Circle
+
+    body = Circle((path.x[row], path.y[row]), BODY_RADIUS, fill=filled, color=TRUTH, alpha=0.35)
+    axes.add_patch(body)
+    (nose,) = axes.plot(*_nose(path, row), color=TRUTH, linewidth=2.0)
+    return body, nose
+
+
+def _nose(path: Path2, row: int) -> tuple[list[float], list[float]]:
+    x, y, heading = path.x[row], path.y[row], path.heading[row]
+    return [x, x + BODY_RADIUS * np.cos(heading)], [y, y + BODY_RADIUS * np.sin(heading)]
+
+
+def _extent(world: World, drive: Drive) -> tuple[tuple[float, float], tuple[float, float]]:
+    paths = [each for each in (drive.truth, drive.estimate) if each is not None]
+    xs = np.concatenate([each.x for each in paths])
+    ys = np.concatenate([each.y for each in paths])
+    low, high = (float(xs.min()), float(ys.min())), (float(xs.max()), float(ys.max()))
+    if world.area is None:
+        return (low[0] - BODY_RADIUS, low[1] - BODY_RADIUS), (high[0] + BODY_RADIUS, high[1] + BODY_RADIUS)
+    area = world.area
+    return (
+        (min(low[0], area.low[0]), min(low[1], area.low[1])),
+        (max(high[0], area.high[0]), max(high[1], area.high[1])),
+    )
+
+
+def _save(figure: Any, path: Path) -> None:
+    from matplotlib import rc_context
+
+    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
+    metadata = {"Date": None} if path.suffix == ".svg" else {"Software": None}
+    with rc_context({"svg.hashsalt": "raccoon"}):
+        figure.savefig(temporary, dpi=110, metadata=metadata)
+    os.replace(temporary, path)

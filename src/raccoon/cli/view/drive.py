@@ -1,0 +1,107 @@
+"""Where a recorded robot was: as a reference saw it, and as it believed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.trace.loading import Run, load_run
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Path2:
+    """Poses over time: time s, x and y m, heading rad."""
+
+    time: Floats
+    x: Floats
+    y: Floats
+    heading: Floats
+
+    def placed(self, x: float, y: float, heading: float) -> Path2:
+        """The same path from another start pose."""
+        cosine, sine = math.cos(heading), math.sin(heading)
+        return Path2(
+            self.time,
+            x + cosine * self.x - sine * self.y,
+            y + sine * self.x + cosine * self.y,
+            self.heading + heading,
+        )
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive to draw. truth or estimate may be absent, not both. events: time and text."""
+
+    truth: Path2 | None
+    estimate: Path2 | None
+    events: tuple[tuple[float, str], ...]
+
+    @property
+    def best(self) -> Path2:
+        """The truth where it is known."""
+        path = self.truth or self.estimate
+        assert path is not None
+        return path
+
+    @property
+    def seconds(self) -> float:
+        """How long it took."""
+        return float(self.best.time[-1] - self.best.time[0])
+
+    @property
+    def length(self) -> float:
+        """m along the path."""
+        return float(np.sum(np.hypot(np.diff(self.best.x), np.diff(self.best.y))))
+
+
+def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
+    """The drive in a recording.
+
+    start: x, y (m) and heading (deg) on the table, which both paths are moved to; by default truth stays
+    where it is and the estimate begins where truth does. Raises TraceError where there is neither.
+    """
+    run = load_run(path)
+    truth, estimate = _truth(run), _estimate(run)
+    if truth is None and estimate is None:
+        raise TraceError(f"{path}: it has neither truth.x, truth.y, truth.heading nor estimates to draw")
+    if truth is not None and start is not None:
+        truth = _home(truth).placed(start[0], start[1], math.radians(start[2]))
+    if estimate is not None:
+        if truth is not None:
+            begin = (float(truth.x[0]), float(truth.y[0]), float(truth.heading[0]))
+        else:
+            begin = (start[0], start[1], math.radians(start[2])) if start else (0.0, 0.0, 0.0)
+        estimate = estimate.placed(*begin)
+    time = run.recording["t"]
+    events = tuple((float(time[each.tick]), each.text) for each in run.recording.events if each.tick >= 0)
+    return Drive(truth, estimate, events)
+
+
+def _truth(run: Run) -> Path2 | None:
+    if not run.recording.has_truth:
+        return None
+    columns = [run.recording[name] for name in ("t", "truth.x", "truth.y", "truth.heading")]
+    known = ~np.isnan(np.stack(columns)).any(axis=0)
+    return Path2(*(column[known] for column in columns)) if known.sum() > 1 else None
+
+
+def _estimate(run: Run) -> Path2 | None:
+    """Poses that the robot noted: the first three numbers of its drive estimate."""
+    ticks = run.trace.ticks if run.trace else []
+    rows = [(tick.inputs.time, *tick.estimates["drive"][:3]) for tick in ticks if "drive" in tick.estimates]
+    return Path2(*np.array(rows, dtype=np.float64).T) if len(rows) > 1 else None
+
+
+def _home(path: Path2) -> Path2:
+    """The path seen from its own start pose."""
+    heading = float(path.heading[0])
+    moved = Path2(path.time, path.x - path.x[0], path.y - path.y[0], path.heading)
+    return moved.placed(0.0, 0.0, -heading)

@@ -1,0 +1,110 @@
+"""The voltage a wheel needs for a motion, from the motor equation, before any feedback.
+
+U = R I + K_E w and K_E I = J dw/dt + b w + T_c sign(w) give
+
+    U = K_E w + (R / K_E) (J dw/dt + b w + T_c sign(w)).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Device
+
+BELIEVED = (0.4, 2.5)
+"""Between which shares of the nominal K_E a calibrated counter is taken to tell the motor's."""
+
+
+@dataclass(frozen=True, slots=True)
+class WheelModel:
+    """What the feedforward knows of one wheel and its motor, at the wheel shaft.
+
+    resistance ohm, back_emf_constant V/(rad/s), coulomb N m, viscous N m s/rad, inertia kg m2 (what the motor
+    feels in the motion at hand).
+    """
+
+    resistance: float
+    back_emf_constant: float
+    coulomb: float
+    viscous: float
+    inertia: float
+
+    def voltage(self, speed: float, acceleration: float = 0.0) -> float:
+        """V for `speed` rad/s while gaining `acceleration` rad/s2; 0 at rest."""
+        direction = (speed > 0.0) - (speed < 0.0) or (acceleration > 0.0) - (acceleration < 0.0)
+        torque = self.inertia * acceleration + self.viscous * speed + self.coulomb * direction
+        return self.back_emf_constant * speed + self.resistance / self.back_emf_constant * torque
+
+    def top_speed(self, voltage: float) -> float:
+        """Rad/s at steady state with `voltage` V at the motor; 0 where it cannot overcome friction."""
+        stall = self.resistance * self.coulomb / self.back_emf_constant
+        slope = self.back_emf_constant + self.resistance * self.viscous / self.back_emf_constant
+        return max(0.0, (voltage - stall) / slope)
+
+    @property
+    def time_constant(self) -> float:
+        """S, of the speed after a step of voltage: J R / (K_E^2 + R b)."""
+        return self.inertia * self.resistance / (self.back_emf_constant**2 + self.resistance * self.viscous)
+
+    @property
+    def gain(self) -> float:
+        """(rad/s)/V at steady state."""
+        return 1.0 / (self.back_emf_constant + self.resistance * self.viscous / self.back_emf_constant)
+
+    @property
+    def static_voltage(self) -> float:
+        """V that dry friction takes."""
+        return self.resistance * self.coulomb / self.back_emf_constant
+
+    @property
+    def acceleration_voltage(self) -> float:
+        """V a rad/s2 takes."""
+        return self.resistance * self.inertia / self.back_emf_constant
+
+    def with_voltages(
+        self, static: float | None = None, speed: float | None = None, acceleration: float | None = None
+    ) -> WheelModel:
+        """This wheel with the measured V, V/(rad/s) and V/(rad/s2) in place of what the model says.
+
+        The resistance stays; a speed voltage below K_E (a wheel without viscous friction) lowers K_E.
+        """
+        constant, viscous = self.back_emf_constant, self.viscous
+        if speed is not None:
+            constant = min(constant, speed)
+            viscous = (speed - constant) * constant / self.resistance
+        torque = constant / self.resistance
+        return WheelModel(
+            self.resistance,
+            constant,
+            self.coulomb if static is None else static * torque,
+            viscous,
+            self.inertia if acceleration is None else acceleration * torque,
+        )
+
+
+def wheel_models(config: RobotConfig, device: Device | None = None) -> tuple[WheelModel, WheelModel]:
+    """Left and right wheel of a robot, with the inertia of driving straight.
+
+    device: whose words `radians_per_tick` was calibrated with. A calibrated counter tells the motor's K_E:
+    back-EMF in volts is K_E times speed, so K_E = bemf_volts * position_counts_seconds / radians_per_tick.
+    """
+    return _wheel(config, "left", device), _wheel(config, "right", device)
+
+
+def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
+    model, motor = getattr(config.model, side), config.motor(getattr(config.drive, side))
+    constant = model.back_emf_constant.value
+    if device is not None and motor.radians_per_tick is not None:
+        told = device.bemf_volts * device.position_counts_seconds / motor.radians_per_tick.value
+        if BELIEVED[0] < told / constant < BELIEVED[1]:
+            constant = told
+    wheel = WheelModel(
+        resistance=model.armature_resistance.value,
+        back_emf_constant=constant,
+        coulomb=config.model.friction.coulomb.value,
+        viscous=config.model.friction.viscous.value,
+        inertia=config.model.drive.inertia_straight.value,
+    )
+    measured = (motor.static_voltage, motor.speed_voltage, motor.acceleration_voltage)
+    return wheel.with_voltages(*(None if each is None else each.value for each in measured))

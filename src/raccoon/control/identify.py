@@ -1,0 +1,146 @@
+"""What voltage a wheel takes, learnt from its voltage and speed: by the tuner once, by the watch always.
+
+The motor equation in volts is linear in three numbers:
+
+    U = S sign(w) + V w + A dw/dt,   S = R T_c / K_E,   V = K_E + R b / K_E,   A = R J / K_E.
+
+Summed over a window the derivative becomes a difference, so no noise is differentiated:
+
+    sum U dt = S sum sign(w) dt + V sum w dt + A (w_end - w_begin).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+Vector3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class WheelVoltages:
+    """static V, speed V/(rad/s), acceleration V/(rad/s2), each with its standard deviation; residual V."""
+
+    static: float
+    speed: float
+    acceleration: float
+    static_std: float
+    speed_std: float
+    acceleration_std: float
+    residual: float
+
+
+class Windows:
+    """Sums of voltage, direction and time over windows of `length` s of steady direction.
+
+    A window in which the wheel stands, turns back or has no reading says nothing and is dropped.
+    """
+
+    __slots__ = (
+        "_begin",
+        "_direction",
+        "_last",
+        "_length",
+        "_seconds",
+        "_volt_seconds",
+        "_way",
+        "least_speed",
+    )
+
+    def __init__(self, length: float = 0.05, least_speed: float = 0.4) -> None:
+        self._length = length
+        self.least_speed = least_speed
+        self.clear()
+
+    def clear(self) -> None:
+        """Start a new window."""
+        self._seconds = self._volt_seconds = self._way = 0.0
+        self._direction = 0.0
+        self._begin = self._last = 0.0
+
+    def add(self, voltage: float, speed: float, dt: float) -> tuple[Vector3, float] | None:
+        """A cycle of dt s under `voltage`, at whose end the wheel turns at `speed`: (row, V) when full."""
+        direction = 0.0 if abs(speed) < self.least_speed else math.copysign(1.0, speed)
+        if direction == 0.0 or dt <= 0.0 or (self._direction and direction != self._direction):
+            self.clear()
+            return None
+        if not self._direction:
+            self._direction, self._begin, self._last = direction, speed, speed
+            return None
+        self._seconds += dt
+        self._volt_seconds += voltage * dt
+        self._way += 0.5 * (speed + self._last) * dt
+        self._last = speed
+        if self._seconds < self._length:
+            return None
+        t = self._seconds
+        row = (direction, self._way / t, (speed - self._begin) / t)
+        volts = self._volt_seconds / t
+        self.clear()
+        self._direction, self._begin, self._last = direction, speed, speed
+        return row, volts
+
+
+class RecursiveFit:
+    """Recursive least squares of three numbers about a prior, with slow forgetting.
+
+    prior: values; spread: their prior standard deviations; noise: V of one row; memory: rows that count.
+    """
+
+    __slots__ = ("_keep", "_prior", "_variance", "covariance", "rows", "values")
+
+    def __init__(self, prior: Vector3, spread: Vector3, noise: float, memory: float = math.inf) -> None:
+        self._prior = (prior, spread)
+        self._variance = noise * noise
+        self._keep = 1.0 - 1.0 / memory
+        self.values = list(prior)
+        self.covariance = [[spread[i] ** 2 if i == j else 0.0 for j in range(3)] for i in range(3)]
+        self.rows = 0
+
+    def add(self, row: Vector3, volts: float) -> float:
+        """Take a row; the V by which it was off."""
+        P = self.covariance
+        gain = [sum(P[i][j] * row[j] for j in range(3)) for i in range(3)]
+        total = self._variance + sum(row[i] * gain[i] for i in range(3))
+        off = volts - sum(row[i] * self.values[i] for i in range(3))
+        spread = self._prior[1]
+        for i in range(3):
+            self.values[i] += gain[i] / total * off
+            for j in range(3):
+                P[i][j] -= gain[i] * gain[j] / total
+        if self._keep < 1.0:
+            # Forgetting never makes a number less certain than it was before any data.
+            for i in range(3):
+                for j in range(3):
+                    P[i][j] /= self._keep
+                if P[i][i] > spread[i] ** 2:
+                    scale = spread[i] / math.sqrt(P[i][i])
+                    for j in range(3):
+                        P[i][j] *= scale
+                        P[j][i] *= scale
+        self.rows += 1
+        return off
+
+    def std(self, index: int) -> float:
+        """Standard deviation of a value."""
+        return math.sqrt(max(0.0, self.covariance[index][index]))
+
+
+def fit_voltages(rows: list[tuple[Vector3, float]]) -> WheelVoltages:
+    """Ordinary least squares of many windows. Raises ValueError where they cannot tell the three apart."""
+    import numpy as np
+
+    if len(rows) < 6:
+        raise ValueError(f"{len(rows)} windows of steady motion: at least 6 are needed")
+    matrix = np.array([row for row, _ in rows])
+    volts = np.array([each for _, each in rows])
+    scaled = matrix / np.maximum(np.abs(matrix).max(axis=0), 1e-9)
+    if np.linalg.matrix_rank(matrix) < 3 or np.linalg.cond(scaled) > 100.0:
+        raise ValueError("the speeds are too much alike to tell friction, speed and inertia apart")
+    values = np.linalg.lstsq(matrix, volts, rcond=None)[0]
+    off = volts - matrix @ values
+    residual = float(np.sqrt(off @ off / max(1, len(rows) - 3)))
+    std = residual * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
+    static, speed, acceleration = (float(each) for each in values)
+    static_std, speed_std, acceleration_std = (float(each) for each in std)
+    return WheelVoltages(static, speed, acceleration, static_std, speed_std, acceleration_std, residual)

@@ -1,0 +1,131 @@
+"""A path on the floor: straight pieces with rounded corners, heading and curvature at every point."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from raccoon.model.pose import Pose
+
+Point = tuple[float, float]
+SHARPEST = math.radians(170.0)
+SHORTEST = 1e-4
+"""m; shorter pieces are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A line (curvature 0) or an arc: where it begins, how long it is, 1/m of curvature (left positive)."""
+
+    start: Pose
+    length: float
+    curvature: float
+
+    def at(self, way: float) -> Pose:
+        """The pose `way` m after its start."""
+        if self.curvature == 0.0:
+            return self.start.ahead(way)
+        return self.start.along_arc(1.0 / self.curvature, way * self.curvature)
+
+
+@dataclass(frozen=True, slots=True)
+class PathState:
+    """Pose on the path and its curvature there, 1/m."""
+
+    pose: Pose
+    curvature: float
+
+
+class Path:
+    """Through `points` (m, at least two), each corner rounded by an arc of `rounding` m or what fits.
+
+    length: m. sharpest_curvature: 1/m. Raises ValueError for points that are not finite, too few of them, or
+    a corner that turns back (more than 170 degrees).
+    """
+
+    def __init__(self, points: Sequence[Point], rounding: float = 0.1) -> None:
+        if not 0.0 < rounding < math.inf:
+            raise ValueError(f"rounding is {rounding} m: it must be above 0")
+        for x, y in points:
+            if not (math.isfinite(x) and math.isfinite(y)):
+                raise ValueError(f"point ({x}, {y}): both numbers must be finite")
+        self._pieces = _pieces(_distinct(points), rounding)
+        self._begins = [0.0]
+        for piece in self._pieces:
+            self._begins.append(self._begins[-1] + piece.length)
+        self.length = self._begins[-1]
+        self.sharpest_curvature = max(abs(piece.curvature) for piece in self._pieces)
+
+    @property
+    def start(self) -> Pose:
+        """Where it begins, and which way."""
+        return self._pieces[0].start
+
+    @property
+    def end(self) -> Pose:
+        """Where it ends, and which way."""
+        return self._pieces[-1].at(self._pieces[-1].length)
+
+    def at(self, way: float) -> PathState:
+        """`way` m after the start; before it and after the end along the first and last piece."""
+        index = self._index(way)
+        piece = self._pieces[index]
+        return PathState(piece.at(way - self._begins[index]), piece.curvature)
+
+    def nearest(self, x: float, y: float, around: float, reach: float = 0.03) -> float:
+        """The way at which the path is nearest to (x, y), sought within `reach` m of `around`."""
+        way = around
+        for _ in range(3):  # the foot of the perpendicular; a circle needs a few steps
+            ahead, _ = self.at(way).pose.offset_of(x, y)
+            way = max(around - reach, min(around + reach, way + ahead))
+        return way
+
+    def _index(self, way: float) -> int:
+        for index in range(len(self._pieces) - 1):
+            if way < self._begins[index + 1]:
+                return index
+        return len(self._pieces) - 1
+
+
+def _distinct(points: Sequence[Point]) -> list[Point]:
+    kept: list[Point] = []
+    for point in points:
+        if not kept or math.dist(kept[-1], point) > SHORTEST:
+            kept.append(point)
+    if len(kept) < 2:
+        raise ValueError(f"{len(kept)} different points: a path needs at least 2")
+    return kept
+
+
+def _pieces(points: list[Point], rounding: float) -> list[Piece]:
+    """Lines and arcs in turn."""
+    headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in itertools.pairwise(points)]
+    lengths = [math.dist(a, b) for a, b in itertools.pairwise(points)]
+    pieces: list[Piece] = []
+    here, taken = Pose(*points[0], headings[0]), 0.0
+    for index, length in enumerate(lengths):
+        bend = 0.0
+        if index + 1 < len(lengths):
+            bend = math.remainder(headings[index + 1] - headings[index], math.tau)
+        if abs(bend) > SHARPEST:
+            corner = points[index + 1]
+            raise ValueError(f"the path turns back at ({corner[0]:g}, {corner[1]:g}): drive it as two paths")
+        cut = 0.0
+        if bend:
+            room = 0.5 * min(lengths[index], lengths[index + 1])
+            cut = min(rounding * math.tan(0.5 * abs(bend)), room)
+            if cut < SHORTEST:  # too slight for an arc: a kink nobody can drive or measure
+                cut = 0.0
+        if length - taken - cut > SHORTEST or not pieces:
+            pieces.append(Piece(here, length - taken - cut, 0.0))
+            here = here.ahead(length - taken - cut)
+        if bend and not cut:
+            here = Pose(*points[index + 1], headings[index + 1])
+        elif bend:
+            radius = cut / math.tan(0.5 * abs(bend))
+            pieces.append(Piece(here, radius * abs(bend), math.copysign(1.0 / radius, bend)))
+            here = here.along_arc(math.copysign(radius, bend), bend)
+        taken = cut
+    return pieces

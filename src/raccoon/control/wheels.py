@@ -1,0 +1,202 @@
+"""The speed loop of the two driven wheels: wanted speeds in, duties out.
+
+Each wheel has a feedforward from its model and a PID loop on its measured speed, both in volts; volts become
+duty by the battery voltage of the moment, so the same command means the same motion on every battery.
+
+The PID loop compares the measurement not with the target but with what a nominal wheel would read by now:
+the motor lags its voltage and the back-EMF filter lags the motor. So a nominal wheel gives no error and
+follows by feedforward alone, without overshoot, and the loop works only on what differs from the model.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from raccoon.control.feedforward import WheelModel
+from raccoon.control.pid import Pid, PidGains
+from raccoon.control.watch import WheelState, WheelWatch
+
+MAX_DUTY = 1.0
+# Below this the voltage reading is no battery's (a dead converter reads 0): the nominal one is used.
+LEAST_BATTERY_VOLTAGE = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class WheelTarget:
+    """Wanted wheel speed rad/s and its rate of change rad/s2, left and right."""
+
+    left: float = 0.0
+    right: float = 0.0
+    left_acceleration: float = 0.0
+    right_acceleration: float = 0.0
+
+
+REST = WheelTarget()
+
+
+class ExpectedSpeed:
+    """What a nominal wheel would read, driven by the feedforward alone.
+
+    The feedforward for target w and acceleration a settles at w + tau a, so the wheel follows
+    tau dw'/dt = w + tau a - w', and the reading follows the wheel with the filter's time constant.
+    """
+
+    __slots__ = ("_drive", "_filter", "_lag", "reading", "wheel")
+
+    def __init__(self, motor_time_constant: float, filter_time_constant: float) -> None:
+        self._lag = motor_time_constant
+        self._filter = max(filter_time_constant, 1e-6)
+        self._drive = 0.0
+        self.wheel = 0.0
+        self.reading = 0.0
+
+    def advance(self, dt: float) -> float:
+        """The reading after `dt` s more of the last command."""
+        middle = self.wheel
+        self.wheel += (1.0 - math.exp(-dt / self._lag)) * (self._drive - self.wheel)
+        middle = 0.5 * (middle + self.wheel)
+        self.reading += (1.0 - math.exp(-dt / self._filter)) * (middle - self.reading)
+        return self.reading
+
+    def command(self, target: float, acceleration: float) -> None:
+        """Take the command that holds from now on."""
+        self._drive = target + self._lag * acceleration
+
+    def reset(self, speed: float = 0.0) -> None:
+        """Start from a wheel that turns at `speed` rad/s."""
+        self._drive = self.wheel = self.reading = speed
+
+
+class Wheel:
+    """Feedforward and feedback of one wheel, in volts."""
+
+    __slots__ = ("_active", "_applied", "expected", "model", "pid", "watch")
+
+    def __init__(self, model: WheelModel, gains: PidGains, filter_time_constant: float) -> None:
+        self.model = model
+        self.pid = Pid(gains)
+        self.expected = ExpectedSpeed(model.time_constant, filter_time_constant)
+        self.watch = WheelWatch(model)
+        self._active = False
+        self._applied = 0.0
+
+    def voltage(
+        self, target: float, acceleration: float, speed: float | None, dt: float, limit: float
+    ) -> float:
+        """V within -limit..limit for `target` rad/s; `speed` is the reading, None where there is none."""
+        if not self._active:  # start from what the wheel does, so that taking over does not jerk
+            self._active = True
+            self.expected.reset(speed or 0.0)
+        self.watch.update(self._applied, speed, dt)
+        reading = self.expected.advance(dt)
+        self.expected.command(target, acceleration)
+        feedforward = self.model.voltage(target, acceleration)
+        if speed is None:
+            self._applied = max(-limit, min(limit, feedforward + self.pid.integral))
+        else:
+            self._applied = self.pid.step(reading, speed, dt, feedforward, limit)
+        return self._applied
+
+    def rest(self) -> None:
+        """Forget the past."""
+        self._active = False
+        self._applied = 0.0
+        self.watch.rest()
+        self.pid.reset()
+
+
+class WheelLoop:
+    """Both wheels' loops, kept in ratio: when one wheel cannot follow, the other slows with it.
+
+    left, right: models of the wheels. gains: of both loops or of each, in V per rad/s. filter_time_constant:
+    s, of the back-EMF filter. nominal_voltage: V, used until the battery has been measured.
+    """
+
+    __slots__ = ("_battery", "_left", "_right", "missing_speed", "saturated")
+
+    def __init__(
+        self,
+        left: WheelModel,
+        right: WheelModel,
+        gains: PidGains | tuple[PidGains, PidGains],
+        filter_time_constant: float,
+        nominal_voltage: float,
+    ) -> None:
+        if not nominal_voltage > LEAST_BATTERY_VOLTAGE:
+            raise ValueError(
+                f"nominal_voltage is {nominal_voltage} V: it must be above {LEAST_BATTERY_VOLTAGE}"
+            )
+        both = (gains, gains) if isinstance(gains, PidGains) else gains
+        self._left = Wheel(left, both[0], filter_time_constant)
+        self._right = Wheel(right, both[1], filter_time_constant)
+        self._battery = nominal_voltage
+        self.saturated = False
+        """True while the battery cannot give what is wanted."""
+        self.missing_speed = 0.0
+        """Rad/s that the faster wheel is short of its target because of saturation."""
+
+    def reset(self) -> None:
+        """Forget integrals, as after a stop."""
+        self._left.rest()
+        self._right.rest()
+        self.saturated = False
+        self.missing_speed = 0.0
+
+    def top_speed(self, battery_voltage: float) -> float:
+        """Rad/s that the weaker wheel reaches at `battery_voltage` V under load."""
+        limit = MAX_DUTY * battery_voltage
+        return min(wheel.model.top_speed(limit) for wheel in (self._left, self._right))
+
+    def step(
+        self,
+        target: WheelTarget,
+        left_speed: float | None,
+        right_speed: float | None,
+        dt: float,
+        battery_voltage: float | None,
+    ) -> tuple[float, float]:
+        """Duties (left, right) for this cycle. A speed of None leaves that wheel to its feedforward."""
+        if battery_voltage is not None and battery_voltage > LEAST_BATTERY_VOLTAGE:
+            self._battery = battery_voltage
+        if target == REST:
+            self.reset()
+            return 0.0, 0.0
+        limit = MAX_DUTY * self._battery
+        share = self._attainable_share(target, limit)
+        left = self._left.voltage(target.left * share, target.left_acceleration, left_speed, dt, limit)
+        right = self._right.voltage(target.right * share, target.right_acceleration, right_speed, dt, limit)
+        self.saturated = share < 1.0 or bool(self._left.pid.saturated or self._right.pid.saturated)
+        return left / self._battery, right / self._battery
+
+    @property
+    def stalled(self) -> tuple[str, ...]:
+        """The sides ("left", "right") whose wheel is driven and does not turn."""
+        wheels = (("left", self._left), ("right", self._right))
+        return tuple(side for side, wheel in wheels if wheel.watch.stalled)
+
+    @property
+    def states(self) -> tuple[WheelState, WheelState]:
+        """What the watches think of the left and of the right wheel."""
+        return self._left.watch.state, self._right.watch.state
+
+    @property
+    def battery(self) -> float:
+        """V, the last believable reading."""
+        return self._battery
+
+    @property
+    def models(self) -> tuple[WheelModel, WheelModel]:
+        """The wheels the loops are made for."""
+        return self._left.model, self._right.model
+
+    def _attainable_share(self, target: WheelTarget, limit: float) -> float:
+        """How much of the target both wheels can reach together, so that the ratio of speeds is kept."""
+        share = 1.0
+        self.missing_speed = 0.0
+        for speed, wheel in ((target.left, self._left), (target.right, self._right)):
+            top = wheel.model.top_speed(limit)
+            if abs(speed) > top:
+                share = min(share, top / abs(speed))
+                self.missing_speed = max(self.missing_speed, abs(speed) - top)
+        return share

@@ -1,0 +1,329 @@
+"""`robot.toml`: what a robot is made of.
+
+Every key is optional; unknown keys and impossible values are refused. The file is described once, by the
+dataclasses below; reading, checking and the reference page follow from them.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
+from raccoon.core.schema import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Measured,
+    measured,
+    number,
+    optional,
+    port,
+    refuse_unknown,
+    section,
+    subtable,
+    switch,
+    template_line,
+    word,
+)
+
+__all__ = [
+    "BatteryConfig",
+    "BatteryModel",
+    "BemfModel",
+    "ControllerConfig",
+    "DriveConfig",
+    "DriveModel",
+    "FrictionModel",
+    "ImuModel",
+    "Measured",
+    "MotionConfig",
+    "MotorConfig",
+    "MotorModel",
+    "NominalModel",
+    "RobotConfig",
+    "TophatConfig",
+    "load_robot",
+    "parse_robot",
+    "template",
+]
+
+CONTROLLERS = ("wombat", "wombat-raccoon", "create", "sim", "emulator", "emulator-raccoon")
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerConfig:
+    """`[controller]`: what the program talks to."""
+
+    port: str = word("wombat", "what the program talks to", CONTROLLERS)
+    rate_hz: float = number(200.0, "Hz", "cycles a second", Bounds(10.0, 1000.0))
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryConfig:
+    """`[battery]`: the pack, and the voltages a match is planned for."""
+
+    chemistry: str = word("lifepo4", "of the cells", ("lifepo4", "lipo", "nimh"))
+    cells: float = number(2.0, "", "in series", Bounds(1.0, 12.0))
+    weakest: float = number(6.1, "V", "lowest voltage of a match: no motion is planned faster", POSITIVE)
+    tuned_at: Measured | None = optional("V", "resting voltage the program was tuned at", POSITIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveConfig:
+    """`[drive]`: the two driven wheels."""
+
+    left: int = port(0, "motor port of the left wheel", MOTOR_PORTS)
+    right: int = port(1, "motor port of the right wheel", MOTOR_PORTS)
+
+
+@dataclass(frozen=True, slots=True)
+class MotorConfig:
+    """`[motor.N]`: wiring and calibration of one motor port."""
+
+    inverted: bool = switch(False, "true where positive duty turns the wheel backwards")
+    radians_per_tick: Measured | None = optional(
+        "rad", "wheel angle of one tick of the position counter; derived from the model when absent", POSITIVE
+    )
+    bemf_offset: Measured | None = optional("counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
+    power_factor: Measured = measured(
+        1.0, 0.0, "", "static compensation k: the duty of this motor is multiplied by it", Bounds(0.5, 1.5)
+    )
+    static_voltage: Measured | None = optional(
+        "V", "that friction takes at any speed; derived from the model when absent", NOT_NEGATIVE
+    )
+    speed_voltage: Measured | None = optional(
+        "V/(rad/s)", "that a unit of wheel speed takes; derived from the model when absent", POSITIVE
+    )
+    acceleration_voltage: Measured | None = optional(
+        "V/(rad/s2)", "that a unit of acceleration takes; derived from the model when absent", POSITIVE
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TophatConfig:
+    """`[tophat.NAME]`: one reflectance sensor and where it sits."""
+
+    analog: int = port(0, "analog port", ANALOG_PORTS)
+    forward: float = number(0.11, "m", "ahead of the wheel axis", Bounds(-1.0, 1.0))
+    left: float = number(0.0, "m", "to the left of the middle", Bounds(-1.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class MotionConfig:
+    """`[motion]`: how fast the robot moves unless a motion says otherwise, and how closely it ends."""
+
+    speed: float = number(0.15, "m/s", "of straight motions", POSITIVE)
+    acceleration: float = number(0.4, "m/s2", "of straight motions", POSITIVE)
+    turn_rate: float = number(1.5, "rad/s", "of turns", POSITIVE)
+    turn_acceleration: float = number(6.0, "rad/s2", "of turns", POSITIVE)
+    jerk: float = number(0.0, "m/s3", "of straight motions; 0 is no limit", NOT_NEGATIVE)
+    turn_jerk: float = number(0.0, "rad/s3", "of turns; 0 is no limit", NOT_NEGATIVE)
+    distance_tolerance: float = number(0.001, "m", "a straight motion ends this near its goal", POSITIVE)
+    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", POSITIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryModel:
+    """`[model.battery]`."""
+
+    open_circuit_voltage: Measured = measured(6.8, 0.03, "V", "voltage without load", Bounds(1.0, 30.0))
+    internal_resistance: Measured = measured(0.05, 0.005, "ohm", "internal resistance", NOT_NEGATIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class MotorModel:
+    """`[model.motor]`; `[model.motor.left]` and `[model.motor.right]` override it."""
+
+    armature_resistance: Measured = measured(1.8, 0.03, "ohm", "resistance of the winding", POSITIVE)
+    back_emf_constant: Measured = measured(
+        1.08, 0.005, "V/(rad/s)", "K_E at the wheel shaft; also N m/A", POSITIVE
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionModel:
+    """`[model.friction]`, at the wheel shaft."""
+
+    coulomb: Measured = measured(0.18, 0.005, "N m", "torque that opposes any motion", NOT_NEGATIVE)
+    viscous: Measured = measured(0.004, 0.0005, "N m s/rad", "torque a unit of speed", NOT_NEGATIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveModel:
+    """`[model.drive]`."""
+
+    inertia_straight: Measured = measured(
+        0.020, 0.0006, "kg m2", "inertia that one motor feels when both turn alike", POSITIVE
+    )
+    inertia_turn: Measured = measured(
+        0.014, 0.0005, "kg m2", "inertia that one motor feels when they turn against each other", POSITIVE
+    )
+    wheel_radius: Measured = measured(0.0345, 0.0001, "m", "radius of a driven wheel", POSITIVE)
+    track_width: Measured = measured(0.16, 0.0008, "m", "distance between the wheels' contacts", POSITIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class BemfModel:
+    """`[model.bemf]`."""
+
+    filter_time_constant: Measured = measured(
+        0.0225, 0.0005, "s", "of the controller's back-EMF filter", NOT_NEGATIVE
+    )
+    offset: Measured = measured(0.0, 1.0, "counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
+
+
+@dataclass(frozen=True, slots=True)
+class ImuModel:
+    """`[model.imu]`."""
+
+    gyro_bias: Measured = measured(0.0, 0.0005, "rad/s", "what the gyro reads at rest", Bounds(-0.5, 0.5))
+    gyro_scale: Measured = measured(1.0, 0.001, "", "reading over true turn rate", Bounds(0.5, 2.0))
+
+
+@dataclass(frozen=True, slots=True)
+class NominalModel:
+    """`[model]`: what the simulation assumes. A value and std is a prior for the diagnosis."""
+
+    battery: BatteryModel = field(default_factory=BatteryModel)
+    left: MotorModel = field(default_factory=MotorModel)
+    right: MotorModel = field(default_factory=MotorModel)
+    friction: FrictionModel = field(default_factory=FrictionModel)
+    drive: DriveModel = field(default_factory=DriveModel)
+    bemf: BemfModel = field(default_factory=BemfModel)
+    imu: ImuModel = field(default_factory=ImuModel)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotConfig:
+    """A whole `robot.toml`. `RobotConfig()` is the robot of the documentation."""
+
+    name: str = "robot"
+    controller: ControllerConfig = field(default_factory=ControllerConfig)
+    battery: BatteryConfig = field(default_factory=BatteryConfig)
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    motors: Mapping[int, MotorConfig] = field(default_factory=dict)
+    tophats: Mapping[str, TophatConfig] = field(default_factory=dict)
+    motion: MotionConfig = field(default_factory=MotionConfig)
+    model: NominalModel = field(default_factory=NominalModel)
+
+    def __post_init__(self) -> None:
+        if self.drive.left == self.drive.right:
+            raise ConfigError(
+                f"drive.left and drive.right are both motor port {self.drive.left}: they must differ"
+            )
+
+    def motor(self, motor_port: int) -> MotorConfig:
+        """The configuration of a motor port, the default where the file says nothing."""
+        return self.motors.get(motor_port, MotorConfig())
+
+
+def load_robot(path: str | Path) -> RobotConfig:
+    """Read a `robot.toml`.
+
+    Raises ConfigError naming file, key, value and what is allowed; FileNotFoundError where there is no file.
+    """
+    path = Path(path)
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not a TOML file: {error}") from error
+    try:
+        return parse_robot(table)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
+    """Make a robot from the tables of a `robot.toml`.
+
+    Raises ConfigError naming key, value and what is allowed.
+    """
+    known = ("name", "controller", "battery", "drive", "motor", "tophat", "motion", "model")
+    refuse_unknown(table, known, "")
+    name = table.get("name", "robot")
+    if not isinstance(name, str):
+        raise ConfigError(f"name = {name!r}: it must be a text")
+    analog_users: dict[int, str] = {}
+    tophats = {}
+    for sensor, entry in subtable(table, "tophat", "").items():
+        tophat = section(TophatConfig, entry, f"tophat.{sensor}")
+        if tophat.analog in analog_users:
+            user = analog_users[tophat.analog]
+            raise ConfigError(f"tophat.{sensor}.analog = {tophat.analog}: the port is taken by {user}")
+        analog_users[tophat.analog] = f"tophat.{sensor}"
+        tophats[sensor] = tophat
+    return RobotConfig(
+        name=name,
+        controller=section(ControllerConfig, table.get("controller", {}), "controller"),
+        battery=section(BatteryConfig, table.get("battery", {}), "battery"),
+        drive=section(DriveConfig, table.get("drive", {}), "drive"),
+        motors={
+            _motor_port(key): section(MotorConfig, entry, f"motor.{key}")
+            for key, entry in subtable(table, "motor", "").items()
+        },
+        tophats=tophats,
+        motion=section(MotionConfig, table.get("motion", {}), "motion"),
+        model=_model(subtable(table, "model", "")),
+    )
+
+
+_MODEL_SECTIONS: dict[str, type[Any]] = {
+    "battery": BatteryModel,
+    "motor": MotorModel,
+    "friction": FrictionModel,
+    "drive": DriveModel,
+    "bemf": BemfModel,
+    "imu": ImuModel,
+}
+_SECTION_NOTES = {
+    "motor.0": "  # one section a motor port, 0 to 3",
+    "tophat.front": "  # one section a tophat, by any name",
+    "model.motor": "  # both motors; [model.motor.left] and [model.motor.right] override it",
+}
+
+
+def _model(table: Mapping[str, Any]) -> NominalModel:
+    refuse_unknown(table, tuple(_MODEL_SECTIONS), "model")
+    motor = dict(subtable(table, "motor", "model"))
+    sides = {side: motor.pop(side, {}) for side in ("left", "right")}
+    for side, entry in sides.items():
+        if not isinstance(entry, Mapping):
+            raise ConfigError(f"model.motor.{side} = {entry!r}: it must be a table")
+    built: dict[str, Any] = {
+        key: section(kind, table.get(key, {}), f"model.{key}")
+        for key, kind in _MODEL_SECTIONS.items()
+        if key != "motor"
+    }
+    for side, entry in sides.items():
+        section(MotorModel, motor, "model.motor")  # so that a mistake is named at its own key
+        built[side] = section(MotorModel, {**motor, **entry}, f"model.motor.{side}")
+    return NominalModel(**built)
+
+
+def _motor_port(key: str) -> int:
+    if key not in {str(each) for each in range(MOTOR_PORTS)}:
+        raise ConfigError(f"motor.{key}: allowed are the ports 0 to {MOTOR_PORTS - 1}")
+    return int(key)
+
+
+def template() -> str:
+    """A `robot.toml` with every key, its default, unit, bounds and meaning; all commented out."""
+    sections: tuple[tuple[str, type[Any]], ...] = (
+        ("controller", ControllerConfig),
+        ("battery", BatteryConfig),
+        ("drive", DriveConfig),
+        ("motor.0", MotorConfig),
+        ("tophat.front", TophatConfig),
+        ("motion", MotionConfig),
+        *((f"model.{key}", kind) for key, kind in _MODEL_SECTIONS.items()),
+    )
+    lines = ['# name = "robot"']
+    for name, kind in sections:
+        lines += ["", f"[{name}]{_SECTION_NOTES.get(name, '')}"]
+        lines += [template_line(each) for each in fields(kind)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,179 @@
+"""Put measured values into an existing `robot.toml`: everything else, comments too, stays as it was.
+
+The file is edited as text, key by key, and then read again: only if it says exactly what it said before
+plus the new values is it put in place, in one step, so a power cut leaves the old file or the new one.
+What was replaced goes into `robot.history.toml` beside it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import tempfile
+import tomllib
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from raccoon.core.config import Measured, parse_robot
+from raccoon.core.errors import ConfigError
+
+_HEADER = re.compile(r"^\s*\[(?!\[)\s*(?P<name>[^\]]+?)\s*\]\s*(#.*)?$")
+_ANY_HEADER = re.compile(r"^\s*\[")
+
+
+def write_measured(path: str | Path, values: Mapping[str, Measured], *, day: date | None = None) -> None:
+    """Set measured values, by dotted key (`motor.0.radians_per_tick`), in the robot.toml at `path`.
+
+    day: date of those that carry none. Raises FileNotFoundError where there is no file, ConfigError where
+    the file or a value is not allowed, or where a key is written in a form that cannot be edited; nothing
+    is changed then.
+    """
+    path = Path(path).resolve()
+    text = path.read_text(encoding="utf-8")
+    dated = {key: value if value.date else replace(value, date=day) for key, value in values.items()}
+    try:
+        table = tomllib.loads(text)
+        changed = updated_text(text, dated)
+        parse_robot(tomllib.loads(changed))
+    except (ConfigError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"{path}: {error}") from None
+    old = {key: found for key in dated if (found := _lookup(table, key)) is not None}
+    if old:
+        _append_history(path.with_name(f"{path.stem}.history.toml"), old, day)
+    write_atomically(path, changed)
+
+
+def updated_text(text: str, values: Mapping[str, Measured]) -> str:
+    """The text of a robot.toml with these values set.
+
+    Raises ConfigError where a key stands in a form that this cannot edit (inside another key's braces,
+    dotted).
+    """
+    lines = text.splitlines()
+    expected = tomllib.loads(text)
+    for key, value in values.items():
+        table, _, name = key.rpartition(".")
+        if not table:
+            raise ConfigError(f"{key}: a measured value stands in a table, such as motor.0.radians_per_tick")
+        _set_line(lines, table, name, formatted(value))
+        _assign(expected, key, tomllib.loads(f"x = {formatted(value)}")["x"])
+    result = "\n".join(lines) + "\n"
+    try:
+        agrees = tomllib.loads(result) == expected
+    except tomllib.TOMLDecodeError:
+        agrees = False
+    if not agrees:
+        names = ", ".join(values)
+        raise ConfigError(
+            f"{names}: written in a form that cannot be edited; give each table its own [header]"
+        )
+    return result
+
+
+def formatted(value: Measured) -> str:
+    """A measured value as TOML."""
+    parts = [f"value = {_number(value.value)}", f"std = {_number(value.std, 3)}"]
+    if value.date is not None:
+        parts.append(f"date = {value.date.isoformat()}")
+    if value.battery_voltage is not None:
+        parts.append(f"battery_voltage = {_number(value.battery_voltage, 4)}")
+    return "{ " + ", ".join(parts) + " }"
+
+
+def _number(value: float, digits: int = 8) -> str:
+    """A float that TOML reads as a float."""
+    text = repr(float(f"{value:.{digits}g}"))
+    return text if any(mark in text for mark in ".e") else f"{text}.0"
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Replace a file's text in one step, keeping its permissions."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, path.stat().st_mode & 0o7777 if path.exists() else 0o644)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _set_line(lines: list[str], table: str, name: str, value: str) -> None:
+    """Replace the line of a key, or add one to its table, or add the table."""
+    begin = _table_start(lines, table)
+    if begin is None:
+        if lines and lines[-1].strip():
+            lines.append("")
+        lines += [f"[{table}]", f"{name} = {value}"]
+        return
+    end = next((n for n in range(begin, len(lines)) if _ANY_HEADER.match(lines[n])), len(lines))
+    pattern = re.compile(rf"^(?P<start>\s*{re.escape(name)}\s*=\s*)(?P<rest>.*)$")
+    for number in range(begin, end):
+        found = pattern.match(lines[number])
+        if found:
+            lines[number] = found["start"] + value + _comment(found["rest"])
+            return
+    last = max((n for n in range(begin, end) if lines[n].strip()), default=begin - 1)
+    lines.insert(last + 1, f"{name} = {value}")
+
+
+def _table_start(lines: list[str], table: str) -> int | None:
+    """Number of the line after a table's header."""
+    wanted = table.replace(" ", "")
+    for number, line in enumerate(lines):
+        found = _HEADER.match(line)
+        if found and found["name"].replace(" ", "").replace('"', "") == wanted:
+            return number + 1
+    return None
+
+
+def _comment(rest: str) -> str:
+    """The comment behind a value that holds no text."""
+    place = rest.find("#")
+    return "" if place < 0 else "   " + rest[place:]
+
+
+def _assign(table: dict[str, Any], key: str, value: object) -> None:
+    names = key.split(".")
+    for name in names[:-1]:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"{key}: {name} is no table in the file")
+    table[names[-1]] = value
+
+
+def _lookup(table: Mapping[str, Any], key: str) -> Any:
+    found: Any = table
+    for name in key.split("."):
+        if not isinstance(found, Mapping) or name not in found:
+            return None
+        found = found[name]
+    return deepcopy(found)
+
+
+def _append_history(path: Path, old: Mapping[str, Any], day: date | None) -> None:
+    """Add what is being replaced, newest last."""
+    text = path.read_text(encoding="utf-8") if path.exists() else "# Values that a calibration replaced.\n"
+    for key, value in old.items():
+        text += f'\n[[replaced]]\nkey = "{key}"\n'
+        if day is not None:
+            text += f"on = {day.isoformat()}\n"
+        text += f"was = {_inline(value)}\n"
+    tomllib.loads(text)
+    write_atomically(path, text)
+
+
+def _inline(value: Any) -> str:
+    """A number, or a table of numbers and dates, on one line."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {_inline(each)}" for name, each in value.items()) + " }"
+    if isinstance(value, date):
+        return value.isoformat()
+    return repr(value)

@@ -1,0 +1,182 @@
+"""What goes through a port: one `Inputs` a cycle up, one `Outputs` a cycle down.
+
+`Inputs` holds the words of the device as they came and the `Device` that says what a word means, so a
+recording outlives a mistake in a conversion. Signs of axes are the same for every port (docs/quantities.md);
+signs of wiring belong to robot.toml.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+MOTOR_PORTS = 4
+SERVO_PORTS = 4
+ANALOG_PORTS = 6
+DIGITAL_PORTS = 10
+
+Words = tuple[float | None, ...]
+"""One word a port; None where the port has nothing (new) to say."""
+Flags = tuple[bool | None, ...]
+Vector = tuple[float, float, float]
+
+
+class Status(StrEnum):
+    """How far an estimate can be trusted. Not being sure is a value, not an exception."""
+
+    OK = "ok"
+    UNCERTAIN = "uncertain"
+    INVALID = "invalid"
+
+
+class Fault(StrEnum):
+    """What a port can know to be wrong with the cycle it hands over."""
+
+    LINK_DEAD = "link_dead"
+    """The frame carried no data; every word is None."""
+    STALE = "stale"
+    """The controller repeats itself; its main loop may be frozen."""
+    RESET = "reset"
+    """The controller restarted: positions jumped and commands were lost."""
+    POSITION_JUMP = "position_jump"
+    """A position is not the continuation of the last one."""
+    TORN = "torn"
+    """A word was read while the controller wrote it; it was read again or left out."""
+    MISALIGNED = "misaligned"
+    """The frame was shifted and had to be aligned again."""
+    IMU_FROZEN = "imu_frozen"
+    """The IMU repeats itself or is missing; its words are left out."""
+    IMU_IMPLAUSIBLE = "imu_implausible"
+    """The IMU reports what cannot be; its words are left out."""
+    COMMAND_LOST = "command_lost"
+    """A command did not arrive; it was sent again."""
+    OVERRUN = "overrun"
+    """The cycle came later than its deadline."""
+    BROWN_OUT = "brown_out"
+    """The battery is so low that the controller may restart."""
+    MOTOR_FAULT = "motor_fault"
+    """A driven motor gives no back-EMF: stalled, unplugged or its fuse tripped."""
+    BEMF_INVALID = "bemf_invalid"
+    """A back-EMF reading cannot be right: an offset at rest, or beyond what the controller measures."""
+    ANALOG_SATURATED = "analog_saturated"
+    """A watched analog port is at the end of its range."""
+    SENSOR_LOST = "sensor_lost"
+    """An added sensor (I2C, USB) does not answer; its words are missing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """What one word of a device is worth. Multiply a word by its scale to get SI.
+
+    position_counts_seconds: back-EMF counts times seconds in one tick of a position counter.
+    """
+
+    name: str
+    bemf_volts: float
+    position_counts_seconds: float
+    gyro_rad_s: float
+    accel_m_s2: float
+    battery_volts: float
+    analog_full_scale: int = 4095
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Where a reference system (simulator, motion capture, calibration board) saw the robot.
+
+    x, y in m, heading in rad (unwrapped); surface: black (True) or white under each analog port.
+    Estimators never read it.
+    """
+
+    x: float
+    y: float
+    heading: float
+    surface: Flags = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """One cycle of readings, in raw words.
+
+    time: s, monotonic, the port's own. bemf: filtered back-EMF counts per motor port.
+    position: counter ticks per motor port, unwrapped to 64 bits by the port. gyro, accel: x forward, y left,
+    z up, counter-clockwise positive; accel is specific force (at rest +1 g on z). analog: ADC counts.
+    digital: True is pressed. battery: ADC counts. None: absent, or nothing new in this cycle.
+    extra: further channels of a recording or an added sensor, in SI, by trace column name.
+    """
+
+    time: float
+    device: Device
+    bemf: Words = (None,) * MOTOR_PORTS
+    position: Words = (None,) * MOTOR_PORTS
+    gyro: Vector | None = None
+    accel: Vector | None = None
+    analog: Words = (None,) * ANALOG_PORTS
+    digital: Flags = (None,) * DIGITAL_PORTS
+    battery: float | None = None
+    faults: tuple[Fault, ...] = ()
+    truth: Truth | None = None
+    extra: Mapping[str, float] | None = None
+
+    @property
+    def battery_voltage(self) -> float | None:
+        """V, or None where there is no reading."""
+        return None if self.battery is None else self.battery * self.device.battery_volts
+
+    @property
+    def turn_rate(self) -> float | None:
+        """Rad/s about the vertical axis as the gyro reports it, counter-clockwise positive."""
+        return None if self.gyro is None else self.gyro[2] * self.device.gyro_rad_s
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """The complete command of one cycle.
+
+    duty: -1..1 per motor port, before any wiring sign. brake: short the motor where its duty is 0.
+    servo_us: pulse in microseconds (600..2400), None switches the servo off.
+
+    Raises ValueError for a duty that is not a number in -1..1 or a pulse outside its range.
+    """
+
+    duty: tuple[float, ...] = (0.0,) * MOTOR_PORTS
+    brake: tuple[bool, ...] = (False,) * MOTOR_PORTS
+    servo_us: tuple[int | None, ...] = (None,) * SERVO_PORTS
+
+    def __post_init__(self) -> None:
+        for port, duty in enumerate(self.duty):
+            if not -1.0 <= duty <= 1.0:
+                raise ValueError(f"duty of motor {port} is {duty}: allowed are numbers from -1 to 1")
+        for port, pulse in enumerate(self.servo_us):
+            if pulse is not None and not 600 <= pulse <= 2400:
+                raise ValueError(f"pulse of servo {port} is {pulse} us: allowed are 600 to 2400")
+
+
+STOP = Outputs()
+"""All motors coast, all servos off."""
+
+# The Wombat's terminal voltage reaches a 12-bit, 3.3 V converter through 2.2 of 9.0 kOhm.
+BEMF_VOLTS_PER_COUNT = 3.3 / 4096 * 9.0 / 2.2
+# 100k / 10k divider in front of the same converter.
+BATTERY_VOLTS_PER_COUNT = 3.3 * 11 / 4096
+
+SIMULATOR = Device(
+    name="simulator",
+    bemf_volts=BEMF_VOLTS_PER_COUNT,
+    position_counts_seconds=1.0,
+    gyro_rad_s=3.141592653589793 / 180 / 16.4,
+    accel_m_s2=9.80665 / 8192,
+    battery_volts=BATTERY_VOLTS_PER_COUNT,
+)
+"""The simulated controller: RaccoonOS counters, the stock IMU registers."""
+
+SI_WORDS = Device(
+    name="si",
+    bemf_volts=BEMF_VOLTS_PER_COUNT,
+    position_counts_seconds=1.0,
+    gyro_rad_s=1.0,
+    accel_m_s2=1.0,
+    battery_volts=1.0,
+)
+"""A recording in the units of the CSV interchange format."""

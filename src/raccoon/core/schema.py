@@ -1,0 +1,192 @@
+"""How a configuration section is described: fields with unit, bounds and meaning, and the checks that follow.
+
+A section is a frozen dataclass whose fields are made with `number`, `measured`, `optional`, `word`, `port`
+and `switch`. Reading, checking and the reference page need nothing but the fields.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import Field, dataclass, field, fields
+from datetime import date, datetime
+from typing import Any, cast, get_args, get_type_hints
+
+from raccoon.core.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A number with its standard deviation and, where it was fitted, when and at which battery voltage.
+
+    std is 0 for a number that is taken as exact.
+    """
+
+    value: float
+    std: float = 0.0
+    date: date | None = None
+    battery_voltage: float | None = None
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.value):
+            raise ConfigError(f"value is {self.value}: it must be finite")
+        if not (math.isfinite(self.std) and self.std >= 0.0):
+            raise ConfigError(f"std is {self.std}: it must be 0 or more")
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Closed interval a value must lie in; `positive` also excludes 0."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    positive: bool = False
+
+    def allows(self, value: float) -> bool:
+        return self.low <= value <= self.high and not (self.positive and value <= 0.0)
+
+    def __str__(self) -> str:
+        if self.positive and math.isinf(self.high):
+            return "numbers above 0"
+        if self.positive:
+            return f"numbers above 0 up to {self.high:g}"
+        if math.isinf(self.low) and math.isinf(self.high):
+            return "any finite number"
+        if math.isinf(self.high):
+            return f"numbers from {self.low:g}"
+        return f"numbers from {self.low:g} to {self.high:g}"
+
+
+POSITIVE = Bounds(positive=True)
+NOT_NEGATIVE = Bounds(0.0)
+
+
+def number(default: float, unit: str, meaning: str, bounds: Bounds = Bounds()) -> Any:
+    """Field for a plain number."""
+    return field(default=default, metadata={"unit": unit, "meaning": meaning, "bounds": bounds})
+
+
+def measured(value: float, std: float, unit: str, meaning: str, bounds: Bounds = Bounds()) -> Any:
+    """Field for a number with a standard deviation (in the file: a number, or a table with value and std)."""
+    return field(default=Measured(value, std), metadata={"unit": unit, "meaning": meaning, "bounds": bounds})
+
+
+def optional(unit: str, meaning: str, bounds: Bounds = Bounds()) -> Any:
+    """Field for a measured number that may be absent."""
+    return field(default=None, metadata={"unit": unit, "meaning": meaning, "bounds": bounds})
+
+
+def word(default: str, meaning: str, allowed: tuple[str, ...] = ()) -> Any:
+    """Field for a text, or for one of a few words."""
+    return field(default=default, metadata={"meaning": meaning, "allowed": allowed})
+
+
+def port(default: int, meaning: str, count: int) -> Any:
+    """Field for a port number."""
+    return field(
+        default=default, metadata={"unit": "port", "meaning": meaning, "bounds": Bounds(0, count - 1)}
+    )
+
+
+def switch(default: bool, meaning: str) -> Any:
+    """Field for true or false."""
+    return field(default=default, metadata={"meaning": meaning})
+
+
+def section(kind: type[Any], entry: object, where: str) -> Any:
+    """The section of class `kind` from a table; `where` is its name in messages. Raises ConfigError."""
+    if not isinstance(entry, Mapping):
+        raise ConfigError(f"{where} = {entry!r}: it must be a table")
+    known = {each.name: each for each in fields(kind)}
+    refuse_unknown(entry, tuple(known), where)
+    hints = get_type_hints(kind)
+    return kind(
+        **{key: _value(known[key], hints[key], value, f"{where}.{key}") for key, value in entry.items()}
+    )
+
+
+def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
+    if hint is bool:
+        if not isinstance(value, bool):
+            raise ConfigError(f"{where} = {value!r}: allowed are true and false")
+        return value
+    if hint is str:
+        allowed = spec.metadata["allowed"]
+        if not isinstance(value, str) or (allowed and value not in allowed):
+            raise ConfigError(f"{where} = {value!r}: allowed is {' | '.join(allowed) or 'a text'}")
+        return value
+    bounds: Bounds = spec.metadata["bounds"]
+    if hint is int:
+        if isinstance(value, bool) or not isinstance(value, int) or not bounds.allows(value):
+            raise ConfigError(
+                f"{where} = {value!r}: allowed are the ports {bounds.low:.0f} to {bounds.high:.0f}"
+            )
+        return value
+    if hint is Measured or Measured in get_args(hint):
+        return _measured(value, bounds, where)
+    return _number(value, bounds, where)
+
+
+def _number(value: object, bounds: Bounds, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise ConfigError(f"{where} = {value!r}: allowed are {bounds}")
+    if not math.isfinite(value) or not bounds.allows(value):
+        raise ConfigError(f"{where} = {value!r}: allowed are {bounds}")
+    return float(value)
+
+
+def _measured(value: object, bounds: Bounds, where: str) -> Measured:
+    if not isinstance(value, Mapping):
+        return Measured(_number(value, bounds, where))
+    refuse_unknown(value, ("value", "std", "date", "battery_voltage"), where)
+    if "value" not in value:
+        raise ConfigError(f"{where} has no value: write {{ value = ..., std = ... }}")
+    day = value.get("date")
+    if isinstance(day, datetime):
+        day = day.date()
+    if day is not None and not isinstance(day, date):
+        raise ConfigError(f"{where}.date = {day!r}: it must be a date such as 2026-03-01")
+    voltage = value.get("battery_voltage")
+    return Measured(
+        value=_number(value["value"], bounds, f"{where}.value"),
+        std=_number(value.get("std", 0.0), NOT_NEGATIVE, f"{where}.std"),
+        date=day,
+        battery_voltage=None if voltage is None else _number(voltage, POSITIVE, f"{where}.battery_voltage"),
+    )
+
+
+def subtable(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
+    """The table under `key`, an empty one where there is none. Raises ConfigError for anything else."""
+    entry = table.get(key, {})
+    if not isinstance(entry, Mapping):
+        raise ConfigError(f"{where}{'.' if where else ''}{key} = {entry!r}: it must be a table")
+    return cast(Mapping[str, Any], entry)
+
+
+def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+    """Raise ConfigError for a key that is not among the known ones."""
+    for key in table:
+        if key not in known:
+            prefix = f"{where}." if where else ""
+            raise ConfigError(f"{prefix}{key}: there is no such key; allowed are {', '.join(known)}")
+
+
+def template_line(spec: Field[Any]) -> str:
+    """One commented-out line of a template: key, default, unit, meaning and what is allowed."""
+    meta = spec.metadata
+    allowed = meta.get("allowed")
+    rule = " | ".join(allowed) if allowed else str(meta.get("bounds", ""))
+    unit = f"{meta['unit']}, " if meta.get("unit") else ""
+    line = f"# {spec.name} = {_shown(spec.default)}".rstrip()
+    return f"{line}  # {unit}{meta['meaning']}" + (f" ({rule})" if rule else "")
+
+
+def _shown(default: object) -> str:
+    if isinstance(default, Measured):
+        value = f"{default.value:g}"
+        return f"{{ value = {value}, std = {default.std:g} }}" if default.std else value
+    if isinstance(default, bool):
+        return "true" if default else "false"
+    if isinstance(default, str):
+        return f'"{default}"'
+    return "" if default is None else str(default)

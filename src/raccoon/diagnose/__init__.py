@@ -1,0 +1,1 @@
+"""What the simulation gets wrong, and why."""

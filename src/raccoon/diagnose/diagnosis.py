@@ -1,0 +1,208 @@
+"""From a recording to a diagnosis: the whole way in one place."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.features import Features
+from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.gain import HeldOut, held_out
+from raccoon.diagnose.hypotheses import Cause, Settings, base_coordinates, drive_causes, neutral_settings
+from raccoon.diagnose.log import Log, log_from_columns
+from raccoon.diagnose.naming import named_causes, rejections, suggestions
+from raccoon.diagnose.noise import white_noise, whiteness
+from raccoon.diagnose.outlook import Search
+from raccoon.diagnose.problem import Point, Problem, Whitener
+from raccoon.diagnose.quality import brakes, check_units, moves
+from raccoon.diagnose.result import ChannelResult, Diagnosis, Unexplained, Verdict
+from raccoon.diagnose.rollout import Habits, PlantRollout, parameters_of
+from raccoon.diagnose.search import search_causes
+from raccoon.diagnose.unknown import PREFIX, probes_for
+from raccoon.sim.chain import Chain
+from raccoon.sim.parameters import Parameters
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+CHAINS = (Chain.firmware(), Chain())
+LARGE_REST = 0.3
+FAR_FROM_NOISE = 2.5
+"""Error on unseen data, in units of the noise, at which a model that nothing improves is still wrong."""
+FAR = 40.0
+USUAL = 0.4
+"""How much log misfit another filter than the firmware's must save."""
+LATE = "actuation.latency"
+LATENESS = (0.02, 0.5, 1.0, 1.7, 2.5, 3.5)
+
+
+def diagnose(
+    columns: Columns,
+    robot: RobotConfig,
+    *,
+    holdout: Columns | None = None,
+    causes: Sequence[Cause] | None = None,
+    model: Parameters | None = None,
+) -> Diagnosis:
+    """Say what the simulation of `robot` gets wrong in a recording, and why.
+
+    columns: the recording by names of the CSV format, NaN where a sensor had nothing new. robot: ports and
+    nominal model; its standard deviations are how far each number may be off without being a cause. holdout:
+    another recording of the same robot to judge on. causes: hypotheses to consider, by default the whole
+    catalogue of drives; add your own with `hypotheses.Cause`. model: a simulation to start from, with effects
+    that are already known, instead of the nominal one.
+
+    Raises TraceError for a recording that cannot be used: empty, too short, time that does not advance,
+    columns in wrong units, no commands, another robot's ports.
+    """
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+    begin = time.perf_counter()
+    log = log_from_columns(columns, robot)
+    check_units(log, robot)
+    with threadpool_limits(
+        1
+    ):  # the matrices are small: threads that wait for each other cost more than they do
+        if not moves(log):
+            return _nothing_to_see(begin)
+        problem, habits = problem_of(log, robot, tuple(drive_causes() if causes is None else causes), model)
+        search = search_causes(problem, probes_for(problem))
+        other = None
+        if holdout is not None:
+            other_log = log_from_columns(holdout, robot)
+            check_units(other_log, robot)
+            other = _problem(other_log, robot, tuple(problem.causes.values()), habits, model)
+        judged = held_out(search, other)
+        return _diagnosis(log, search, judged, habits, begin)
+
+
+def _problem(
+    log: Log, robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
+) -> Problem:
+    return Problem(
+        Features.of(log),
+        PlantRollout(log, robot, habits),
+        robot,
+        starting_settings(robot, model),
+        base_coordinates(robot),
+        {each.name: each for each in causes},
+    )
+
+
+def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
+    """The simulation's settings before any diagnosis."""
+    settings = neutral_settings(robot)
+    for id_, place, name in settings if model is not None else ():
+        if model is not None and id_ != "inertia":
+            settings[(id_, place, name)] = model.value(id_, name, place)
+    return settings
+
+
+def problem_of(
+    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None = None
+) -> tuple[Problem, Habits]:
+    """The problem under the controller's habits that fit the recording best after a base fit.
+
+    Whether the controller filters with a median and brakes at duty 0 is not in a recording, and nothing a
+    team could change: it is found out, not diagnosed. The firmware's filter is left only for a clearly
+    better one.
+    """
+    brake = brakes(log)
+    choices = [Habits(chain, brake) for chain in CHAINS]
+    problems = [_problem(log, robot, causes, each, model) for each in choices]
+    scores = np.array([_habit_score(each) for each in problems])
+    scores[0] -= USUAL
+    best = int(np.argmin(scores))
+    return problems[best], choices[best]
+
+
+def _habit_score(problem: Problem) -> float:
+    """Log misfit with base numbers inside robot.toml, plus that with all of them free.
+
+    Both with a latency, which resembles a slower filter.
+
+    The first tells habits apart on a robot that is as its file says, the second where something is wrong.
+    """
+    loose = replace(problem, base=base_coordinates(problem.robot, inside=FAR))
+    start = problem.nominal()
+    if LATE in problem.causes:
+        starts = [start.with_cause(LATE, np.array([u])) for u in LATENESS]
+        errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
+        start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
+    return _log_misfit(problem, start) + _log_misfit(loose, start)
+
+
+def _log_misfit(problem: Problem, start: Point) -> float:
+    features = problem.features
+    residual = features.measured - problem.predict([start])[0]
+    scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), features.floors)
+    noise = white_noise(scale, np.zeros(len(residual), np.intp))
+    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), residual)
+    fit = fit_point(problem, whitener, start, 2)
+    final = features.measured - problem.predict([fit.point])[0]
+    size = np.maximum(np.std(features.measured, axis=0), features.floors)
+    return float(np.log(np.abs(final).mean(axis=0) / size).mean())
+
+
+def _nothing_to_see(begin: float) -> Diagnosis:
+    note = "the commands never change, or no wheel answers them: drive, turn and stop while recording"
+    return Diagnosis(
+        Verdict.NOT_IDENTIFIABLE,
+        (),
+        (),
+        (),
+        Unexplained(0.0),
+        (note,),
+        time.perf_counter() - begin,
+        None,
+        (note,),
+    )
+
+
+def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Diagnosis:
+    problem = search.problem
+    causes = named_causes(search, judged)
+    depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
+    settings = problem.settings(search.fit.point)
+    model = parameters_of(settings, neutral_settings(problem.robot), problem.robot, habits.chain)
+    left = judged.left
+    verdict = _verdict(bool(causes), bool(depends_on), left, judged.overall(judged.after))
+    white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
+    return Diagnosis(
+        verdict,
+        _channels(log, judged, whiteness(white)),
+        causes,
+        rejections(search, log),
+        Unexplained(0.0 if verdict is Verdict.ADEQUATE else left, depends_on),
+        suggestions(search, causes, log),
+        time.perf_counter() - begin,
+        replace(model, robot=replace(model.robot, motors=problem.robot.motors)),
+        log.notes,
+    )
+
+
+def _verdict(causes: bool, unknown: bool, left: float, error: float) -> Verdict:
+    if unknown:
+        return Verdict.PARTLY if causes else Verdict.UNKNOWN
+    if not causes:
+        return Verdict.ADEQUATE if error < FAR_FROM_NOISE else Verdict.UNKNOWN
+    return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
+
+
+def _channels(log: Log, judged: HeldOut, p_values: Array) -> tuple[ChannelResult, ...]:
+    return tuple(
+        ChannelResult(
+            each.name,
+            each.unit,
+            float(judged.before[index]),
+            float(judged.after[index]),
+            float(judged.floor[index]),
+            float(p_values[index]),
+        )
+        for index, each in enumerate(log.channels)
+    )

@@ -1,0 +1,90 @@
+"""Evidence of sets of causes in a linearised model, by algebra alone.
+
+Around a working point the whitened data are y = X u + w with unit noise w and unit normal priors on u: every
+column of X is one direction of the model times the width of its prior. Some columns are always in (what
+robot.toml leaves open, slow floor friction); each cause adds one or more. The log evidence of a set I is
+
+    log p(y | I) = 1/2 h' (1 + G)^-1 h - 1/2 log det(1 + G) + const,   G = X_I' X_I,  h = X_I' y
+
+(Bayesian linear regression; Bishop 2006, eq. 3.86). The always-in columns are eliminated once (Schur
+complement), so scoring a set costs a solve of its own few columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Gram:
+    """Sufficient numbers of a block of data: G = X'X, h = X'y, power = y'y."""
+
+    matrix: Array
+    projection: Array
+    power: float
+
+    @classmethod
+    def of(cls, columns: Array, target: Array) -> Gram:
+        """columns (n, m), target (n,)."""
+        return cls(columns.T @ columns, columns.T @ target, float(target @ target))
+
+    def __sub__(self, other: Gram) -> Gram:
+        return Gram(self.matrix - other.matrix, self.projection - other.projection, self.power - other.power)
+
+    def __add__(self, other: Gram) -> Gram:
+        return Gram(self.matrix + other.matrix, self.projection + other.projection, self.power + other.power)
+
+    def take(self, index: Sequence[int] | Array) -> Gram:
+        """Only these columns."""
+        chosen = np.asarray(index, int)
+        return Gram(self.matrix[np.ix_(chosen, chosen)], self.projection[chosen], self.power)
+
+    def solve(self) -> tuple[Array, float, Array]:
+        """Posterior mean, log evidence relative to no columns, posterior covariance."""
+        size = len(self.projection)
+        covariance: Array = np.asarray(np.linalg.inv(np.eye(size) + self.matrix), float)
+        mean = covariance @ self.projection
+        sign, logdet = np.linalg.slogdet(np.eye(size) + self.matrix)
+        if sign <= 0:
+            return mean, -np.inf, covariance
+        return mean, float(0.5 * self.projection @ mean - 0.5 * logdet), covariance
+
+    def misfit(self, mean: Array) -> float:
+        """||y - X mean||^2."""
+        return float(self.power - 2.0 * self.projection @ mean + mean @ self.matrix @ mean)
+
+    def shifted(self, held: Array) -> Gram:
+        """The target less what the columns at `held` make of it."""
+        pull = self.matrix @ held
+        power = self.power - 2.0 * float(held @ self.projection) + float(held @ pull)
+        return Gram(self.matrix, self.projection - pull, power)
+
+    def without(self, always: int) -> Gram:
+        """Eliminate the first `always` columns, which keep their unit prior: what is left behaves as new
+        data."""
+        inner = np.linalg.inv(np.eye(always) + self.matrix[:always, :always])
+        cross = self.matrix[always:, :always]
+        matrix = self.matrix[always:, always:] - cross @ inner @ cross.T
+        projection = self.projection[always:] - cross @ inner @ self.projection[:always]
+        power = self.power - float(self.projection[:always] @ inner @ self.projection[:always])
+        return Gram(0.5 * (matrix + matrix.T), projection, power)
+
+
+def cross_validated(blocks: Sequence[Gram], columns: Sequence[int]) -> float:
+    """Sum over blocks of the log predictive misfit -1/2 ||y_b - X_b mean_(-b)||^2, fitted without block b."""
+    total = blocks[0]
+    for each in blocks[1:]:
+        total = total + each
+    chosen = total.take(columns)
+    score = 0.0
+    for each in blocks:
+        held_out = each.take(columns)
+        mean, _, _ = (chosen - held_out).solve()
+        score -= 0.5 * held_out.misfit(mean)
+    return score

@@ -1,0 +1,53 @@
+"""Driving a planned manoeuvre through a port while it is recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.port import Port
+from raccoon.core.readings import MOTOR_PORTS, STOP, Outputs
+
+PLANNED_RATE = 200.0
+
+
+def drive(port: Port, robot: RobotConfig, duty: NDArray[np.float64]) -> int:
+    """Command duty (n, 2), planned at 200 Hz, by the port's own clock; the number of cycles it took.
+
+    The motors are stopped at the end, also where the port fails on the way.
+    """
+    signs = [-1.0 if robot.motor(each).inverted else 1.0 for each in (robot.drive.left, robot.drive.right)]
+    cycles, start = 0, None
+    try:
+        while True:
+            now = port.read().time
+            start = now if start is None else start
+            row = int((now - start) * PLANNED_RATE + 0.5)
+            if row >= len(duty):
+                return cycles
+            port.write(_outputs(robot, signs, duty[row]))
+            cycles += 1
+    finally:
+        port.write(STOP)
+
+
+def _outputs(robot: RobotConfig, signs: list[float], pair: NDArray[np.float64]) -> Outputs:
+    duty = [0.0] * MOTOR_PORTS
+    duty[robot.drive.left] = signs[0] * float(pair[0])
+    duty[robot.drive.right] = signs[1] * float(pair[1])
+    return Outputs(duty=tuple(duty))
+
+
+def drive_and_record(robot: RobotConfig, duty: NDArray[np.float64], path: str | Path) -> None:
+    """Open the robot's port, drive, and keep a recording. Raises FileExistsError where there is one."""
+    from raccoon.robot.opening import open_port
+    from raccoon.trace.record import RecordingPort
+
+    port = RecordingPort(open_port(robot), path, config=robot)
+    try:
+        drive(port, robot, duty)
+    finally:
+        port.close()

@@ -1,0 +1,83 @@
+"""Averages over short bins: what of a recording is compared, and the same of a simulation.
+
+Measured and simulated samples pass the same linear map, so what the map loses is lost on both sides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.log import Channel, Log
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+BIN = 0.02
+SETTLING = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class _Bins:
+    """The map of one channel: which samples, where each bin starts among them, and how gaps are bridged."""
+
+    samples: Index
+    starts: Index
+    sizes: Array
+    filled: Index
+    before: Index
+    after: Index
+    share: Array
+
+    def __call__(self, values: Array) -> Array:
+        """(..., samples) -> (..., bins)."""
+        sums = np.add.reduceat(values[..., self.samples], self.starts, axis=-1)
+        means = sums / self.sizes
+        return np.asarray(means[..., self.before] * (1.0 - self.share) + means[..., self.after] * self.share)
+
+
+def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> _Bins:
+    samples = np.flatnonzero(np.isfinite(channel.values) & (position >= 0) & (position < count))
+    filled, starts, sizes = np.unique(position[samples], return_index=True, return_counts=True)
+    grid = np.arange(count)
+    after = np.clip(np.searchsorted(filled, grid), 0, len(filled) - 1)
+    before = np.clip(np.where(filled[after] == grid, after, after - 1), 0, len(filled) - 1)
+    width = np.maximum(filled[after] - filled[before], 1)
+    share = np.clip((grid - filled[before]) / width, 0.0, 1.0)
+    share = np.where(before == after, 0.0, share)
+    return _Bins(samples, starts, sizes.astype(float), filled, before, after, share)
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres."""
+
+    roles: tuple[str, ...]
+    floors: Array
+    time: Array
+    measured: Array
+    maps: tuple[_Bins, ...]
+
+    @classmethod
+    def of(cls, log: Log) -> Features:
+        """Bins of 20 ms from the settling of the unknown start state to the end."""
+        start = log.time[0] + SETTLING
+        count = max(int((log.time[-1] - start) / BIN), 1)
+        position = np.floor((log.time - start) / BIN).astype(np.intp)
+        maps = tuple(_bins(each, position, count) for each in log.channels)
+        measured = np.column_stack(
+            [bins(np.nan_to_num(each.values)) for bins, each in zip(maps, log.channels, strict=True)]
+        )
+        return cls(
+            tuple(each.role for each in log.channels),
+            np.array([each.floor for each in log.channels]),
+            start + BIN * (np.arange(count) + 0.5),
+            measured,
+            maps,
+        )
+
+    def simulated(self, channels: Array) -> Array:
+        """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""
+        return np.stack([bins(channels[:, index]) for index, bins in enumerate(self.maps)], axis=-1)

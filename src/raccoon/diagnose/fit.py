@@ -1,0 +1,118 @@
+"""Simulation-error fits under coloured noise and priors: Levenberg-Marquardt, several starts at a time.
+
+Minimised is ||w(u)||^2 + ||u||^2: the whitened residual and the prior, both in units of one standard
+deviation. The log evidence of the model that was fitted is then, up to a constant, by Laplace's method
+
+    -1/2 (||w||^2 + ||u||^2) - 1/2 log det(1 + J J')
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.problem import Point, Problem, Whitening, neighbours
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """A fitted point. white (rows,): its whitened residual. jacobian (coordinates, rows): whitened
+    columns. free: coordinates that are not
+    held at a bound."""
+
+    point: Point
+    white: Array
+    jacobian: Array
+    cost: float
+    free: NDArray[np.bool_]
+
+    @property
+    def evidence(self) -> float:
+        """Log evidence, comparable between fits under the same whitener."""
+        gram = self.jacobian @ self.jacobian.T
+        _, logdet = np.linalg.slogdet(np.eye(len(gram)) + gram)
+        return float(-0.5 * self.cost - 0.5 * logdet)
+
+    @property
+    def target(self) -> Array:
+        """What the free columns must explain, counted from u = 0."""
+        free = self.free
+        return np.asarray(self.white + self.point.vector()[free] @ self.jacobian[free], float)
+
+
+def unbound(problem: Problem, point: Point) -> NDArray[np.bool_]:
+    """Which coordinates are inside their bounds."""
+    vector = point.vector()
+    low, high = problem.limits(point)
+    return np.asarray((vector > low + 1e-9) & (vector < high - 1e-9))
+
+
+@dataclass(slots=True)
+class _Track:
+    """One start on its way: the best so far, where it goes next, how carefully."""
+
+    trial: Point
+    best: Fit | None = None
+    damping: float = 0.01
+
+    def consider(self, problem: Problem, fit: Fit) -> None:
+        if self.best is None or fit.cost < self.best.cost:
+            self.best = fit
+            self.damping = max(self.damping / 5.0, 1e-6)
+        else:
+            self.damping = min(self.damping * 8.0, 1e6)
+        self.trial = _step(problem, self.best, self.damping)
+
+
+def _step(problem: Problem, fit: Fit, damping: float) -> Point:
+    """Damped Gauss-Newton step, kept inside the bounds: a coordinate that would leave is held there."""
+    vector = fit.point.vector()
+    low, high = problem.limits(fit.point)
+    gram = fit.jacobian @ fit.jacobian.T + np.eye(len(vector))
+    gram += damping * np.diag(np.diag(gram))
+    gradient = fit.jacobian @ fit.white - vector
+    free = np.ones(len(vector), bool)
+    step = np.zeros(len(vector))
+    for _ in range(4):
+        step[:] = 0.0
+        step[~free] = np.clip(vector, low, high)[~free] - vector[~free]
+        step[free] = np.linalg.solve(gram[np.ix_(free, free)], gradient[free])
+        out = free & ((vector + step < low) | (vector + step > high))
+        if not out.any():
+            break
+        free &= ~out
+    return fit.point.moved(np.clip(vector + step, low, high))
+
+
+def fit_many(
+    problem: Problem, whitener: Whitening, starts: Sequence[Point], frozen: Array, iterations: int
+) -> list[Fit]:
+    """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
+    columns of later coordinates are simulated anew in every iteration."""
+    tracks = [_Track(start) for start in starts]
+    for _ in range(iterations):
+        points: list[Point] = []
+        spans = []
+        for track in tracks:
+            near, steps = neighbours(problem, track.trial, len(frozen))
+            spans.append((len(points), steps))
+            points.extend([track.trial, *near])
+        white = whitener(problem.features.measured - problem.predict(points))
+        for track, (place, steps) in zip(tracks, spans, strict=True):
+            own = white[place]
+            local = (own - white[place + 1 : place + 1 + len(steps)]) / steps[:, None]
+            cost = float(own @ own + track.trial.vector() @ track.trial.vector())
+            free = unbound(problem, track.trial)
+            track.consider(problem, Fit(track.trial, own, np.vstack([frozen, local]), cost, free))
+    return [track.best for track in tracks if track.best is not None]
+
+
+def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 3) -> Fit:
+    """Fit everything from one start, all columns simulated in every iteration."""
+    rows = problem.features.measured.size
+    return fit_many(problem, whitener, [start], np.zeros((0, rows)), iterations)[0]

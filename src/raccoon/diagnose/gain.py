@@ -1,0 +1,90 @@
+"""What a cause is worth: error on data that the fit did not see, without it and with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.outlook import Search
+from raccoon.diagnose.problem import Point, Problem, Whitener
+
+Array = NDArray[np.float64]
+
+FITTED_PART = 0.7
+
+
+@dataclass(frozen=True, slots=True)
+class Masked:
+    """A whitener that only lets the first rows count: the rest is kept for judging."""
+
+    inner: Whitener
+    rows: int
+
+    def __call__(self, signals: Array) -> Array:
+        """(..., bins, channels) -> (..., rows), 0 from `rows` on."""
+        white = self.inner(signals)
+        white[..., self.rows :] = 0.0
+        return white
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Root mean squares on held-out bins. before, after, floor: (channels,). without: after dropping each
+    cause."""
+
+    before: Array
+    after: Array
+    floor: Array
+    without: dict[str, Array]
+
+    def overall(self, rms: Array) -> float:
+        """One number for all channels, in units of their noise."""
+        return float(np.sqrt(np.mean((rms / self.floor) ** 2)))
+
+    def share(self, name: str) -> float:
+        """Part of what could be gained at all that one cause gains, 0..1."""
+        possible = max(self.overall(self.before) ** 2 - 1.0, 1e-6)
+        return float(
+            np.clip((self.overall(self.without[name]) ** 2 - self.overall(self.after) ** 2) / possible, 0, 1)
+        )
+
+    @property
+    def left(self) -> float:
+        """Part of what could be gained that the causes do not gain, 0..1."""
+        possible = max(self.overall(self.before) ** 2 - 1.0, 1e-6)
+        if possible < 0.02:
+            return 0.0
+        return float(np.clip((self.overall(self.after) ** 2 - 1.0) / possible, 0.0, 1.0))
+
+
+def held_out(search: Search, other: Problem | None) -> HeldOut:
+    """Fit without and with the causes on the first part and judge on the rest, or on another recording."""
+    problem = search.problem
+    bins = len(problem.features.time)
+    split = bins if other is not None else int(FITTED_PART * bins)
+    masked = Masked(search.whitener, split * problem.features.measured.shape[1])
+    full = _refitted(problem, masked, search.fit.point)
+    bare = _refitted(problem, masked, Point(np.zeros(len(problem.base))))
+    names = list(search.fit.point.active)
+    less = [_dropped(problem, masked, full, search, name) for name in names]
+    points = [bare.point, full.point, *(each.point for each in less)]
+    judged = problem if other is None else other
+    residual = judged.features.measured - judged.predict(points)
+    kept = residual[:, split:] if other is None else residual
+    rms = np.sqrt((kept**2).mean(axis=1))
+    rest = search.whitener.rest[split:] if other is None else search.whitener.rest
+    floor = np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors)
+    return HeldOut(rms[0], rms[1], floor, dict(zip(names, rms[2:], strict=True)))
+
+
+def _refitted(problem: Problem, masked: Masked, start: Point) -> Fit:
+    return fit_point(problem, masked, start, 3)
+
+
+def _dropped(problem: Problem, masked: Masked, full: Fit, search: Search, name: str) -> Fit:
+    gone = search.table.active[name]
+    rows = [row for row in range(len(full.jacobian)) if row not in gone]
+    return fit_many(problem, masked, [full.point.without_cause(name)], full.jacobian[rows], 3)[0]

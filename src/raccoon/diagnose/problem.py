@@ -1,0 +1,138 @@
+"""A recording and a simulator brought to one linear algebra: residuals and directions, whitened."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.features import Features
+from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
+from raccoon.diagnose.noise import NoiseModel
+from raccoon.diagnose.rollout import Rollout
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Where in the model we are: base coordinates, and the coordinates of every cause that is on."""
+
+    base: Array
+    active: Mapping[str, Array] = field(default_factory=dict)
+
+    def vector(self) -> Array:
+        """All coordinates: the base's, then each cause's in its order."""
+        return np.concatenate([self.base, *self.active.values()]) if self.active else self.base.copy()
+
+    def moved(self, vector: Array) -> Point:
+        """The same causes at other coordinates."""
+        position = len(self.base)
+        active = {}
+        for name, values in self.active.items():
+            active[name] = vector[position : position + len(values)]
+            position += len(values)
+        return Point(vector[: len(self.base)], active)
+
+    def with_cause(self, name: str, u: Array) -> Point:
+        """Also this cause."""
+        return Point(self.base, {**self.active, name: np.asarray(u, float)})
+
+    def without_cause(self, name: str) -> Point:
+        """All but this cause."""
+        return Point(self.base, {key: value for key, value in self.active.items() if key != name})
+
+
+@dataclass(frozen=True, slots=True)
+class Whitener:
+    """Makes independent unit-variance numbers of residuals: VAR noise, then slow floor friction.
+
+    slow (rows, k): orthonormal directions in which slow friction adds variance; shrink (k,) takes it away:
+    (1 + R R')^(-1/2) = 1 - U diag(1 - 1/sqrt(1 + s^2)) U' for R = U s V'. rest (bins, channels): what nothing
+    explained when this was made.
+    """
+
+    noise: NoiseModel
+    slow: Array
+    shrink: Array
+    rest: Array
+
+    def without_slow(self) -> Whitener:
+        """The same without slow friction."""
+        return Whitener(self.noise, np.zeros((0, 0)), np.zeros(0), self.rest)
+
+    def __call__(self, signals: Array) -> Array:
+        """(..., bins, channels) -> (..., rows)."""
+        white = self.noise.whiten(signals)
+        rows = white.reshape(*white.shape[:-2], -1)
+        if self.shrink.size == 0:
+            return np.asarray(rows, float)
+        return np.asarray(rows - ((rows @ self.slow) * self.shrink) @ self.slow.T, float)
+
+
+class Whitening(Protocol):
+    """A linear map from residuals to independent unit-variance numbers."""
+
+    def __call__(self, signals: Array) -> Array:
+        """(..., bins, channels) -> (..., rows)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Everything a fit needs: what was measured, how to simulate it, what may differ."""
+
+    features: Features
+    rollout: Rollout
+    robot: RobotConfig
+    neutral: Settings
+    base: tuple[Coordinate, ...]
+    causes: Mapping[str, Cause]
+
+    def settings(self, point: Point) -> Settings:
+        """The simulator's settings at a point."""
+        settings = dict(self.neutral)
+        for coordinate, u in zip(self.base, point.base, strict=True):
+            coordinate.apply(settings, float(u))
+        for name, values in point.active.items():
+            self.causes[name].apply(settings, [float(each) for each in values])
+        return settings
+
+    def predict(self, points: Sequence[Point]) -> Array:
+        """Simulated bins (points, bins, channels)."""
+        return self.features.simulated(self.rollout([self.settings(each) for each in points]))
+
+    def nominal(self) -> Point:
+        """Everything as robot.toml says."""
+        return Point(np.zeros(len(self.base)))
+
+    def limits(self, point: Point) -> tuple[Array, Array]:
+        """Bounds of the point's vector."""
+        coordinates = [*self.base]
+        for name in point.active:
+            coordinates.extend(self.causes[name].coordinates)
+        return np.array([each.low for each in coordinates]), np.array([each.high for each in coordinates])
+
+
+BASE_STEP = 0.5
+ACTIVE_STEP = 0.05
+
+
+def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:
+    """The points one step away along each coordinate from `start` on, and the steps."""
+    vector = point.vector()
+    _, high = problem.limits(point)
+    points, steps = [], []
+    for index in range(start, len(vector)):
+        step = BASE_STEP if index < len(point.base) else ACTIVE_STEP
+        if vector[index] + step > high[index]:
+            step = -step
+        changed = vector.copy()
+        changed[index] += step
+        points.append(point.moved(changed))
+        steps.append(step)
+    return points, np.array(steps)

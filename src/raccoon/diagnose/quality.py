@@ -1,0 +1,138 @@
+"""Recordings that would mislead: wrong units, another robot's file, nothing commanded."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.log import Log
+
+Array = NDArray[np.float64]
+
+
+def check_units(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where a channel's size shows that it is not in the unit that its name promises."""
+    largest = float(np.abs(log.duty).max())
+    if largest > 1.0 + 1e-6:
+        guess = "percent" if largest <= 100.0 else "another unit"
+        raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; it looks like {guess}")
+    _check_battery(log)
+    _check_wheels(log, robot)
+    _check_gyro(log, robot)
+
+
+def _check_battery(log: Log) -> None:
+    battery = log.channel("battery")
+    if battery is None:
+        return
+    middle = float(np.nanmedian(battery.values))
+    if middle > 100.0:
+        guess = "counts" if middle < 4096.0 else "millivolts"
+        raise TraceError(f"{battery.name} is around {middle:g} V: it looks like {guess}, not volts")
+    if not 1.0 < middle < 30.0:
+        raise TraceError(f"{battery.name} is around {middle:g} V: allowed are 1 to 30 V")
+
+
+def _check_wheels(log: Log, robot: RobotConfig) -> None:
+    """Back-EMF must be of the size, and have the sign, that its command makes."""
+    voltage = robot.model.battery.open_circuit_voltage.value
+    for index, side in enumerate(("left", "right")):
+        channel = log.channel(f"bemf_{side}")
+        if channel is None:
+            continue
+        slope = _slope(_steady(log.duty[:, index]) * voltage / BEMF_VOLTS_PER_COUNT, channel.values)
+        if slope is None:
+            continue
+        if slope < -0.2:
+            raise TraceError(
+                f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
+                f"does not fit this recording"
+            )
+        if 0.0005 < slope < 0.02:
+            raise TraceError(
+                f"{channel.name} is {1.0 / slope:.0f} times too small: it looks like volts, not counts"
+            )
+
+
+def _check_gyro(log: Log, robot: RobotConfig) -> None:
+    gyro, left, right = (log.channel(each) for each in ("gyro", "bemf_left", "bemf_right"))
+    if gyro is None or left is None or right is None:
+        return
+    model = robot.model
+    per_count = BEMF_VOLTS_PER_COUNT / model.left.back_emf_constant.value
+    expected = (
+        (right.values - left.values)
+        * per_count
+        * model.drive.wheel_radius.value
+        / model.drive.track_width.value
+    )
+    slope = _slope(expected, gyro.values)
+    if slope is None:
+        return
+    if slope > 20.0:
+        raise TraceError(
+            f"{gyro.name} is {slope:.0f} times what the wheels say: it looks like degrees, not radians"
+        )
+    if slope < -0.2:
+        raise TraceError(
+            f"{gyro.name} turns against the wheels: left and right are swapped, or the gyro's axis "
+            f"points down"
+        )
+
+
+def _steady(duty: Array) -> Array:
+    """NaN where the command changed within the last 40 samples."""
+    changed = np.abs(np.diff(duty, prepend=duty[0])) > 1e-9
+    last = np.maximum.accumulate(np.where(changed, np.arange(len(duty)), 0))
+    return np.where(np.arange(len(duty)) - last >= 40, duty, np.nan)
+
+
+def _slope(x: Array, y: Array) -> float | None:
+    """Least-squares slope through 0 where both are known and x says something; None otherwise."""
+    both = np.isfinite(x) & np.isfinite(y)
+    if both.sum() < 50 or float(np.ptp(x[both])) == 0.0:
+        return None
+    x, y = x[both], y[both]
+    if float(np.corrcoef(x, y)[0, 1]) ** 2 < 0.3 or not math.isfinite(float(x @ x)):
+        return None
+    return float(x @ y / (x @ x))
+
+
+def moves(log: Log) -> bool:
+    """Whether the commands change and the wheels answer: without that nothing can be told."""
+    commanded = float(np.ptp(log.duty, axis=0).max()) > 0.05
+    answers = [
+        float(np.nanstd(each.values)) > 5.0 * each.floor
+        for each in log.channels
+        if each.role.startswith(("bemf", "speed"))
+    ]
+    return commanded and any(answers)
+
+
+BRAKING_SECONDS = 0.1
+
+
+def brakes(log: Log) -> bool:
+    """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
+    ratios = []
+    for index, side in enumerate(("left", "right")):
+        wheel = log.channel(f"bemf_{side}") or log.channel(f"speed_{side}")
+        if wheel is not None:
+            ratios.extend(_left_after_release(log.time, log.duty[:, index], np.abs(wheel.values)))
+    return bool(ratios) and float(np.median(ratios)) < 0.4
+
+
+def _left_after_release(time: Array, duty: Array, size: Array) -> list[float]:
+    """Part of the speed that is left 0.1 s after each release of a turning motor."""
+    released = np.flatnonzero((duty[1:] == 0.0) & (duty[:-1] != 0.0)) + 1
+    found = []
+    for row in released:
+        later = int(np.searchsorted(time, time[row] + BRAKING_SECONDS))
+        if later < len(time) and not duty[row:later].any() and size[row] > 0.15 * np.nanmax(size):
+            found.append(float(size[later] / size[row]))
+    return [each for each in found if np.isfinite(each)]

@@ -1,0 +1,153 @@
+"""What a diagnosis says: frozen, and the same as its JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from raccoon.sim.parameters import Parameters
+
+
+class Verdict(StrEnum):
+    """The one word."""
+
+    EXPLAINED = "explained"
+    """The causes account for what the simulation gets wrong."""
+    PARTLY = "partly"
+    """They account for a part; the rest depends on something that no cause describes."""
+    UNKNOWN = "unknown"
+    """The simulation is wrong, and no cause of the catalogue is why."""
+    ADEQUATE = "adequate"
+    """Nothing that matters is wrong."""
+    NOT_IDENTIFIABLE = "not_identifiable"
+    """This recording cannot tell."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelResult:
+    """Root mean square errors of one sensor, in its unit, on held-out data."""
+
+    name: str
+    unit: str
+    rmse_before: float
+    rmse_after: float
+    noise_floor: float
+    whiteness_p: float
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterResult:
+    """A fitted number; nominal is what the simulation assumed."""
+
+    value: float
+    std: float
+    unit: str
+    nominal: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """Error on held-out data without and with a cause, over all channels, in units of their noise.
+
+    share: of what could be gained at all.
+    """
+
+    heldout_rmse_before: float
+    heldout_rmse_after: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True)
+class CauseResult:
+    """A named cause, ranked by what it contributes to the held-out error."""
+
+    id: str
+    where: str | None
+    rank: int
+    parameters: Mapping[str, ParameterResult]
+    gain: Gain
+    probability: float
+    confounded_with: tuple[str, ...]
+    explanation: str
+
+    @property
+    def name(self) -> str:
+        """id, or id@where."""
+        return self.id if self.where is None else f"{self.id}@{self.where}"
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """A cause that is not named, and why."""
+
+    id: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """What is left: its share of the error that could be removed, and what it depends on."""
+
+    share: float
+    depends_on: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """Everything found in one recording. model: the simulation with the causes in it (not part of the
+    JSON)."""
+
+    verdict: Verdict
+    channels: tuple[ChannelResult, ...]
+    causes: tuple[CauseResult, ...]
+    rejected: tuple[Rejected, ...]
+    unexplained: Unexplained
+    suggested_manoeuvres: tuple[str, ...]
+    seconds: float
+    model: Parameters | None = field(default=None, compare=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's JSON as plain types; numbers that are not finite become None."""
+        keys = ("channels", "causes", "rejected")
+        return {
+            "verdict": str(self.verdict),
+            **{key: [_plain(asdict(each)) for each in getattr(self, key)] for key in keys},
+            "unexplained": _plain(asdict(self.unexplained)),
+            "suggested_manoeuvres": list(self.suggested_manoeuvres),
+            "seconds": self.seconds,
+        }
+
+    def save_json(self, path: str | Path) -> None:
+        """Write the JSON, atomically."""
+        write_text(path, json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    return value
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """A temporary file first, then renamed: a reader never sees half of it."""
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

@@ -1,0 +1,131 @@
+"""The simulator along a recording's commands, many variants of the robot at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import Measured, RobotConfig
+from raccoon.diagnose.hypotheses import Settings, neutral_settings
+from raccoon.diagnose.log import Log
+from raccoon.sim.chain import Chain
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.physical import plant_numbers, sample_slots, wiring_signs
+from raccoon.sim.rollout import Lanes, rollout
+
+Array = NDArray[np.float64]
+
+
+class Rollout(Protocol):
+    """What a diagnosis asks of a simulator."""
+
+    def __call__(self, variants: Sequence[Settings]) -> Array:
+        """Simulated samples (variants, channels, rows) of the log's channels at the log's times."""
+        ...
+
+
+def parameters_of(settings: Settings, neutral: Settings, robot: RobotConfig, chain: Chain) -> Parameters:
+    """The simulator's parameters with everything switched on that differs from neutral."""
+    effects: dict[tuple[str, str | None], dict[str, float]] = {}
+    for (id_, place, name), value in settings.items():
+        if id_ != "inertia" and value != neutral[(id_, place, name)]:
+            effects.setdefault((id_, place), {})[name] = value
+    straight = settings[("inertia", None, "straight")]
+    turn = settings[("inertia", None, "turn")]
+    if straight != 1.0 or turn != 1.0:
+        robot = _with_inertia(robot, straight, turn)
+    for (id_, place), named in effects.items():
+        for key, value in settings.items():
+            if key[:2] == (id_, place):
+                named.setdefault(key[2], value)
+    return Parameters(robot, effects, chain)
+
+
+def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConfig:
+    drive = robot.model.drive
+
+    def scaled(number: Measured, factor: float) -> Measured:
+        return replace(number, value=number.value * factor)
+
+    changed = replace(
+        drive,
+        inertia_straight=scaled(drive.inertia_straight, straight),
+        inertia_turn=scaled(drive.inertia_turn, turn),
+    )
+    return replace(robot, model=replace(robot.model, drive=changed))
+
+
+LONGEST_STEP = 0.001
+COLUMNS = {
+    "bemf_left": "motor.{left}.bemf",
+    "bemf_right": "motor.{right}.bemf",
+    "speed_left": "motor.{left}.speed",
+    "speed_right": "motor.{right}.speed",
+    "gyro": "imu.gyro.z",
+    "battery": "battery.voltage",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """What the recording does not say of the controller: its sensor chain, and whether duty 0 brakes."""
+
+    chain: Chain
+    brake: bool
+
+
+class PlantRollout:
+    """The package's plant along one log's commands."""
+
+    def __init__(self, log: Log, robot: RobotConfig, habits: Habits) -> None:
+        self._robot = replace(robot, motors={})  # the log's signs of wiring are already taken away
+        self._habits = habits
+        self._neutral = neutral_settings(robot)
+        ports = {"left": robot.drive.left, "right": robot.drive.right}
+        self._names = tuple(COLUMNS[each.role].format(**ports) for each in log.channels)
+        duty = np.clip(log.duty, -1.0, 1.0)
+        self._commands = Commands.of_wheels(log.time, duty[:, 0], duty[:, 1], habits.brake)
+
+    def __call__(self, variants: Sequence[Settings]) -> Array:
+        lanes = self._lanes(variants)
+        run = rollout(lanes, self._commands, channels=self._names, longest_step=LONGEST_STEP)
+        return np.stack([run[name] for name in self._names], axis=1)
+
+    def path(self, settings: Settings) -> tuple[Array, Array]:
+        """x and y in m along the commands."""
+        run = rollout(
+            self._lanes([settings]),
+            self._commands,
+            channels=("truth.x", "truth.y"),
+            longest_step=LONGEST_STEP,
+        )
+        return run["truth.x"][0], run["truth.y"][0]
+
+    def _lanes(self, variants: Sequence[Settings]) -> Lanes:
+        """Packed by hand, since `Lanes.of` asks for one robot.toml and the inertias differ."""
+        chain = self._habits.chain
+        robots = [parameters_of(each, self._neutral, self._robot, chain) for each in variants]
+        first = robots[0]
+        return Lanes(
+            plant=np.array([plant_numbers(each) for each in robots]),
+            gyro=np.array([_gyro(each, first) for each in variants]),
+            signs=wiring_signs(first),
+            ports=(self._robot.drive.left, self._robot.drive.right),
+            slots=sample_slots(first),
+            cycle=chain.cycle,
+        )
+
+
+def _gyro(settings: Settings, robot: Parameters) -> tuple[float, float, float, float]:
+    """Scale, bias, drift, latency."""
+    return (
+        settings[("imu.gyro_scale", None, "factor")] * robot.robot.model.imu.gyro_scale.value,
+        settings[("imu.gyro_bias", None, "rate")],
+        settings[("imu.gyro_drift", None, "rate_per_second")],
+        settings[("imu.latency", None, "seconds")],
+    )

@@ -1,0 +1,201 @@
+"""Which causes: forward by true refits, backward and swaps, each step gated by evidence and held-out
+blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.linear import Group, Linear
+from raccoon.diagnose.outlook import (
+    Rival,
+    Search,
+    best_probe,
+    held_out_score,
+    look_around,
+    refit_candidates,
+    start_search,
+)
+from raccoon.diagnose.problem import Point, Problem
+
+Array = NDArray[np.float64]
+
+EVIDENCE_GATE = 12.0
+FLOOR_GATE = 25.0
+"""For friction and slope, which a real floor imitates in ways that no noise model holds."""
+HELD_OUT_GATE = 2.0
+PROBE_GATE = 30.0
+PROBE_LEAD = 1.3
+MOST_CAUSES = 8
+CLOSE = 3.0
+SCALE = {"motor.armature_resistance", "drive.inertia", "friction.coulomb", "friction.viscous"}
+"""Without a current reading these share one scale, which only robot.toml's standard deviations fix."""
+
+
+def forward(search: Search) -> tuple[Search, bool]:
+    """Add the cause that explains most, if its evidence and its held-out blocks allow.
+
+    A probe that explains far more than any cause goes first: what it describes is in no catalogue.
+    """
+    ranked = refit_candidates(search)
+    settled = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+    reference, reference_held_out = settled.evidence, held_out_score(settled)
+    probe, explained = best_probe(search)
+    known = ranked[0][1].evidence - reference if ranked else 0.0
+    if explained > PROBE_GATE and explained > PROBE_LEAD * max(known, 0.0):
+        return _with_unknown(search, probe, explained), True
+    for name, fit in ranked:
+        gain = fit.evidence - reference
+        if gain < EVIDENCE_GATE:
+            search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
+            break
+        if gain < gate(name):
+            search.failed[name] = f"a real floor does as much (log evidence {gain:+.1f})"
+            continue
+        held_out = held_out_score(fit) - reference_held_out
+        if held_out < HELD_OUT_GATE:
+            search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
+            continue
+        rivals = [
+            Rival(other, fit.evidence - each.evidence)
+            for other, each in ranked
+            if other != name and each.evidence - reference > EVIDENCE_GATE
+        ]
+        return _accepted(search, name, fit, rivals), True
+    if explained > PROBE_GATE:
+        return _with_unknown(search, probe, explained), True
+    return search, False
+
+
+def gate(name: str) -> float:
+    """Log evidence from which a cause is named."""
+    return FLOOR_GATE if name.startswith(("friction.", "drive.slope")) else EVIDENCE_GATE
+
+
+def _with_unknown(search: Search, probe: str, gain: float) -> Search:
+    """Start again with the probe's curve as part of the noise: causes must earn their place beside it."""
+    unknown = {**search.unknown, probe: gain}
+    bare = Point(search.fit.point.base)
+    following = look_around(search.problem, search.probes, bare, search.whitener, unknown)
+    again = fit_point(search.problem, following.whitener, bare, 2)
+    return look_around(search.problem, search.probes, again.point, following.whitener, unknown)
+
+
+def _accepted(search: Search, name: str, fit: Fit, rivals: list[Rival]) -> Search:
+    again = fit_point(search.problem, search.whitener, fit.point, 2)
+    following = look_around(search.problem, search.probes, again.point, search.whitener, search.unknown)
+    following.rivals = {**search.rivals, name: rivals}
+    following.failed = search.failed
+    following.screened = {}
+    return following
+
+
+def backward(search: Search) -> tuple[Search, bool]:
+    """Drop a cause that no longer earns its place, or swap it for one that now explains more."""
+    settled = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+    reference, reference_held_out = settled.evidence, held_out_score(settled)
+    names = list(search.fit.point.active)
+    for name in names:
+        less = search.fit.point.without_cause(name)
+        rows = _rows_without(search, name)
+        dropped = fit_many(search.problem, search.whitener, [less], search.fit.jacobian[rows], 3)[0]
+        search.gains[name] = reference - dropped.evidence
+        search.held_out[name] = reference_held_out - held_out_score(dropped)
+        if search.gains[name] < gate(name) or search.held_out[name] < HELD_OUT_GATE:
+            search.failed[name] = "others explain it better together"
+            return _accepted_less(search, name, dropped), True
+    return search, False
+
+
+def merged(search: Search) -> Search:
+    """One cause for both sides where left and right were named apart and together explain no more."""
+    for name in [each for each in search.fit.point.active if each.endswith("@left")]:
+        whole, other = name.removesuffix("@left"), name.replace("@left", "@right")
+        active = search.fit.point.active
+        if other not in active or whole not in search.problem.causes:
+            continue
+        rows = [row for row in _rows_without(search, name) if row not in search.table.active[other]]
+        less = search.fit.point.without_cause(name).without_cause(other)
+        start = less.with_cause(whole, 0.5 * (active[name] + active[other]))
+        apart = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+        both = fit_many(search.problem, search.whitener, [start], search.fit.jacobian[rows], 4)[0]
+        if both.evidence > apart.evidence - CLOSE:
+            return merged(_accepted_less(search, other, both))
+    return search
+
+
+def simplified(search: Search) -> tuple[Search, bool]:
+    """One cause instead of several where it explains as much: two wrong ones can imitate a right one."""
+    active = search.fit.point.active
+    others = {each.name for rivals in search.rivals.values() for each in rivals}
+    others |= {name.partition("@")[0] for name in (*active, *others)} & set(search.problem.causes)
+    if set(active) & SCALE:
+        others |= SCALE & set(search.problem.causes)
+    names = sorted(others - set(active))
+    if len(active) < 2 or not names:
+        return search, False
+    bare = Point(search.fit.point.base)
+    starts = [
+        bare.with_cause(name, np.array(point))
+        for name in names
+        for variant in search.problem.causes[name].variants
+        for point in variant[:1]
+        for point in _both_signs(search.problem, name, point)
+    ]
+    base = search.fit.jacobian[: len(bare.base)]
+    settled = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+    best = max(fit_many(search.problem, search.whitener, starts, base, 5), key=lambda fit: fit.evidence)
+    if best.evidence < settled.evidence - CLOSE:
+        return search, False
+    name = next(iter(best.point.active))
+    search.failed.update(dict.fromkeys(active, f"{name} alone explains as much"))
+    rivals = [Rival(each, best.evidence - settled.evidence) for each in active]
+    return _accepted(search, name, best, rivals), True
+
+
+def _both_signs(problem: Problem, name: str, point: tuple[float, ...]) -> list[tuple[float, ...]]:
+    if problem.causes[name].coordinates[0].low == 0.0:
+        return [point]
+    return [point, (-point[0], *point[1:])]
+
+
+def _rows_without(search: Search, name: str) -> list[int]:
+    gone = search.table.active[name]
+    return [row for row in range(len(search.fit.jacobian)) if row not in gone]
+
+
+def _accepted_less(search: Search, name: str, fit: Fit) -> Search:
+    following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
+    following.rivals = {key: value for key, value in search.rivals.items() if key != name}
+    following.failed = search.failed
+    return following
+
+
+def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
+    """The whole search, from the nominal model to a set of causes that is stable in both directions."""
+    search = start_search(problem, probes)
+    dropped: set[str] = set()
+    for _ in range(2 * MOST_CAUSES):
+        if len(search.fit.point.active) >= MOST_CAUSES:
+            break
+        search, added = forward(search)
+        search = merged(search)
+        if not added:
+            break
+        if len(search.fit.point.active) > (0 if search.unknown else 1):
+            search, removed = backward(search)
+            if removed:
+                gone = set(search.failed) - dropped
+                if not gone:
+                    break
+                dropped |= gone
+    search, replaced = simplified(search)
+    if replaced:
+        search, _ = forward(search)
+        search = merged(search)
+    if search.fit.point.active:
+        search, _ = backward(search)
+    return search

@@ -1,0 +1,168 @@
+"""Generic directions for causes that no catalogue lists: what does the unexplained depend on?
+
+A probe is a free curve over a covariate (the wheel's angle, the place, the speed ...), as a torque at a wheel
+or as an addition to a sensor. The robot forgets a torque within 0.1 s, so the response to a torque that
+varies more slowly is the response to a constant one, times its course: no further simulation is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.features import BIN, Features
+from raccoon.diagnose.linear import Group, Linear
+from raccoon.diagnose.problem import Problem
+
+Array = NDArray[np.float64]
+
+PREFIX = "unknown: "
+TORQUE = 0.03
+GYRO = 0.02
+BATTERY = 0.02
+HARMONICS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What a recording says of the robot's motion, by bins. Arrays (bins,) or (bins, 2), left before
+    right."""
+
+    speed: Array
+    angle: Array
+    heading: Array
+    x: Array
+    y: Array
+    time: Array
+
+
+def motion_of(problem: Problem) -> Motion | None:
+    """Motion from back-EMF (or speeds) and gyro; None where no wheel is measured."""
+    features = problem.features
+    speed = _wheel_speed(features, problem)
+    if speed is None:
+        return None
+    drive = problem.robot.model.drive
+    radius, track = drive.wheel_radius.value, drive.track_width.value
+    rate = (speed[:, 1] - speed[:, 0]) * radius / track
+    if "gyro" in features.roles:
+        rate = features.measured[:, features.roles.index("gyro")]
+    heading = np.cumsum(rate) * BIN
+    forward = speed.mean(axis=1) * radius * BIN
+    return Motion(
+        speed,
+        np.cumsum(speed, axis=0) * BIN,
+        heading,
+        np.cumsum(forward * np.cos(heading)),
+        np.cumsum(forward * np.sin(heading)),
+        features.time,
+    )
+
+
+def _wheel_speed(features: Features, problem: Problem) -> Array | None:
+    model = problem.robot.model
+    columns = []
+    for side, motor in (("left", model.left), ("right", model.right)):
+        if f"speed_{side}" in features.roles:
+            columns.append(features.measured[:, features.roles.index(f"speed_{side}")])
+        elif f"bemf_{side}" in features.roles:
+            counts = features.measured[:, features.roles.index(f"bemf_{side}")]
+            columns.append(counts * BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value)
+    return np.column_stack(columns) if len(columns) == 2 else None
+
+
+def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Group]]:
+    """The probes of a recording; their curves are fixed, their responses follow the working point."""
+    motion = motion_of(problem)
+    if motion is None:
+        return lambda _: ()
+    curves = _torque_curves(motion)
+    sensors = _sensor_groups(problem.features, motion)
+
+    def probes(linear: Linear) -> Sequence[Group]:
+        return [*_torque_groups(problem, linear, motion, curves), *_inertia_groups(linear, motion), *sensors]
+
+    return probes
+
+
+def _hats(values: Array, count: int) -> Array:
+    """(count, n): triangles over the range of the values."""
+    low, high = float(np.quantile(values, 0.01)), float(np.quantile(values, 0.99))
+    knots = np.linspace(low, high, count)
+    width = max(high - low, 1e-9) / (count - 1)
+    return np.maximum(0.0, 1.0 - np.abs(np.clip(values, low, high)[None] - knots[:, None]) / width)
+
+
+def _waves(angle: Array, harmonics: int) -> Array:
+    orders = np.arange(1, harmonics + 1)[:, None] * angle[None]
+    return np.concatenate([np.sin(orders), np.cos(orders)])
+
+
+def _torque_curves(motion: Motion) -> list[tuple[str, int | None, bool, Array]]:
+    """(covariate, wheel or None for both, whether it is a friction, curves)."""
+    found: list[tuple[str, int | None, bool, Array]] = []
+    for wheel, side in enumerate(("left", "right")):
+        found.append((f"wheel angle {side}", wheel, False, _waves(motion.angle[:, wheel], HARMONICS)))
+    for name, along in (("x", motion.x), ("y", motion.y)):
+        count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
+        found.append((f"position {name}", None, True, _hats(along, count) - 1.0 / count))
+    speed = np.abs(motion.speed).mean(axis=1)
+    found.append(("speed", None, True, _hats(speed, 6)))
+    found.append(("heading", None, False, _waves(motion.heading, 3)))
+    return found
+
+
+def _torque_groups(
+    problem: Problem, linear: Linear, motion: Motion, curves: list[tuple[str, int | None, bool, Array]]
+) -> list[Group]:
+    responses = _torque_responses(problem, linear)
+    if responses is None:
+        return []
+    found = []
+    for name, wheel, friction, curve in curves:
+        total = np.zeros((len(curve), *linear.residual.shape))
+        for each in (0, 1) if wheel is None else (wheel,):
+            course = curve if friction else -curve * np.sign(motion.speed[:, each])
+            total += course[:, :, None] * responses[each][None]
+        found.append(Group(PREFIX + name, TORQUE * total))
+    return found
+
+
+def _torque_responses(problem: Problem, linear: Linear) -> tuple[Array, Array] | None:
+    """Responses to one N m of Coulomb friction at the left and at the right wheel."""
+    found = []
+    for side in ("left", "right"):
+        name = f"friction.coulomb@{side}"
+        group = next((each for each in linear.groups if each.name == name), None)
+        if group is None:
+            return None
+        found.append(group.columns[0] / problem.causes[name].coordinates[0].value(1.0))
+    return found[0], found[1]
+
+
+def _inertia_groups(linear: Linear, motion: Motion) -> list[Group]:
+    group = next((each for each in linear.groups if each.name == "drive.inertia"), None)
+    if group is None:
+        return []
+    share = (motion.time - motion.time[0]) / max(motion.time[-1] - motion.time[0], 1e-9)
+    steps = np.stack([(share > edge) - (1.0 - edge) for edge in np.arange(0.125, 1.0, 0.125)])
+    return [Group(PREFIX + "time (inertia)", steps[:, :, None] * group.columns[0][None])]
+
+
+def _sensor_groups(features: Features, motion: Motion) -> list[Group]:
+    forward = motion.speed.mean(axis=1)
+    found = []
+    for role, covariate, curve, size in (
+        ("gyro", "gyro over speed", _hats(forward, 6), GYRO),
+        ("gyro", "gyro over time", _hats(motion.time, 8), GYRO),
+        ("battery", "battery over time", _hats(motion.time, 8), BATTERY),
+    ):
+        if role in features.roles:
+            columns = np.zeros((len(curve), *features.measured.shape))
+            columns[:, :, features.roles.index(role)] = size * curve
+            found.append(Group(PREFIX + covariate, columns))
+    return found

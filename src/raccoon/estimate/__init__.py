@@ -1,0 +1,1 @@
+"""Beliefs: readings in; value, uncertainty and status out."""

@@ -1,0 +1,62 @@
+"""What the battery gives now, out of a noisy converter reading."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from raccoon.core.readings import Status
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryEstimate:
+    """voltage V under the present load with its standard deviation; status invalid before any reading."""
+
+    voltage: float
+    std: float
+    status: Status
+
+
+class BatteryVoltage:
+    """First-order filter of the voltage under load.
+
+    time_constant: s; long enough for the converter's steps of 9 mV, short enough to follow sag.
+    reading_std: V, of one reading. lowest: V; below it the controller itself is about to brown out.
+    """
+
+    __slots__ = ("_lowest", "_reading_std", "_time", "_time_constant", "_value", "_variance")
+
+    def __init__(self, time_constant: float = 0.1, reading_std: float = 0.02, lowest: float = 5.6) -> None:
+        if not time_constant > 0.0:
+            raise ValueError(f"time_constant is {time_constant} s: it must be above 0")
+        self._time_constant = time_constant
+        self._reading_std = reading_std
+        self._lowest = lowest
+        self._time: float | None = None
+        self._value = 0.0
+        self._variance = reading_std * reading_std
+
+    def update(self, time: float, voltage: float | None) -> None:
+        """Take the reading of this cycle; None and impossible voltages are passed over."""
+        if voltage is None or not 0.5 < voltage < 30.0:
+            return
+        if self._time is None:
+            self._value = voltage
+        else:
+            dt = time - self._time
+            share = min(1.0, max(0.0, dt) / self._time_constant)
+            self._value += share * (voltage - self._value)
+            noise = self._reading_std * self._reading_std
+            self._variance = (1.0 - share) ** 2 * self._variance + share * share * noise
+        self._time = time
+
+    @property
+    def voltage(self) -> float | None:
+        """V, None before the first reading."""
+        return None if self._time is None else self._value
+
+    def estimate(self) -> BatteryEstimate:
+        """Value, standard deviation and status."""
+        if self._time is None:
+            return BatteryEstimate(0.0, float("inf"), Status.INVALID)
+        status = Status.OK if self._value > self._lowest else Status.UNCERTAIN
+        return BatteryEstimate(self._value, self._variance**0.5, status)

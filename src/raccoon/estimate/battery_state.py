@@ -1,0 +1,126 @@
+"""State of charge and internal resistance of the pack, learnt on the run from how its voltage sags.
+
+U = U_0 - R_i I: the voltage under load is linear in the current. Voltage and current, both averaged over the
+same 0.1 s, feed a recursive least-squares fit of U_0 and R_i that forgets over a minute, so that U_0 follows
+the discharge. U_0 over the number of cells is read on the chemistry's curve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from raccoon.core.readings import Status
+from raccoon.estimate.battery_curves import charge_at
+
+WINDOW = 0.1
+"""s that voltage and current are averaged over."""
+SETTLE = 0.15
+"""s after a change of current for which the filtered reading still moves."""
+MEMORY = 600.0
+"""Windows that count: a minute."""
+LEAST_SWING = 0.15
+"""A of current between rest and load before a resistance is believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class PackEstimate:
+    """What the pack is thought to be, each with one standard deviation.
+
+    open_circuit_voltage V · internal_resistance ohm · charge 0..1. status: invalid before any reading,
+    uncertain until the load has varied enough to tell the resistance.
+    """
+
+    open_circuit_voltage: float
+    open_circuit_voltage_std: float
+    internal_resistance: float
+    internal_resistance_std: float
+    charge: float
+    charge_std: float
+    status: Status
+
+
+class PackState:
+    """Feed it every cycle.
+
+    chemistry: "lifepo4", "lipo" or "nimh". cells: in series. resistance, resistance_std: ohm, prior.
+    reading_std: V, of a window's mean.
+    """
+
+    def __init__(
+        self,
+        chemistry: str = "lifepo4",
+        cells: float = 2.0,
+        resistance: float = 0.08,
+        resistance_std: float = 0.06,
+        reading_std: float = 0.004,
+    ) -> None:
+        if not cells >= 1.0:
+            raise ValueError(f"cells is {cells}: it must be 1 or more")
+        charge_at(chemistry, 1.0)  # an unknown chemistry is refused now
+        self._chemistry, self._cells = chemistry, cells
+        self._variance = reading_std * reading_std
+        self._open, self._resistance = 0.0, resistance
+        self._covariance = [[25.0, 0.0], [0.0, resistance_std * resistance_std]]
+        self._time: float | None = None
+        self._current = self._seconds = self._volts = self._amperes = 0.0
+        self._steady = 0.0
+        self._least, self._most = math.inf, -math.inf
+        self._windows = 0
+
+    def update(self, time: float, voltage: float | None, current: float) -> None:
+        """A cycle at `time` s: battery V as read, and the A that the motors are thought to draw."""
+        last, self._time = self._time, time
+        if voltage is None or not 0.5 < voltage < 30.0 or not math.isfinite(current) or last is None:
+            return
+        dt = time - last
+        if abs(current - self._current) > 0.1:
+            self._steady = self._seconds = self._volts = self._amperes = 0.0
+            self._current = current
+        self._steady += dt
+        if dt <= 0.0 or self._steady < SETTLE:
+            return
+        self._seconds += dt
+        self._volts += voltage * dt
+        self._amperes += current * dt
+        if self._seconds >= WINDOW:
+            self._take(self._volts / self._seconds, self._amperes / self._seconds)
+            self._seconds = self._volts = self._amperes = 0.0
+
+    def _take(self, voltage: float, current: float) -> None:
+        if not self._windows:
+            self._open = voltage + self._resistance * current
+        self._windows += 1
+        self._least, self._most = min(self._least, current), max(self._most, current)
+        (a, b), (_, d) = self._covariance
+        a = min(
+            25.0, a * (1.0 + 1.0 / MEMORY)
+        )  # the open-circuit voltage wanders, the resistance hardly does
+        gain = (a - b * current, b - d * current)
+        total = self._variance + gain[0] - gain[1] * current
+        off = voltage - (self._open - self._resistance * current)
+        self._open += gain[0] / total * off
+        self._resistance = max(0.0, self._resistance + gain[1] / total * off)
+        b -= gain[0] * gain[1] / total
+        self._covariance = [[a - gain[0] ** 2 / total, b], [b, d - gain[1] ** 2 / total]]
+
+    @property
+    def estimate(self) -> PackEstimate:
+        """The newest belief."""
+        if not self._windows:
+            return PackEstimate(0.0, math.inf, self._resistance, math.inf, 0.0, math.inf, Status.INVALID)
+        std = math.sqrt(max(self._covariance[0][0], 0.0))
+        cell, cell_std = self._open / self._cells, (std + 0.02) / self._cells
+        charge = charge_at(self._chemistry, cell)
+        high = charge_at(self._chemistry, cell + cell_std)
+        low = charge_at(self._chemistry, cell - cell_std)
+        swung = self._most - self._least > LEAST_SWING
+        return PackEstimate(
+            self._open,
+            std,
+            self._resistance,
+            math.sqrt(max(self._covariance[1][1], 0.0)),
+            charge,
+            max(0.02, 0.5 * (high - low)),
+            Status.OK if swung else Status.UNCERTAIN,
+        )

@@ -1,0 +1,237 @@
+"""Calibration of the drive from one straight drive along a tape: both motors' radians per tick, and their
+offsets.
+
+The tape says how far the middle went, the gyro by how much it turned, so each wheel's way is known::
+
+    left way  = s - turn * track width / 2        right way = s + turn * track width / 2
+    radians per tick = way / wheel radius / ticks             s = the arc over the taped chord
+
+The common scale is the tape's, the ratio of the motors the gyro's. An error of the track width or of the
+gyro's scale enters only times the turn, so it vanishes on a drive that is nearly straight. The recording
+begins and ends at rest: the rest before tells the offset of either motor and the bias of the gyro; from
+rest to rest the lag of the board's filter adds nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from statistics import fmean, pstdev
+
+from raccoon.core.config import Measured, MotorConfig, RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import Inputs
+from raccoon.estimate.wheels import WheelDecoder, counts_scale
+
+SHORTEST = 0.2
+"""m; below it the tape's error is above 1 %."""
+MOST_TURN = math.radians(30.0)
+MOVING_COUNTS = 40.0
+"""Back-EMF counts beyond the resting value that say a wheel moves."""
+SLIP = 0.0005
+"""m of wheel travel after one metre that nobody can predict; grows with its square root."""
+
+
+@dataclass(frozen=True, slots=True)
+class StraightCalibration:
+    """What a taped straight drive tells. Every value with its standard deviation.
+
+    left, right: radians per tick. left_offset, right_offset: back-EMF counts at rest in the sign of the
+    board, None where the recording has no rest with back-EMF. gyro_bias: rad/s. turn: rad the robot turned
+    on the way.
+    """
+
+    left: Measured
+    right: Measured
+    left_offset: Measured | None
+    right_offset: Measured | None
+    gyro_bias: Measured | None
+    turn: float
+    distance: float
+
+    def applied(self, robot: RobotConfig) -> RobotConfig:
+        """The robot with this calibration in place of its own."""
+        motors = dict(robot.motors)
+        for port, radians_per_tick, offset in self._by_port(robot):
+            motor = motors.get(port, MotorConfig())
+            offset = motor.bemf_offset if offset is None else offset
+            motors[port] = replace(motor, radians_per_tick=radians_per_tick, bemf_offset=offset)
+        return replace(robot, motors=motors)
+
+    def _by_port(self, robot: RobotConfig) -> tuple[tuple[int, Measured, Measured | None], ...]:
+        return (
+            (robot.drive.left, self.left, self.left_offset),
+            (robot.drive.right, self.right, self.right_offset),
+        )
+
+    def entries(self, robot: RobotConfig) -> Mapping[str, Measured]:
+        """The values by their key in robot.toml."""
+        found = {}
+        for port, radians_per_tick, offset in self._by_port(robot):
+            found[f"motor.{port}.radians_per_tick"] = radians_per_tick
+            if offset is not None:
+                found[f"motor.{port}.bemf_offset"] = offset
+        return found
+
+
+def calibrate_straight(
+    robot: RobotConfig,
+    inputs: Sequence[Inputs],
+    distance: float,
+    *,
+    distance_std: float = 0.002,
+    turn: float | None = None,
+    turn_std: float = 0.005,
+) -> StraightCalibration:
+    """Both motors' radians per tick from a straight drive (all its cycles, from rest to rest).
+
+    distance: m by tape between the two resting places, negative for a drive backwards. turn: rad it turned
+    on the way (counter-clockwise positive), where something else than the gyro measured it; turn_std: rad,
+    of either.
+
+    Raises CalibrationError, saying what to do, where the drive is too short, turned too far, does not
+    begin and end at rest, has no counters or no gyro (and no `turn`), or where the result is not to be
+    believed.
+    """
+    _require(abs(distance) >= SHORTEST, f"{distance} m were driven: at least {SHORTEST} m are needed")
+    _require(0.0 < distance_std < 0.5 * abs(distance), f"distance_std is {distance_std} m")
+    rest = resting_start(robot, inputs)
+    offsets = [resting_bemf(inputs[:rest], port) for port in (robot.drive.left, robot.drive.right)]
+    bias = resting_gyro(inputs[:rest])
+    if turn is None:
+        turn = gyro_turn(inputs, bias)
+    _require(
+        abs(turn) <= MOST_TURN,
+        f"the robot turned by {math.degrees(turn):.1f} degrees on the way: drive straighter (30 are allowed)",
+    )
+    half = 0.5 * turn
+    way = distance * (half / math.sin(half) if abs(half) > 1e-9 else 1.0)
+    drive = robot.model.drive
+    values = []
+    for side, sign, offset in (("left", -1.0, offsets[0]), ("right", 1.0, offsets[1])):
+        ticks, ticks_std = counted(robot, inputs, side, offset)
+        side_way = way + sign * half * drive.track_width.value
+        value = side_way / drive.wheel_radius.value / ticks if ticks else math.inf
+        relative = math.sqrt(
+            (distance_std / distance) ** 2
+            + (0.5 * turn_std * drive.track_width.value / side_way) ** 2
+            + (half * drive.track_width.std / side_way) ** 2
+            + SLIP**2 / abs(side_way)
+            + (ticks_std / ticks if ticks else 1.0) ** 2
+        )
+        values.append(_believed(robot, side, inputs, Measured(value, abs(value) * relative)))
+    return StraightCalibration(
+        left=values[0],
+        right=values[1],
+        left_offset=offsets[0],
+        right_offset=offsets[1],
+        gyro_bias=bias,
+        turn=turn,
+        distance=distance,
+    )
+
+
+def _require(met: bool, otherwise: str) -> None:
+    if not met:
+        raise CalibrationError(otherwise)
+
+
+def resting_start(robot: RobotConfig, inputs: Sequence[Inputs]) -> int:
+    """Number of cycles before the first wheel moves."""
+    _require(len(inputs) > 10, f"the recording has {len(inputs)} cycles: nothing to calibrate from")
+    ports = (robot.drive.left, robot.drive.right)
+    first = {port: _first(inputs, port) for port in ports}
+    for number, cycle in enumerate(inputs):
+        for port in ports:
+            bemf, position = cycle.bemf[port], cycle.position[port]
+            start_bemf, start_position = first[port]
+            if bemf is not None and start_bemf is not None:
+                if abs(bemf - start_bemf) > MOVING_COUNTS:
+                    return number
+            elif position is not None and start_position is not None and abs(position - start_position) > 5.0:
+                return number
+    return len(inputs)
+
+
+def _first(inputs: Sequence[Inputs], port: int) -> tuple[float | None, float | None]:
+    """Resting back-EMF (mean of the first readings) and counter of a port."""
+    bemf = [word for cycle in inputs[:20] if (word := cycle.bemf[port]) is not None]
+    position = [word for cycle in inputs[:20] if (word := cycle.position[port]) is not None]
+    return (fmean(bemf) if bemf else None), (position[0] if position else None)
+
+
+def resting_bemf(rest: Sequence[Inputs], port: int) -> Measured | None:
+    """Back-EMF counts of a port at rest; None where there are fewer than 40 readings.
+
+    The board's filter makes neighbours alike: about one reading in nine is independent (0.2 at every step).
+    """
+    words = [word for cycle in rest[: max(len(rest) - 10, 0)] if (word := cycle.bemf[port]) is not None]
+    if len(words) < 40:
+        return None
+    return Measured(fmean(words), max(pstdev(words), 0.5) / math.sqrt(len(words) / 9.0))
+
+
+def resting_gyro(rest: Sequence[Inputs]) -> Measured | None:
+    """Gyro bias, rad/s; None where there are fewer than 10 readings."""
+    rates = [rate for cycle in rest[: max(len(rest) - 10, 0)] if (rate := cycle.turn_rate) is not None]
+    if len(rates) < 10:
+        return None
+    return Measured(fmean(rates), max(pstdev(rates), 1e-4) / math.sqrt(len(rates)))
+
+
+def gyro_turn(inputs: Sequence[Inputs], bias: Measured | None) -> float:
+    """Rad the robot turned by its gyro. Raises CalibrationError without a gyro or a rest for its bias."""
+    _require(bias is not None, "no gyro reading at rest before the drive: wait 1 s first, or give the turn")
+    assert bias is not None
+    turn = 0.0
+    last: tuple[float, float] | None = None
+    for cycle in inputs:
+        rate = cycle.turn_rate
+        if rate is None:
+            continue
+        if last is not None:
+            turn += 0.5 * (rate + last[1]) * (cycle.time - last[0])
+        last = cycle.time, rate
+    assert last is not None
+    return turn - bias.value * (last[0] - inputs[0].time)
+
+
+def counted(
+    robot: RobotConfig, inputs: Sequence[Inputs], side: str, offset: Measured | None
+) -> tuple[float, float]:
+    """Ticks of a wheel over the drive without its offset's share, forward positive, and their deviation."""
+    port: int = getattr(robot.drive, side)
+    motor = robot.motor(port)
+    if offset is not None:
+        robot = replace(robot, motors={**robot.motors, port: replace(motor, bemf_offset=offset)})
+    device = inputs[0].device
+    decoder = WheelDecoder(robot)
+    readings = [decoder.decode(cycle) for cycle in inputs]
+    angles = [angle for reading in readings if (angle := getattr(reading, f"{side}_angle")) is not None]
+    _require(len(angles) > 10, f"the counter of the {side} motor (port {port}) gives nothing")
+    speeds = [speed for reading in readings[-10:] if (speed := getattr(reading, f"{side}_speed")) is not None]
+    scale = counts_scale(robot, side, device)
+    moving = bool(speeds) and abs(fmean(speeds)) > MOVING_COUNTS * scale
+    _require(not moving, f"the {side} wheel still turns at the end of the recording: record until it rests")
+    seconds = inputs[-1].time - inputs[0].time
+    offset_std = offset.std if offset is not None else (motor.bemf_offset or robot.model.bemf.offset).std
+    # One tick at either end, and the offset's share of the time.
+    ticks_std = math.hypot(1.0, offset_std * seconds / device.position_counts_seconds)
+    return sum(angles) / (scale * device.position_counts_seconds), ticks_std
+
+
+def _believed(robot: RobotConfig, side: str, inputs: Sequence[Inputs], value: Measured) -> Measured:
+    """The value with the battery it was measured at. Raises CalibrationError where it cannot be true."""
+    device = inputs[0].device
+    nominal = counts_scale(robot, side, device) * device.position_counts_seconds
+    factor = value.value / nominal
+    if not 0.5 < factor < 2.0:
+        port = getattr(robot.drive, side)
+        told = "has the wrong sign" if factor < 0.0 else f"is {factor:.2f} times the expected one"
+        raise CalibrationError(
+            f"radians_per_tick of the {side} motor (port {port}) {told}: check distance, its direction and "
+            f"[motor.{port}] inverted"
+        )
+    voltages = [volts for cycle in inputs if (volts := cycle.battery_voltage) is not None]
+    return replace(value, battery_voltage=fmean(voltages) if voltages else None)

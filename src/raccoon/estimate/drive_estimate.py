@@ -1,0 +1,50 @@
+"""What the odometry says: the drive's estimate at a time, and what became of an observation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from raccoon.core.readings import Status
+
+
+@dataclass(frozen=True, slots=True)
+class DriveEstimate:
+    """Pose and motion of the robot at `time`, with one standard deviation each.
+
+    time s · x, y m · heading rad, unwrapped · velocity m/s, forward · turn_rate rad/s · gyro_bias rad/s ·
+    left_speed, right_speed: rad/s of the wheels, without the board's filter lag, for a speed loop ·
+    distance: m, signed integral of the velocity since the start or `reset` ·
+    status and reasons: how far to trust it, and why not further.
+    """
+
+    time: float
+    x: float
+    y: float
+    heading: float
+    velocity: float
+    turn_rate: float
+    gyro_bias: float
+    left_speed: float
+    right_speed: float
+    distance: float
+    x_std: float
+    y_std: float
+    heading_std: float
+    velocity_std: float
+    turn_rate_std: float
+    gyro_bias_std: float
+    status: Status = Status.OK
+    reasons: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """What became of something seen.
+
+    mahalanobis: how many standard deviations it lay from what was expected, all values together.
+    reason: why it was not accepted; empty where it was.
+    """
+
+    accepted: bool
+    mahalanobis: float
+    reason: str = ""

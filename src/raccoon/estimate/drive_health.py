@@ -1,0 +1,94 @@
+"""Is what a sensor says alive? The gyro's watch, and the list of reasons not to trust an estimate."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.readings import Fault, Inputs
+
+GYRO_TIMEOUT = 0.1
+"""s without a gyro reading after which it counts as lost."""
+FULL_SCALE = 34.0
+"""rad/s; the gyros of these robots end at 2000 degrees a second (34.9)."""
+FROZEN_AFTER = 12
+"""Equal readings in a row that a gyro with noise never gives."""
+LIVELY_AFTER = 50
+"""Changes from one reading to the next that show that a gyro has noise."""
+SHOWN_FOR = 0.3
+"""s for which a reason stays after its cause has passed."""
+
+
+class Reasons:
+    """Why an estimate is less than ok; each stays for a moment after it was last told."""
+
+    __slots__ = ("_until", "now")
+
+    def __init__(self) -> None:
+        self._until: dict[str, float] = {}
+        self.now: tuple[str, ...] = ()
+
+    def tell(self, reason: str, time: float, seconds: float = SHOWN_FOR) -> None:
+        """`reason` holds at `time`, and for `seconds` after it."""
+        self._until[reason] = time + seconds
+        if reason not in self.now:
+            self.now = (*self.now, reason)
+
+    def forget(self, time: float) -> None:
+        """Drop what has passed, also where time ran back."""
+        if not self.now:
+            return
+        kept = {
+            reason: until for reason, until in self._until.items() if time <= until <= time + 60.0 + SHOWN_FOR
+        }
+        if len(kept) != len(self._until):
+            self._until = kept
+            self.now = tuple(kept)
+
+
+class GyroWatch:
+    """Judges every gyro reading.
+
+    age: s since a usable reading. repeats: how often the last one came again, exactly.
+    """
+
+    __slots__ = ("_changes", "_last", "age", "frozen", "repeats", "seen")
+
+    def __init__(self) -> None:
+        self._last: tuple[float, float, float] | None = None
+        self._changes = 0
+        self.age = math.inf
+        self.repeats = 0
+        self.seen = False
+        self.frozen = False
+
+    def judge(self, dt: float, inputs: Inputs, reasons: Reasons) -> float | None:
+        """The turn rate of this cycle as the gyro reads it, rad/s; None where there is none to use."""
+        self.age += dt
+        rate = inputs.turn_rate
+        if rate is None:
+            if self.seen and self.age > GYRO_TIMEOUT:
+                reasons.tell("the gyro is silent", inputs.time)
+            return None
+        if not math.isfinite(rate):
+            reasons.tell("the gyro reads no number", inputs.time)
+            return None
+        if abs(rate) >= FULL_SCALE:
+            reasons.tell("the gyro is at full scale", inputs.time)
+            return None
+        if self._repeated(inputs):
+            reasons.tell("the gyro is frozen", inputs.time)
+            return None
+        self.seen = True
+        return rate
+
+    def _repeated(self, inputs: Inputs) -> bool:
+        if inputs.gyro == self._last:
+            self.repeats += 1
+        else:
+            self.repeats = 0
+            self._last = inputs.gyro
+            self._changes += 1
+        announced = bool(inputs.faults) and Fault.IMU_FROZEN in inputs.faults
+        lively = self._changes > LIVELY_AFTER
+        self.frozen = announced or (lively and self.repeats >= FROZEN_AFTER)
+        return self.frozen

@@ -1,0 +1,147 @@
+"""What the sensors said since the filter last moved, judged cycle by cycle and set against each other in
+time.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Fault, Inputs
+from raccoon.estimate.drive_health import GYRO_TIMEOUT, GyroWatch, Reasons
+from raccoon.estimate.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.wheels import WheelDecoder, WheelReading
+
+COARSE_GYRO = 0.008
+"""s between gyro readings above which a turn may begin or end unseen between them."""
+GAP = 0.1
+"""s between cycles that is a gap."""
+
+
+@dataclass(slots=True)
+class Pending:
+    """What was read since the filter last moved: s, wheel angles (rad, nominal), the gyro's turn and time."""
+
+    span: float = 0.0
+    left: float = 0.0
+    right: float = 0.0
+    turn: float = 0.0
+    gyro_span: float = 0.0
+    gyro_count: int = 0
+    gyro_kinks: float = 0.0
+    """(rad/s)^2 by which a rate that did not run straight may be off."""
+
+
+class DriveReadings:
+    """Wheels and gyro of a robot, cycle by cycle.
+
+    imu_latency: s by which the gyro is later than the wheels. pending: what the filter has not taken yet.
+    ahead: s and wheel angles (rad, nominal) that wait for a gyro reading of their time. time: s of the
+    last cycle.
+    rate: rad/s, the gyro's last.
+    """
+
+    def __init__(self, robot: RobotConfig, imu_latency: float) -> None:
+        lag = robot.model.bemf.filter_time_constant.value
+        self.left, self.right = WheelTrack(lag), WheelTrack(lag)
+        self.gyro, self.reasons = GyroWatch(), Reasons()
+        self.rate = 0.0
+        self.time = 0.0
+        self._decoder = WheelDecoder(robot)
+        self._latency = imu_latency
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget what is pending."""
+        self.pending = Pending()
+        self.ahead = [0.0, 0.0, 0.0]
+        self._late: deque[tuple[float, float, float]] = deque()
+
+    def take(self, inputs: Inputs) -> bool:
+        """Take a cycle. True where a gyro reading came, or none is to be expected, so that the filter may
+        move.
+        """
+        reading = self._decoder.decode(inputs)
+        fresh = False
+        if reading.dt > 0.0:
+            self.time = inputs.time
+            self._take_wheels(reading.dt, reading, inputs)
+            fresh = self._take_gyro(reading.dt, inputs) or self.gyro.age > GYRO_TIMEOUT
+        self._complain(reading, inputs)
+        return fresh
+
+    def _take_wheels(self, dt: float, reading: WheelReading, inputs: Inputs) -> None:
+        left, right = self.left, self.right
+        if inputs.faults and Fault.STALE in inputs.faults:
+            # A repeated frame says nothing; a counter that moved all the same does.
+            left.update(dt, None, reading.left_angle or None)
+            right.update(dt, None, reading.right_angle or None)
+        else:
+            left.update(dt, reading.left_speed, reading.left_angle)
+            right.update(dt, reading.right_speed, reading.right_angle)
+        latency = self._latency
+        if latency > 0.0:
+            self._take_late(dt, latency)
+            return
+        pending = self.pending
+        pending.span += dt
+        pending.left += left.increment
+        pending.right += right.increment
+
+    def _take_late(self, dt: float, latency: float) -> None:
+        """Let the wheels wait until the gyro, which is late, tells of the same time."""
+        late, ahead, pending = self._late, self.ahead, self.pending
+        late.append((dt, self.left.increment, self.right.increment))
+        for place, value in enumerate(late[-1]):
+            ahead[place] += value
+        while late and ahead[0] - 0.5 * late[0][0] > latency:
+            span, left, right = late.popleft()
+            pending.span += span
+            pending.left += left
+            pending.right += right
+            ahead[0] -= span
+            ahead[1] -= left
+            ahead[2] -= right
+
+    def _take_gyro(self, dt: float, inputs: Inputs) -> bool:
+        """True where there is a new reading; between two of them the rate runs straight."""
+        watch = self.gyro
+        rate = watch.judge(dt, inputs, self.reasons)
+        if rate is None:
+            return False
+        pending = self.pending
+        before = rate if watch.age > GYRO_TIMEOUT else self.rate
+        age = min(watch.age, pending.span)
+        pending.turn += 0.5 * (before + rate) * age
+        pending.gyro_span += age
+        pending.gyro_count += 1
+        if age > COARSE_GYRO:
+            pending.gyro_kinks += (0.15 * (rate - before)) ** 2
+        self.rate = rate
+        watch.age = 0.0
+        return True
+
+    def _complain(self, reading: WheelReading, inputs: Inputs) -> None:
+        """Tell what is wrong with this cycle."""
+        tell, time, reasons = self.reasons.tell, self.time, self.reasons
+        reasons.forget(time)
+        if reading.dt <= 0.0 and inputs.time <= time != 0.0:
+            tell("time stands still or runs back", time)
+        if reading.dt > GAP:
+            tell(f"{reading.dt:.2f} s between two cycles", time, 0.5)
+        if reading.not_a_number:
+            tell("a wheel reads no number", time)
+        for side, jumped, wheel in (
+            ("left", reading.left_jumped, self.left),
+            ("right", reading.right_jumped, self.right),
+        ):
+            if jumped:
+                tell(f"the {side} counter jumped", time)
+            if wheel.silent > HOLD:
+                tell(f"the {side} wheel is silent", time)
+            if wheel.stuck:
+                tell(f"the {side} {wheel.stuck} does not move", time)
+        if inputs.faults:
+            for fault in inputs.faults:
+                tell(f"port: {fault.value}", time)

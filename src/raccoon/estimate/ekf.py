@@ -1,0 +1,191 @@
+"""The drive filter: an extended Kalman filter whose every-cycle algebra is unrolled.
+
+`DriveFilter` holds a `filterpy.kalman.ExtendedKalmanFilter`. What comes every cycle (predict, wheels,
+gyro, standing still) runs in `ekf_generated`, which does filterpy's arithmetic without its arrays; what
+comes now and then (a wall, a line, a known pose, a taped distance) goes through filterpy itself, with the
+full covariance and its Joseph form. `ekf_reference` does everything with stock filterpy: what the
+generated code is held to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from raccoon.estimate import ekf_generated as generated
+from raccoon.estimate.drive_model import Array
+from raccoon.estimate.drive_state import SIZE, State
+from raccoon.estimate.ekf_generated import Flat
+from raccoon.model.drive import DriveGeometry
+
+_ROWS, _COLUMNS = np.triu_indices(SIZE)
+
+
+def flattened(mean: Array, covariance: Array) -> Flat:
+    """State and upper triangle of the covariance as the generated code keeps them."""
+    return (*map(float, mean), *map(float, covariance[_ROWS, _COLUMNS]))
+
+
+def mean_of(flat: Flat) -> Array:
+    """The state vector, (12,)."""
+    return np.array(flat[:SIZE])
+
+
+def covariance_of(flat: Flat) -> Array:
+    """The covariance, (12, 12), symmetric."""
+    P = np.zeros((SIZE, SIZE))
+    P[_ROWS, _COLUMNS] = flat[SIZE:]
+    P[_COLUMNS, _ROWS] = flat[SIZE:]
+    return P
+
+
+def variance_index(state: State) -> int:
+    """Where the variance of a state stands in the flat state."""
+    row = int(state)
+    return SIZE + row * SIZE - row * (row - 1) // 2
+
+
+class ProcessNoise:
+    """Variances a second that the state wanders with; calling it with dt gives the arguments of `predict`."""
+
+    __slots__ = ("_gyro_bias", "_offset", "_scale", "_turn_rate", "_velocity")
+
+    def __init__(
+        self, velocity: float, turn_rate: float, gyro_bias: float, offset: float, scale: float
+    ) -> None:
+        self._velocity = velocity
+        self._turn_rate = turn_rate
+        self._gyro_bias = gyro_bias
+        self._offset = offset
+        self._scale = scale
+
+    def __call__(self, dt: float) -> tuple[float, float, float, float, float]:
+        return (
+            self._velocity * dt,
+            self._turn_rate * dt,
+            self._gyro_bias * dt,
+            self._offset * dt,
+            self._scale * dt,
+        )
+
+
+def filterpy_filter(mean: Array, covariance: Array, measurements: int) -> Any:
+    """A stock filterpy EKF with this belief. Imports filterpy (2 s)."""
+    from filterpy.kalman import ExtendedKalmanFilter
+
+    ekf = ExtendedKalmanFilter(dim_x=SIZE, dim_z=measurements)
+    ekf.x, ekf.P = mean.copy(), covariance.copy()
+    return ekf
+
+
+class DriveFilter:
+    """Belief about the drive, moved on by one call a cycle.
+
+    `flat` is an immutable value: keeping it is a snapshot, setting it goes back.
+    """
+
+    __slots__ = ("_ekf", "_half_track", "_noise", "_radius", "flat", "geometry")
+
+    def __init__(self, mean: Array, covariance: Array, geometry: DriveGeometry, noise: ProcessNoise) -> None:
+        if mean.shape != (SIZE,) or covariance.shape != (SIZE, SIZE):
+            raise ValueError(f"shapes {mean.shape}, {covariance.shape}: ({SIZE},), ({SIZE}, {SIZE}) needed")
+        self._ekf = filterpy_filter(mean, covariance, 1)
+        self.flat = flattened(mean, covariance)
+        self.geometry = geometry
+        self._noise = noise
+        self._radius = geometry.wheel_radius
+        self._half_track = 0.5 * geometry.track_width
+
+    def predict(self, dt: float) -> None:
+        """Move on by dt s with nothing read."""
+        self.flat, _ = generated.predict(self.flat, dt, *self._noise(dt))
+
+    def step(
+        self,
+        dt: float,
+        read: tuple[float, float, float],
+        variances: tuple[float, float, float],
+        turning: tuple[float, float],
+    ) -> Flat:
+        """Move on by dt s and take left wheel, right wheel (rad/s, nominal scale) and gyro (rad/s): means
+        over dt.
+
+        turning: rad/s, how fast each wheel turns, averaged; it says how far a scale can be seen.
+        Gives innovation and its variance of left, right, gyro in turn, each after those before it.
+        """
+        left, right, gyro = read
+        v = variances
+        noise = self._noise(dt)
+        self.flat, innovations = generated.step(
+            self.flat,
+            dt,
+            *noise,
+            left,
+            v[0],
+            right,
+            v[1],
+            gyro,
+            v[2],
+            *turning,
+            self._radius,
+            self._half_track,
+        )
+        return innovations
+
+    def step_wheels(
+        self,
+        dt: float,
+        read: tuple[float, float],
+        variances: tuple[float, float],
+        turning: tuple[float, float],
+    ) -> Flat:
+        """Move on by dt s and take both wheels; there is no gyro reading."""
+        left, right = read
+        v = variances
+        self.flat, innovations = generated.step_wheels(
+            self.flat, dt, *self._noise(dt), left, v[0], right, v[1], *turning, self._radius, self._half_track
+        )
+        return innovations
+
+    def update_gyro(self, gyro: float, variance: float) -> Flat:
+        """Take a gyro reading alone."""
+        self.flat, innovations = generated.update_gyro(self.flat, gyro, variance)
+        return innovations
+
+    def still(self, velocity_variance: float, turn_rate_variance: float) -> None:
+        """Take it that the robot does not move."""
+        self.flat, _ = generated.update_still(self.flat, 0.0, velocity_variance, 0.0, turn_rate_variance)
+
+    def observe(
+        self,
+        measured: Array,
+        expected: Callable[[Array], Array],
+        jacobian: Callable[[Array], Array],
+        noise: Array,
+        residual: Callable[[Array, Array], Array] = np.subtract,
+    ) -> float:
+        """Take an observation of (m,) values with filterpy; gives its Mahalanobis distance."""
+        ekf = self._ekf
+        ekf.x, ekf.P = mean_of(self.flat), covariance_of(self.flat)
+        ekf.dim_z = len(measured)
+        ekf.update(measured, jacobian, expected, R=noise, residual=residual)
+        self.flat = flattened(ekf.x, 0.5 * (ekf.P + ekf.P.T))
+        return float(ekf.mahalanobis)
+
+    def place(self, x: float, y: float, heading: float, std: float) -> None:
+        """Take the pose to be known (m, m, rad; std in m and rad); nothing else changes."""
+        mean, P = mean_of(self.flat), covariance_of(self.flat)
+        pose = [State.X, State.Y, State.HEADING]
+        mean[pose] = x, y, heading
+        P[pose, :] = P[:, pose] = 0.0
+        P[pose, pose] = std**2
+        self.flat = flattened(mean, P)
+
+    def widen(self, states: tuple[State, ...], std: float) -> None:
+        """Add this deviation to what is not known of some states."""
+        flat = list(self.flat)
+        for state in states:
+            flat[variance_index(state)] += std**2
+        self.flat = tuple(flat)

@@ -1,0 +1,97 @@
+"""The drive filter with stock filterpy throughout: the reference that the generated code must equal, and
+the clock it is measured against. Tests and benchmarks use it; the robot uses `ekf.DriveFilter`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raccoon.estimate import drive_model
+from raccoon.estimate.drive_model import Array
+from raccoon.estimate.drive_state import State
+from raccoon.estimate.ekf import ProcessNoise, filterpy_filter, flattened
+from raccoon.estimate.ekf_generated import Flat
+from raccoon.model.drive import DriveGeometry
+
+_WANDERING = (
+    State.VELOCITY,
+    State.TURN_RATE,
+    State.GYRO_BIAS,
+    State.LEFT_OFFSET,
+    State.RIGHT_OFFSET,
+    State.LEFT_SCALE,
+    State.RIGHT_SCALE,
+)
+
+
+class ReferenceFilter:
+    """`DriveFilter`'s every-cycle calls, by filterpy's own `predict` and `update`."""
+
+    def __init__(self, mean: Array, covariance: Array, geometry: DriveGeometry, noise: ProcessNoise) -> None:
+        self.geometry = geometry
+        self._noise = noise
+        self._ekf: Any = filterpy_filter(mean, covariance, 3)
+        self._dt = 0.0
+        self._ekf.predict_x = self._predict_state
+
+    @property
+    def flat(self) -> Flat:
+        """The belief in the form `DriveFilter` keeps."""
+        return flattened(self._ekf.x, self._ekf.P)
+
+    def predict(self, dt: float) -> None:
+        """Move on by dt s: P = F P F' + F Q F', as motion happens after the velocities have changed."""
+        ekf = self._ekf
+        velocity, turn_rate, gyro_bias, offset, scale = self._noise(dt)
+        Q = np.zeros_like(ekf.P)
+        Q[_WANDERING, _WANDERING] = (velocity, turn_rate, gyro_bias, offset, offset, scale, scale)
+        ekf.F = drive_model.motion_jacobian(ekf.x, dt)
+        ekf.Q = ekf.F @ Q @ ekf.F.T
+        self._dt = dt
+        ekf.predict()
+
+    def step(
+        self,
+        dt: float,
+        read: tuple[float, float, float],
+        variances: tuple[float, float, float],
+        turning: tuple[float, float],
+    ) -> None:
+        """Move on and take wheels and gyro."""
+        self.predict(dt)
+        self._update(np.array(read), np.array(variances), slice(0, 3), turning)
+
+    def step_wheels(
+        self,
+        dt: float,
+        read: tuple[float, float],
+        variances: tuple[float, float],
+        turning: tuple[float, float],
+    ) -> None:
+        """Move on and take the wheels."""
+        self.predict(dt)
+        self._update(np.array(read), np.array(variances), slice(0, 2), turning)
+
+    def update_gyro(self, gyro: float, variance: float) -> None:
+        """Take a gyro reading alone."""
+        self._update(np.array([gyro]), np.array([variance]), slice(2, 3), (0.0, 0.0))
+
+    def still(self, velocity_variance: float, turn_rate_variance: float) -> None:
+        """Take it that the robot does not move."""
+        H = np.zeros((2, len(self._ekf.x)))
+        H[0, State.VELOCITY] = H[1, State.TURN_RATE] = 1.0
+        R = np.diag([velocity_variance, turn_rate_variance])
+        self._ekf.update(np.zeros(2), lambda _: H, lambda x: H @ x, R=R)
+
+    def _predict_state(self, _: object = 0) -> None:
+        self._ekf.x = drive_model.moved(self._ekf.x, self._dt)
+
+    def _update(self, measured: Array, variances: Array, rows: slice, turning: tuple[float, float]) -> None:
+        geometry = self.geometry
+        self._ekf.update(
+            measured,
+            lambda x: drive_model.readings_jacobian(x, geometry, turning)[rows],
+            lambda x: drive_model.readings(x, geometry)[rows],
+            R=np.diag(variances),
+        )

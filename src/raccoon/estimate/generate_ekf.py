@@ -1,0 +1,225 @@
+"""Write `ekf_generated.py`: the drive filter's algebra, unrolled (run once at development time; needs SymPy).
+
+    python -m raccoon.estimate.generate_ekf
+
+The model is written below as one would on paper; SymPy differentiates it, and the products of sparse,
+symmetric matrices are written out term by term. `tests/unit/estimate/test_ekf.py` holds the result to
+filterpy and the checked-in file to this generator.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import sympy as sp
+
+from raccoon.estimate.drive_state import SIZE, State
+
+NAMES = [state.name.lower() for state in State]
+SYMBOLS = {state: sp.Symbol(state.name.lower()) for state in State}
+DT, RADIUS, HALF_TRACK = sp.symbols("dt radius half_track")
+PROCESS_NOISE = {
+    State.VELOCITY: "q_velocity",
+    State.TURN_RATE: "q_turn_rate",
+    State.GYRO_BIAS: "q_gyro_bias",
+    State.LEFT_OFFSET: "q_offset",
+    State.RIGHT_OFFSET: "q_offset",
+    State.LEFT_SCALE: "q_scale",
+    State.RIGHT_SCALE: "q_scale",
+}
+SCALE_SLOPES = {("left", State.LEFT_SCALE): "left_turning", ("right", State.RIGHT_SCALE): "right_turning"}
+"""A wheel's reading moves with its scale by how fast it turns. That speed is handed in, averaged:
+with the newest one, its noise times itself leaks into scales that nothing measures."""
+TARGET = Path(__file__).with_name("ekf_generated.py")
+
+
+def motion() -> dict[State, Any]:
+    """Pose after dt at constant velocity and turn rate: the chord of the arc, at its middle heading."""
+    middle = SYMBOLS[State.HEADING] + SYMBOLS[State.TURN_RATE] * DT / 2
+    return {
+        State.X: SYMBOLS[State.X] + SYMBOLS[State.VELOCITY] * DT * sp.cos(middle),
+        State.Y: SYMBOLS[State.Y] + SYMBOLS[State.VELOCITY] * DT * sp.sin(middle),
+        State.HEADING: SYMBOLS[State.HEADING] + SYMBOLS[State.TURN_RATE] * DT,
+    }
+
+
+def measurements() -> dict[str, Any]:
+    """What each sensor reads: scale times what happens, plus what it reads at rest."""
+    s = SYMBOLS
+    side = s[State.TURN_RATE] * HALF_TRACK * s[State.TRACK_SCALE]
+    return {
+        "left": s[State.LEFT_SCALE] * (s[State.VELOCITY] - side) / RADIUS + s[State.LEFT_OFFSET],
+        "right": s[State.RIGHT_SCALE] * (s[State.VELOCITY] + side) / RADIUS + s[State.RIGHT_OFFSET],
+        "gyro": s[State.GYRO_SCALE] * s[State.TURN_RATE] + s[State.GYRO_BIAS],
+        "velocity": s[State.VELOCITY],
+        "turn_rate": s[State.TURN_RATE],
+    }
+
+
+def cov(i: int, j: int) -> str:
+    """Name of an entry of the symmetric covariance."""
+    return f"p{min(i, j)}_{max(i, j)}"
+
+
+def code(expression: Any) -> str:
+    """One expression as Python."""
+    return str(sp.pycode(expression)).replace("math.", "")
+
+
+def term(factor: Any, name: str) -> str:
+    """factor * name, without a factor of 1."""
+    return name if factor == "1" else f"{factor} * {name}"
+
+
+def predict_lines() -> list[str]:
+    """State and covariance after dt: P = F (P + Q) F'."""
+    lines = [f"{cov(state, state)} += {name}" for state, name in PROCESS_NOISE.items()]
+    lines += [
+        "middle = heading + 0.5 * dt * turn_rate",
+        "along_x = dt * cos(middle)",
+        "along_y = dt * sin(middle)",
+    ]
+    moved = motion()
+    jacobian: dict[int, dict[int, str]] = {}
+    middle = SYMBOLS[State.HEADING] + SYMBOLS[State.TURN_RATE] * DT / 2
+    short = {DT * sp.cos(middle): sp.Symbol("along_x"), DT * sp.sin(middle): sp.Symbol("along_y")}
+    for row, expression in moved.items():
+        jacobian[row] = {}
+        for column, symbol in SYMBOLS.items():
+            slope = sp.diff(expression, symbol)
+            if row != column and slope != 0:
+                name = f"f{int(row)}_{int(column)}"
+                lines.append(f"{name} = {code(slope.subs(short))}")
+                jacobian[row][column] = name
+    rows = list(moved)
+    for row in rows:
+        for j in (each for each in range(SIZE) if each not in rows or each >= row):
+            parts = [cov(row, j)] + [term(f, cov(k, j)) for k, f in jacobian[row].items()]
+            lines.append(f"b{int(row)}_{j} = {' + '.join(parts)}")
+    for row in rows:
+        for j in range(SIZE):
+            if j not in rows:
+                lines.append(f"{cov(row, j)} = b{int(row)}_{j}")
+    for place, row in enumerate(rows):
+        for column in rows[place:]:
+            parts = [f"b{int(row)}_{int(column)}"]
+            parts += [term(f, f"b{int(row)}_{int(k)}") for k, f in jacobian[column].items()]
+            lines.append(f"{cov(row, column)} = {' + '.join(parts)}")
+    lines += ["x += velocity * along_x", "y += velocity * along_y", "heading += dt * turn_rate"]
+    return lines
+
+
+def linearise_lines(sensors: Sequence[str]) -> list[str]:
+    """Innovation and Jacobian of every measurement of the step, all at the predicted state."""
+    lines = ["inverse_radius = 1.0 / radius"] if {"left", "right"} & set(sensors) else []
+    for sensor in sensors:
+        expression = measurements()[sensor]
+        inverse = expression.subs(1 / RADIUS, sp.Symbol("inverse_radius"))
+        lines.append(f"y_{sensor} = z_{sensor} - ({code(inverse)})")
+        for symbol in slopes(sensor):
+            slope = sp.diff(inverse, SYMBOLS[symbol])
+            if slope != 1 and (sensor, symbol) not in SCALE_SLOPES:
+                lines.append(f"h_{sensor}_{int(symbol)} = {code(slope)}")
+    return lines
+
+
+def slopes(sensor: str) -> dict[State, str]:
+    """The states a sensor depends on and the name of the derivative."""
+    expression = measurements()[sensor]
+    found = {}
+    for state, symbol in SYMBOLS.items():
+        slope = sp.diff(expression, symbol)
+        if slope != 0:
+            name = SCALE_SLOPES.get((sensor, state), f"h_{sensor}_{int(state)}")
+            found[state] = "1" if slope == 1 else name
+    return found
+
+
+def update_lines(sensor: str, first: bool) -> list[str]:
+    """One scalar update. The innovation follows what earlier updates of this step already moved.
+
+    P - K g' with g = P H' = K S is what Joseph's form (I - K H) P (I - K H)' + K R K' multiplies out to
+    for this K; written on the upper triangle it cannot lose symmetry.
+    """
+    h = slopes(sensor)
+    lines = []
+    for i in range(SIZE):
+        lines.append(f"g{i} = {' + '.join(term(f, cov(i, k)) for k, f in h.items())}")
+    lines.append(f"s_{sensor} = {' + '.join(term(f, f'g{int(k)}') for k, f in h.items())} + r_{sensor}")
+    if not first:
+        lines.append(f"y_{sensor} -= {' + '.join(term(f, f'd{int(k)}') for k, f in h.items())}")
+    lines.append(f"w = 1.0 / s_{sensor}")
+    lines += [f"k{i} = g{i} * w" for i in range(SIZE)]
+    if first:
+        lines += [f"d{i} = k{i} * y_{sensor}" for i in range(SIZE)]
+    else:
+        lines += [f"d{i} += k{i} * y_{sensor}" for i in range(SIZE)]
+    lines += [f"{cov(i, j)} -= k{i} * g{j}" for i in range(SIZE) for j in range(i, SIZE)]
+    return lines
+
+
+def function(name: str, sensors: Sequence[str], predict: bool, doc: str) -> str:
+    """Source of one function over the flat state."""
+    flat = NAMES + [cov(i, j) for i in range(SIZE) for j in range(i, SIZE)]
+    parameters = ["state: Flat"]
+    if predict:
+        parameters.append("dt: float")
+        parameters += [f"{q}: float" for q in dict.fromkeys(PROCESS_NOISE.values())]
+    for sensor in sensors:
+        parameters += [f"z_{sensor}: float", f"r_{sensor}: float"]
+    if {"left", "right"} & set(sensors):
+        parameters += [f"{each}: float" for each in (*SCALE_SLOPES.values(), "radius", "half_track")]
+    body = [f"({', '.join(flat)},) = state"]
+    if predict:
+        body += predict_lines()
+    body += linearise_lines(sensors)
+    for number, sensor in enumerate(sensors):
+        body += update_lines(sensor, number == 0)
+    if sensors:
+        body += [f"{each} += d{i}" for i, each in enumerate(NAMES)]
+    innovations = ", ".join(f"y_{sensor}, s_{sensor}" for sensor in sensors)
+    body.append(f"return ({', '.join(flat)}), ({innovations}{',' if innovations else ''})")
+    head = [f"def {name}(", *fill(", ".join(parameters)), ") -> tuple[Flat, Flat]:"]
+    lines = [*head, f'    """{doc}"""']
+    return "\n".join(lines + [wrapped for line in body for wrapped in fill(line)])
+
+
+def fill(line: str) -> list[str]:
+    """One statement, broken where it is too long."""
+    return textwrap.wrap(line, 108, initial_indent="    ", subsequent_indent="        ")
+
+
+HEADER = '''"""The drive filter's predict and update, unrolled. Written by `generate_ekf.py`: edit the
+model there.
+
+Each function takes and gives the flat state: the named states of `drive_state.State`, then the upper
+triangle of their covariance by rows. A function that updates also gives (innovation, variance of it) of
+each measurement.
+"""
+
+from __future__ import annotations
+
+from math import cos, sin
+
+# fmt: off
+Flat = tuple[float, ...]
+'''
+
+
+def source() -> str:
+    """The whole generated module."""
+    functions = [
+        function("predict", [], True, "Move on by dt."),
+        function("step", ["left", "right", "gyro"], True, "Move on by dt; both wheels and the gyro read."),
+        function("step_wheels", ["left", "right"], True, "Move on by dt; both wheels read, no gyro."),
+        function("update_gyro", ["gyro"], False, "The gyro reads."),
+        function("update_still", ["velocity", "turn_rate"], False, "The robot stands still."),
+    ]
+    return HEADER + "\n\n" + "\n\n\n".join(functions) + "\n"
+
+
+if __name__ == "__main__":
+    TARGET.write_text(source(), encoding="utf-8")

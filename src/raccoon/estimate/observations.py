@@ -1,0 +1,145 @@
+"""Things seen in the field, as measurements of the pose: known pose, heading along a wall, crossing of a
+line.
+
+Each is what would be measured at a pose (x, y, heading) and how that changes with the pose, (m, 3).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from raccoon.estimate.drive_model import Array
+from raccoon.estimate.drive_state import SIZE, State
+from raccoon.model.angles import difference
+
+# 99.9 % of a chi-squared distribution with 1, 2, 3 degrees of freedom: square roots.
+GATES = {1: 3.291, 2: 3.717, 3: 4.033}
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """A measurement of the pose.
+
+    measured: (m,). expected, jacobian: functions of the pose. std: (m,). angle: row that is an angle, or
+    None.
+    """
+
+    measured: Array
+    expected: Callable[[Array], Array]
+    jacobian: Callable[[Array], Array]
+    std: Array
+    angle: int | None = None
+
+    @property
+    def gate(self) -> float:
+        """Mahalanobis distance above which it is not believed: one true observation in 1000 lies beyond."""
+        return GATES[len(self.measured)]
+
+    def residual(self, measured: Array, expected: Array) -> Array:
+        """measured - expected, an angle the short way round."""
+        result: Array = measured - expected
+        if self.angle is not None:
+            result[self.angle] = difference(float(measured[self.angle]), float(expected[self.angle]))
+        return result
+
+
+def checked(std: float, *values: float) -> None:
+    """Raise ValueError for a value that is not finite or a deviation that is not above 0."""
+    if not (math.isfinite(std) and std > 0.0):
+        raise ValueError(f"std is {std}: it must be above 0")
+    if not all(math.isfinite(value) for value in values):
+        raise ValueError(f"observed values {values}: every one must be finite")
+
+
+def pose_seen(x: float, y: float, heading: float, position_std: float, heading_std: float) -> Seen:
+    """A known pose: m, m, rad."""
+    checked(position_std, x, y, heading)
+    checked(heading_std)
+    return Seen(
+        np.array([x, y, heading]),
+        lambda pose: pose.copy(),
+        lambda _: np.eye(3),
+        np.array([position_std, position_std, heading_std]),
+        angle=2,
+    )
+
+
+def heading_seen(heading: float, std: float) -> Seen:
+    """A known heading, rad: the robot stands along a wall."""
+    checked(std, heading)
+    return Seen(
+        np.array([heading]),
+        lambda pose: pose[2:3].copy(),
+        lambda _: np.array([[0.0, 0.0, 1.0]]),
+        np.array([std]),
+        angle=0,
+    )
+
+
+def line_seen(point: tuple[float, float], direction: float, sensor: tuple[float, float], std: float) -> Seen:
+    """A sensor (m ahead, m to the left of the robot's origin) is on the line through `point` along
+    `direction` rad.
+
+    Measured is the sensor's distance from the line, to the left of its direction: 0.
+    """
+    checked(std, *point, direction, *sensor)
+    normal = np.array([-math.sin(direction), math.cos(direction)])
+    ahead, left = sensor
+
+    def expected(pose: Array) -> Array:
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        place = np.array([pose[0] + ahead * c - left * s, pose[1] + ahead * s + left * c])
+        return np.array([normal @ (place - np.array(point))])
+
+    def jacobian(pose: Array) -> Array:
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        turned = np.array([-ahead * s - left * c, ahead * c - left * s])
+        return np.array([[normal[0], normal[1], normal @ turned]])
+
+    return Seen(np.zeros(1), expected, jacobian, np.array([std]))
+
+
+def of_state(seen: Seen, shift: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
+    """The measurement as functions of the filter's state, (12,), whose pose is `shift` (3,) behind."""
+
+    def expected(state: Array) -> Array:
+        return seen.expected(state[: State.VELOCITY] + shift)
+
+    def jacobian(state: Array) -> Array:
+        H = np.zeros((len(seen.measured), SIZE))
+        H[:, : State.VELOCITY] = seen.jacobian(state[: State.VELOCITY] + shift)
+        return H
+
+    return expected, jacobian
+
+
+@dataclass(slots=True)
+class Way:
+    """What the wheels turned since a mark: rad at nominal scale, and s."""
+
+    left: float = 0.0
+    right: float = 0.0
+    seconds: float = 0.0
+
+    def expected(self, state: Array, radius: float) -> Array:
+        """Way of the robot's middle, m, (1,)."""
+        left = (self.left - state[State.LEFT_OFFSET] * self.seconds) / state[State.LEFT_SCALE]
+        right = (self.right - state[State.RIGHT_OFFSET] * self.seconds) / state[State.RIGHT_SCALE]
+        return np.array([0.5 * radius * (left + right)])
+
+    def jacobian(self, state: Array, radius: float) -> Array:
+        """Its derivative by the state, (1, 12)."""
+        H = np.zeros((1, SIZE))
+        wheels = (
+            (self.left, State.LEFT_OFFSET, State.LEFT_SCALE),
+            (self.right, State.RIGHT_OFFSET, State.RIGHT_SCALE),
+        )
+        for turned, offset, scale in wheels:
+            way = 0.5 * radius * (turned - state[offset] * self.seconds) / state[scale]
+            H[0, scale] = -way / state[scale]
+            H[0, offset] = -0.5 * radius * self.seconds / state[scale]
+        return H

@@ -1,0 +1,309 @@
+"""Where the robot is, how it moves, and how well both are known: wheels and gyro in one filter.
+
+Once a cycle `Odometry.update` turns raw words into wheel angles and a turn rate, moves the drive filter on
+to the newest gyro reading and gives a `DriveEstimate`. The pose is in the field frame, heading unwrapped
+(docs/quantities.md); docs/odometry.md derives the filter and shows what it reaches.
+"""
+
+from __future__ import annotations
+
+import math
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs, Status
+from raccoon.estimate.drive_estimate import DriveEstimate, Observation
+from raccoon.estimate.drive_fusion import Fusion
+from raccoon.estimate.drive_health import GYRO_TIMEOUT
+from raccoon.estimate.drive_prior import prior, process_noise
+from raccoon.estimate.drive_readings import GAP, DriveReadings, Pending
+from raccoon.estimate.drive_state import OdometrySettings, State
+from raccoon.estimate.ekf import DriveFilter, covariance_of, variance_index
+from raccoon.estimate.observations import Seen, Way, heading_seen, line_seen, pose_seen
+from raccoon.estimate.slip import BumpWatch
+from raccoon.estimate.standstill import Standstill
+from raccoon.estimate.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.wheels import counts_scale
+from raccoon.model.drive import DriveGeometry, arc_end
+
+__all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
+
+DEFAULTS = OdometrySettings()
+STEP = 0.0175
+"""s; the filter moves on with the first gyro reading after it (every 20 ms at 50 and at 200 Hz)."""
+SAMPLE_TIME = 0.005
+"""s of a back-EMF sample; readings are independent from one to the next."""
+UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
+UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
+"""m, standard deviation of the position."""
+SILENT_WHEEL = 50.0
+"""(rad/s)^2 over one second, variance of a wheel that gives no reading: it may turn at any speed."""
+BLIND_AFTER = 0.5
+"""s without any wheel reading after which the pose is not to be used."""
+
+_VAR = {state: variance_index(state) for state in State}
+_VX, _VY, _VH = _VAR[State.X], _VAR[State.Y], _VAR[State.HEADING]
+_VV, _VW, _VB = _VAR[State.VELOCITY], _VAR[State.TURN_RATE], _VAR[State.GYRO_BIAS]
+_VOL, _VOR = _VAR[State.LEFT_OFFSET], _VAR[State.RIGHT_OFFSET]
+
+
+class Odometry:
+    """Estimator of a two-wheel drive. Feed it every cycle.
+
+    Makes its filterpy filter at construction (which imports filterpy: a second or two), never in a cycle.
+    Raises ConfigError for settings or a geometry that make no sense.
+    """
+
+    def __init__(
+        self,
+        robot: RobotConfig,
+        *,
+        x: float = 0.0,
+        y: float = 0.0,
+        heading: float = 0.0,
+        settings: OdometrySettings = DEFAULTS,
+    ) -> None:
+        self._robot = robot
+        self._settings = settings
+        self._geometry = DriveGeometry.from_robot(robot)
+        self._ports = (robot.drive.left, robot.drive.right)
+        self._readings = DriveReadings(robot, settings.imu_latency)
+        self._left, self._right = self._readings.left, self._readings.right
+        self._gyro, self._reasons = self._readings.gyro, self._readings.reasons
+        self._standstill, self._bump = Standstill(), BumpWatch()
+        self._configure(SIMULATOR)
+        self.reset(x, y, heading)
+
+    @property
+    def estimate(self) -> DriveEstimate:
+        """The newest estimate."""
+        return self._estimate
+
+    @property
+    def pose_covariance(self) -> NDArray[np.float64]:
+        """Covariance of x, y (m) and heading (rad), (3, 3).
+
+        That of the filter's last step (at most 20 ms ago), and what the robot moves in the time by which its
+        readings may be early or late.
+        """
+        here, P = self._estimate, covariance_of(self._fusion.drive.flat)[: State.VELOCITY, : State.VELOCITY]
+        along, turned = self._settings.timing * here.velocity, self._settings.timing * here.turn_rate
+        moved = np.array([along * math.cos(here.heading), along * math.sin(here.heading), turned])
+        found: NDArray[np.float64] = P + np.outer(moved, moved)
+        return found
+
+    def reset(self, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
+        """Take the robot to be at this pose (m, m, rad), exactly; what is known of scales and offsets stays.
+
+        Raises ValueError for a value that is not finite.
+        """
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)):
+            raise ValueError(f"pose ({x}, {y}, {heading}): every value must be finite")
+        self._fusion.place(x, y, heading)
+        self._readings.clear()
+        self._estimate = self._published()
+
+    def update(self, inputs: Inputs, command: Outputs = STOP) -> DriveEstimate:
+        """Take the cycle `inputs`, read while `command` was in force, and give the estimate at its time.
+
+        Never raises for what a sensor says; see `DriveEstimate.reasons`.
+        """
+        if inputs.device is not self._device:
+            self._configure(inputs.device)
+        if self._readings.take(inputs) and self._readings.pending.span > STEP:
+            self._advance(command, inputs)
+        self._estimate = self._published()
+        return self._estimate
+
+    def observe_pose(
+        self,
+        x: float,
+        y: float,
+        heading: float,
+        *,
+        position_std: float,
+        heading_std: float,
+        time: float | None = None,
+    ) -> Observation:
+        """The robot was seen at a pose (m, m, rad), at `time` (None: now).
+
+        A heading counts modulo a turn. Not believed (and not used) where it lies beyond the 99.9 % that
+        the present
+        uncertainty allows: after a kidnapping use `reset`. Raises ValueError for values that are not
+        finite or a deviation that is not above 0.
+        """
+        return self._observe(pose_seen(x, y, heading, position_std, heading_std), time)
+
+    def observe_heading(self, heading: float, std: float, *, time: float | None = None) -> Observation:
+        """The robot was seen heading this way, rad: aligned to a wall. Otherwise as `observe_pose`."""
+        return self._observe(heading_seen(heading, std), time)
+
+    def observe_line(
+        self,
+        point: tuple[float, float],
+        direction: float,
+        *,
+        sensor: tuple[float, float],
+        std: float,
+        time: float | None = None,
+    ) -> Observation:
+        """A sensor crossed the line through `point` (m) along `direction` (rad).
+
+        sensor: m ahead and m to the left of the robot's origin. std: m. Otherwise as `observe_pose`.
+        """
+        return self._observe(line_seen(point, direction, sensor, std), time)
+
+    def mark(self) -> None:
+        """Begin the way that `observe_distance` measures here; `reset` does so too."""
+        self._fusion.way = Way()
+
+    def observe_distance(self, distance: float, std: float) -> Observation:
+        """The robot went `distance` m (negative: back) since the mark, by tape; it stands now.
+
+        Tells the wheels' scales, and through them corrects the pose. Otherwise as `observe_pose`.
+        """
+        found = self._fusion.observe_way(distance, std)
+        self._estimate = self._published()
+        return found
+
+    def _observe(self, seen: Seen, time: float | None) -> Observation:
+        if time is not None and not self._readings.time - 10.0 <= time <= self._readings.time:
+            return Observation(
+                False, math.nan, f"seen at {time} s: allowed are the 2 s before {self._readings.time} s"
+            )
+        flat = self._fusion.drive.flat
+        here = self._estimate
+        shift = np.array([here.x - flat[State.X], here.y - flat[State.Y], here.heading - flat[State.HEADING]])
+        found = self._fusion.observe(seen, shift, time)
+        self._estimate = self._published()
+        return found
+
+    def _configure(self, device: Device) -> None:
+        """Scale of the words of this device; a new one starts the filter anew, where the old one stood."""
+        self._device = device
+        per_count = counts_scale(self._robot, "left", device)
+        self._tick = per_count * device.position_counts_seconds
+        self._bemf_variance = (self._settings.bemf_noise_counts * per_count) ** 2 * SAMPLE_TIME
+        mean, covariance = prior(self._robot, self._settings, device)
+        drive = DriveFilter(
+            mean, covariance, self._geometry, process_noise(self._robot, self._settings, per_count)
+        )
+        old = getattr(self, "_fusion", None)
+        self._fusion = Fusion(drive, self._settings)
+        if old is not None:
+            x, y, heading = old.drive.flat[: State.VELOCITY]
+            self._fusion.place(x, y, heading)
+
+    def _advance(self, command: Outputs, inputs: Inputs) -> None:
+        """Move the filter to now over the whole time since it last moved."""
+        pending, self._readings.pending = self._readings.pending, Pending()
+        span = pending.span
+        read: tuple[float, ...] = (pending.left / span, pending.right / span)
+        variances: tuple[float, ...] = (
+            self._wheel_variance(self._left, read[0], span),
+            self._wheel_variance(self._right, read[1], span),
+        )
+        self._left.mean, self._right.mean = read[0], read[1]
+        if pending.gyro_count and pending.gyro_span > 0.5 * span:
+            noise = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
+            read = (*read, pending.turn / pending.gyro_span)
+            variances = (*variances, noise)
+        still = self._stands(span, command)
+        repeated = self._gyro.repeats >= 2
+        self._fusion.advance(self._readings.time, span, read, variances, still, self._reasons, repeated)
+        self._feel(span, still, inputs)
+
+    def _wheel_variance(self, wheel: WheelTrack, speed: float, span: float) -> float:
+        """Of a wheel's mean speed over `span`.
+
+        Noise or tick steps, a little slip everywhere, and being a little early or late.
+        """
+        if wheel.silent > HOLD:
+            return SILENT_WHEEL / span
+        steps = (self._tick / span) ** 2 / 6.0
+        noise = self._bemf_variance / span if wheel.fine else steps
+        if span > GAP:
+            noise += steps + self._bemf_variance / SAMPLE_TIME
+        slip = self._settings.slip_noise**2 * abs(speed) / (self._geometry.wheel_radius * span)
+        late = self._settings.timing * (speed - wheel.mean) / span
+        return noise + slip + late * late + 1e-10
+
+    def _feel(self, span: float, still: bool, inputs: Inputs) -> None:
+        """Compare the accelerometer with the wheels."""
+        if inputs.accel is None:
+            return
+        forward = inputs.accel[0] * inputs.device.accel_m_s2
+        velocity = 0.5 * self._geometry.wheel_radius * (self._left.mean + self._right.mean)
+        if math.isfinite(forward) and self._bump.update(span, forward, velocity, still):
+            self._reasons.tell("bumped: the wheels do not move as the robot does", inputs.time)
+
+    def _stands(self, span: float, command: Outputs) -> bool:
+        flat = self._fusion.drive.flat
+        driven = command.duty[self._ports[0]] != 0.0 or command.duty[self._ports[1]] != 0.0
+        left = self._left.settled - flat[State.LEFT_OFFSET]
+        right = self._right.settled - flat[State.RIGHT_OFFSET]
+        sigma = sqrt(max(flat[_VOL], flat[_VOR]))
+        if sigma == 0.0 and (self._left.increment != 0.0 or self._right.increment != 0.0):
+            driven = True  # an encoder at rest does not tick
+        gyro = None
+        if self._gyro.age <= GYRO_TIMEOUT:
+            gyro = (self._readings.rate - flat[State.GYRO_BIAS], sqrt(flat[_VB]))
+        return self._standstill.update(span, driven, (max(left, right, -left, -right), sigma), gyro)
+
+    def _status(self) -> Status:
+        flat = self._fusion.drive.flat
+        place, heading = flat[_VX] + flat[_VY], flat[_VH]
+        blind = min(self._left.silent, self._right.silent) > BLIND_AFTER
+        if blind or place > INVALID_PLACE**2 or heading > INVALID_HEADING**2:
+            return Status.INVALID
+        if self._reasons.now or place > UNCERTAIN_PLACE**2 or heading > UNCERTAIN_HEADING**2:
+            return Status.UNCERTAIN
+        return Status.OK
+
+    def _published(self) -> DriveEstimate:
+        """The filter's belief, moved on by what was read since it last moved."""
+        flat = self._fusion.drive.flat
+        left_scale, right_scale = flat[State.LEFT_SCALE], flat[State.RIGHT_SCALE]
+        left_speed = (self._left.speed - flat[State.LEFT_OFFSET]) / left_scale
+        right_speed = (self._right.speed - flat[State.RIGHT_OFFSET]) / right_scale
+        x, y, heading = flat[State.X], flat[State.Y], flat[State.HEADING]
+        velocity, turn_rate, distance = flat[State.VELOCITY], flat[State.TURN_RATE], self._fusion.distance
+        pending, ahead = self._readings.pending, self._readings.ahead
+        span = pending.span + ahead[0]
+        if span > 0.0:
+            left = (pending.left + ahead[1] - flat[State.LEFT_OFFSET] * span) / left_scale
+            right = (pending.right + ahead[2] - flat[State.RIGHT_OFFSET] * span) / right_scale
+            travel, turn = self._geometry.body_motion(left, right)
+            velocity, turn_rate = self._geometry.body_motion(left_speed, right_speed)
+            known = pending.gyro_span
+            if known > 0.0:
+                turn_rate = (pending.turn / known - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
+                turn = turn_rate * span
+            x, y, heading = arc_end(x, y, heading, travel, turn)
+            distance += travel
+        late = self._settings.timing
+        along, across = late * velocity * math.cos(heading), late * velocity * math.sin(heading)
+        turned = late * turn_rate
+        return DriveEstimate(
+            self._readings.time,
+            x,
+            y,
+            heading,
+            velocity,
+            turn_rate,
+            flat[State.GYRO_BIAS],
+            left_speed,
+            right_speed,
+            distance,
+            sqrt(flat[_VX] + along * along),
+            sqrt(flat[_VY] + across * across),
+            sqrt(flat[_VH] + turned * turned),
+            sqrt(flat[_VV]),
+            sqrt(flat[_VW]),
+            sqrt(flat[_VB]),
+            self._status(),
+            self._reasons.now,
+        )

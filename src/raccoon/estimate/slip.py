@@ -1,0 +1,120 @@
+"""Which wheel slips, and whether the robot was bumped: wheels against gyro against accelerometer.
+
+The filter's gyro innovation, taken after both wheels, is the turn that the wheels do not explain. More of
+it than its variance allows, for a few steps, is a wheel that does not roll. Driven wheels spin rather than
+skid, so of the two explanations the wheel that reads more than it rolled is named, unless the other one
+reads nothing at all.
+"""
+
+from __future__ import annotations
+
+GATE = 16.0
+"""Squared innovation over its variance: 4 sigma."""
+LEAST_TURN = 0.08
+"""rad/s; a smaller disagreement is no slip worth a name."""
+NAMED_AFTER = 0.05
+"""s of disagreement before a wheel is named."""
+SCALES_AFTER = 3.0
+"""s of disagreement after which it is not slip: the scales are wrong."""
+RESTING_SPEED = 0.3
+"""rad/s below which a wheel reads nothing."""
+BUMP_VELOCITY = 0.12
+"""m/s that the accelerometer sees and the wheels do not."""
+BUMP_TIME = 0.2
+"""s over which it is summed."""
+
+
+class SlipWatch:
+    """Memory of disagreement between wheels and gyro.
+
+    wheel: "left" or "right" while one is named, else None. seconds: how long they have disagreed.
+    """
+
+    __slots__ = ("_calm", "_seconds", "_suspect", "wheel")
+
+    def __init__(self) -> None:
+        self._seconds = 0.0
+        self._calm = 0.0
+        self._suspect: str | None = None
+        self.wheel: str | None = None
+
+    @property
+    def scales_are_wrong(self) -> bool:
+        """They have disagreed for longer than a wheel slips."""
+        return self._seconds > SCALES_AFTER
+
+    def disagrees(self, innovation: float, variance: float) -> bool:
+        """Is the turn that the wheels do not explain (rad/s) more than noise?"""
+        return abs(innovation) > LEAST_TURN and innovation * innovation > GATE * variance
+
+    def calm(self, span: float) -> None:
+        """Wheels and gyro agreed over `span` s."""
+        if self._seconds == 0.0:
+            return
+        self._calm += span
+        if self._calm > 2.0 * NAMED_AFTER:
+            self._seconds = 0.0
+            self.wheel = self._suspect = None
+
+    def blame(self, span: float, innovation: float, left: float, right: float) -> str:
+        """The wheel to distrust over `span` s. innovation: rad/s more than the wheels say; speeds rad/s."""
+        suspect = slipping_wheel(innovation, left, right)
+        if suspect != self._suspect:
+            self._seconds = 0.0
+            self._suspect = suspect
+        self._seconds += span
+        self._calm = 0.0
+        if self._seconds > NAMED_AFTER:
+            self.wheel = suspect
+        return suspect
+
+    def start_again(self) -> None:
+        """Forget the disagreement."""
+        self._seconds = 0.0
+        self.wheel = self._suspect = None
+
+
+def slipping_wheel(innovation: float, left: float, right: float) -> str:
+    """The wheel that does not roll as it reads.
+
+    A left wheel that reads too much makes the wheels' turn too small, a right one too large; backwards the
+    other way round. Where both could be, the faster one is named; a wheel that reads nothing beside one
+    that turns reads too little.
+    """
+    if abs(left) < RESTING_SPEED <= abs(right):
+        reads_too_much = right * innovation < 0.0
+        return "right" if reads_too_much else "left"
+    if abs(right) < RESTING_SPEED <= abs(left):
+        reads_too_much = left * innovation > 0.0
+        return "left" if reads_too_much else "right"
+    left_could = left * innovation > 0.0
+    right_could = right * innovation < 0.0
+    if left_could != right_could:
+        return "left" if left_could else "right"
+    return "left" if abs(left) > abs(right) else "right"
+
+
+class BumpWatch:
+    """Sums what the accelerometer feels beyond what the wheels explain. Its own bias is learnt at rest."""
+
+    __slots__ = ("_bias", "_known", "_sum", "_velocity")
+
+    def __init__(self) -> None:
+        self._bias = 0.0
+        self._known = 0.0
+        self._sum = 0.0
+        self._velocity = 0.0
+
+    def update(self, dt: float, forward: float, velocity: float, still: bool) -> bool:
+        """forward: accelerometer, m/s2. velocity: the wheels', m/s. True while the robot was bumped."""
+        if still:
+            self._known += dt
+            self._bias += (forward - self._bias) * min(1.0, dt / min(self._known, 2.0))
+            self._sum, self._velocity = 0.0, velocity
+            return False
+        if self._known < 0.2:
+            return False
+        self._sum += (forward - self._bias) * dt - (velocity - self._velocity)
+        self._sum -= self._sum * dt / BUMP_TIME
+        self._velocity = velocity
+        return abs(self._sum) > BUMP_VELOCITY

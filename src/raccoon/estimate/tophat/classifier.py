@@ -1,0 +1,154 @@
+"""One tophat at run time: white or black at every reading, with hysteresis, debounce and edge times."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import Status
+from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration
+from raccoon.estimate.tophat.tracker import LightTracker
+
+LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
+JUMP_SECONDS = 0.15  # within which a change of light reaches all sensors of a robot
+
+
+class Edge(NamedTuple):
+    """A border between white and black that the sensor crossed.
+
+    time: s, when half of its spot was on black, interpolated between readings. to_black: from white to black.
+    """
+
+    time: float
+    to_black: bool
+
+
+class TophatReading(NamedTuple):
+    """What is below a sensor at one tick.
+
+    black: None while nothing can be said. darkness: P(black), 0..1. coverage: share of the spot on black,
+    0..1, linear in the way across an edge, which counts are not. edge: set in the tick that noticed one.
+    status: how far to trust all of it.
+    """
+
+    black: bool | None
+    darkness: float
+    coverage: float
+    status: Status
+    edge: Edge | None
+
+
+UNKNOWN = TophatReading(None, 0.5, 0.5, Status.INVALID, None)
+
+
+class Tophat:
+    """Classifier of one sensor. Feed it every reading in order of time.
+
+    adapt: follow the light (see `tracker`); may be switched at any time, and should be off while the sensor
+    is kept on the edge of a line, where what it reads is neither surface. debounce: readings in a row on the
+    other side that make a change (2: one spike never does).
+
+    Raises CalibrationError for a calibration without a threshold, ConfigError for a debounce below 1.
+    """
+
+    def __init__(self, calibration: TophatCalibration, *, adapt: bool = True, debounce: int = 2) -> None:
+        if debounce < 1:
+            raise ConfigError(f"debounce = {debounce}: allowed are whole numbers from 1")
+        white, black = calibration.surfaces()
+        self.adapt = adapt
+        self.levels = LightTracker(white, black)
+        self._debounce = debounce
+        levels = self.levels
+        levels.threshold = calibration.threshold or levels.threshold
+        levels.low, levels.high = calibration.low or levels.low, calibration.high or levels.high
+        self._state: bool | None = None
+        self._other = 0  # readings in a row on the side that is not the state's
+        self._last_time = self._last_counts = 0.0
+        self._last_coverage = 0.0
+        self._edge_time = 0.0  # the last passage through half coverage
+        self._seen_jumps = 0
+        self._jump_time = -math.inf
+
+    @property
+    def threshold(self) -> float:
+        """Counts from which a reading is black, in the light of now."""
+        return self.levels.threshold
+
+    def update(self, time: float, counts: float | None, others_lost: bool | None = None) -> TophatReading:
+        """Take the reading of this tick and say what is below the sensor.
+
+        time: s. counts: None where there is nothing new. others_lost: see `TophatGroup`, which gives it.
+        """
+        if counts is None:
+            if self._state is None:
+                return UNKNOWN
+            return TophatReading(self._state, 0.5, self._last_coverage, Status.UNCERTAIN, None)
+        counts = float(counts)
+        levels = self.levels
+        if self._state is None:
+            self._last_counts = counts
+        if self.adapt:
+            # The mean of two readings at 200 Hz does not see lamps that flicker at 100 Hz.
+            levels.update(0.5 * (counts + self._last_counts), others_lost)
+            if levels.jumps != self._seen_jumps:
+                self._seen_jumps, self._jump_time = levels.jumps, time
+        light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
+        coverage = (levels.light - light) / (levels.light - levels.dark)
+        coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
+        last = self._last_coverage
+        if (coverage >= 0.5) is not (last >= 0.5):
+            share = (0.5 - last) / (coverage - last)
+            self._edge_time = self._last_time + share * (time - self._last_time)
+        self._last_time, self._last_coverage, self._last_counts = time, coverage, counts
+        edge = self._decide(counts)
+        return TophatReading(self._state, self._probability(counts), coverage, levels.status, edge)
+
+    def lost(self, time: float) -> bool:
+        """Whether neither surface explains the readings, or the light was just found to have changed."""
+        return self.levels.stray >= LOST_READINGS or time - self._jump_time < JUMP_SECONDS
+
+    def _decide(self, counts: float) -> Edge | None:
+        levels = self.levels
+        state = self._state
+        if state is None:
+            self._state = counts >= levels.threshold
+            return None
+        if counts < levels.high if not state else counts > levels.low:
+            self._other = 0
+            return None
+        self._other += 1
+        if self._other < self._debounce:
+            return None
+        self._state, self._other = not state, 0
+        return Edge(self._edge_time, not state)
+
+    def _probability(self, counts: float) -> float:
+        """Logistic in the distance to the threshold, in units of the surfaces' spread."""
+        levels = self.levels
+        gap = levels.black - levels.white
+        spread = levels.sd_white + levels.sd_black
+        least = gap / 6.0
+        scale = spread if spread > least else least
+        odds = 4.0 * gap * (counts - levels.threshold) / (scale * scale)
+        return 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
+
+
+class TophatGroup:
+    """All tophats of a robot, which share one light: what changes for one is believed sooner for all."""
+
+    def __init__(self, tophats: Sequence[Tophat]) -> None:
+        self.tophats = tuple(tophats)
+
+    def update(self, time: float, counts: Sequence[float | None]) -> tuple[TophatReading, ...]:
+        """One reading a sensor, in the order of `tophats`. Raises ValueError for another number of them."""
+        tophats = self.tophats
+        if len(tophats) == 1:
+            return (tophats[0].update(time, counts[0]),)
+        lost = [each.lost(time) for each in tophats]
+        count = sum(lost)
+        return tuple(
+            each.update(time, reading, count > own)
+            for each, reading, own in zip(tophats, counts, lost, strict=True)
+        )

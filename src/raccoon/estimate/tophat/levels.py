@@ -1,0 +1,184 @@
+"""The light over white and over black: a Kalman filter of two levels that one ambient light moves together.
+
+State: the light that the sensor gets over white, u, and over black, v, in units of the light that halves its
+reading (counts = 4095 / (1 + light), raccoon.model.reflectance). More ambient light adds da to u and q da to
+v, so the process noise of the two is one number, and a reading over one surface moves both. What q is not
+known by grows with the light that changed since the other surface was seen.
+"""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.readings import Status
+from raccoon.estimate.tophat.calibration import CLEAR, FULL_SCALE, LEAST_SD, Surface
+from raccoon.estimate.tophat.sensor import explanations
+
+WANDER = 0.004  # of the light, a reading: a cloud takes seconds
+DRIFT = 0.0002  # of the light, a reading, by which a surface moves alone
+PULL = 1.5  # standard deviations from which the filter trusts its levels less
+FORGET = 0.01  # of the noise estimate, a reading
+SURE_APART = 2.5  # separation of the levels, their own uncertainty included
+CONVERTER_NOISE = 9.0  # counts^2, of a standing sensor
+LEAST_CONTRAST = 12.0  # counts; below it nobody could tell
+
+
+class Levels:
+    """Levels of one sensor: `white`, `black`, `threshold`, `low`, `high` in counts; `light`, `dark`: u and v.
+
+    sd_white, sd_black: counts, of a reading, with what is not known of the level. status: `uncertain` where
+    the levels are not known well enough to tell apart.
+    """
+
+    __slots__ = (
+        "_cross",
+        "_dark_anchor",
+        "_dark_noise",
+        "_dark_var",
+        "_floor",
+        "_light_anchor",
+        "_light_noise",
+        "_light_var",
+        "_own",
+        "_own_dark",
+        "_share",
+        "_share_sd",
+        "black",
+        "dark",
+        "high",
+        "light",
+        "low",
+        "sd_black",
+        "sd_white",
+        "status",
+        "threshold",
+        "white",
+    )
+
+    def __init__(self, white: Surface, black: Surface) -> None:
+        self.light, self.dark = light_of_counts(white.mean), light_of_counts(black.mean)
+        self._light_noise, self._dark_noise = white.sd**2, black.sd**2  # counts^2, of one reading
+        self._light_var = (light_per_count(white.mean) * white.sd) ** 2 / max(white.count, 1)
+        self._dark_var = (light_per_count(black.mean) * black.sd) ** 2 / max(black.count, 1)
+        self._cross = 0.0
+        self._light_anchor = self.light  # u when black was read last
+        self._dark_anchor = self.dark  # v when white was read last
+        self._split(white.mean, black.mean)
+        self.status = Status.OK
+        self.white, self.black = white.mean, black.mean
+        self._refresh()
+
+    def _split(self, white: float, black: float) -> None:
+        """Own and ambient light of the sensor, as far as its two levels tell: q, and what darkness leaves."""
+        known = explanations(white, black)
+        shares = [each.sun_by_black for each in known] or [0.38, 0.58]
+        self._share = sum(shares) / len(shares)
+        self._share_sd = 0.03 if len(shares) == 1 else 0.10
+        self._own = own = min((each.reflected for each in known), default=0.1 * self.light)
+        # In the sun its own light is a small difference of two large ones, and less sure.
+        self._floor = (0.8 if own > 0.5 * self.light else 0.4) * own
+        self._own_dark = 0.01 * own
+
+    def _learn(self, counts: float, on_black: bool, miss: float, noise: float) -> None:
+        """One predict and update of the filter, with the noise of the surface learnt beside it."""
+        light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
+        slope = FULL_SCALE / (counts * counts) if counts > 1.0 else FULL_SCALE
+        share = self._share
+        wander = WANDER * (self.light + 0.1)
+        wander *= wander
+        if miss * miss > PULL * PULL * noise:
+            pull = slope * miss
+            wander += 0.1 * pull * pull / (share * share if on_black else 1.0)
+        light_var = self._light_var + wander
+        cross = self._cross + share * wander
+        drift = DRIFT * self.dark
+        dark_var = self._dark_var + share * share * wander + drift * drift
+        if on_black:
+            dark_var += self._unseen_dark() ** 2
+            gain = 1.0 / (dark_var + slope * slope * noise)
+            wrong = light - self.dark
+            to_light, to_dark = cross * gain, dark_var * gain
+            self._light_var = light_var - to_light * cross
+            self._dark_var = dark_var * (1.0 - to_dark)
+            self._cross = cross * (1.0 - to_dark)
+        else:
+            light_var += self._unseen_light() ** 2
+            gain = 1.0 / (light_var + slope * slope * noise)
+            wrong = light - self.light
+            to_light, to_dark = light_var * gain, cross * gain
+            self._light_var = light_var * (1.0 - to_light)
+            self._dark_var = dark_var - to_dark * cross
+            self._cross = cross * (1.0 - to_light)
+        self.light += to_light * wrong
+        self.dark += to_dark * wrong
+        learnt = FORGET * (miss * miss - noise) if miss * miss < 9.0 * noise else 0.0
+        if on_black:
+            self._light_anchor = self.light
+            self._dark_noise = noise + learnt
+        else:
+            self._dark_anchor = self.dark
+            self._light_noise = noise + learnt
+
+    def _unseen_dark(self) -> float:
+        """Sd of v by what is not known of q, since black was last read."""
+        return self._share_sd * (self.light - self._light_anchor)
+
+    def _unseen_light(self) -> float:
+        """Sd of u by what is not known of q, since white was last read: u = v / q."""
+        return self._share_sd * (self.dark - self._dark_anchor) / (self._share * self._share)
+
+    def _refresh(self) -> None:
+        """Levels in counts, their spreads, threshold, band and status from the state."""
+        dark = self.dark
+        if dark < self._own_dark:
+            dark = self._own_dark
+        if dark > 0.97 * self.light:
+            dark = 0.97 * self.light
+        self.dark = dark
+        white, black = FULL_SCALE / (1.0 + self.light), FULL_SCALE / (1.0 + dark)
+        # The floor's own pattern is a share of its light: it grows and shrinks with the level.
+        ratio = white / self.white
+        noise = self._light_noise * ratio * ratio
+        self._light_noise = noise if noise > CONVERTER_NOISE else CONVERTER_NOISE
+        ratio = black / self.black
+        noise = self._dark_noise * ratio * ratio
+        self._dark_noise = noise if noise > CONVERTER_NOISE else CONVERTER_NOISE
+        self.white, self.black = white, black
+        white_noise, black_noise = LEAST_SD + self._light_noise, LEAST_SD + self._dark_noise
+        scale = white * white / FULL_SCALE
+        scale *= scale
+        unseen = self._unseen_light()
+        sd_white = self.sd_white = math.sqrt(white_noise + scale * (self._light_var + unseen * unseen))
+        scale = black * black / FULL_SCALE
+        scale *= scale
+        unseen = self._unseen_dark()
+        sd_black = self.sd_black = math.sqrt(black_noise + scale * (self._dark_var + unseen * unseen))
+        self._cut(white, black, math.sqrt(white_noise), math.sqrt(black_noise))
+        gap = black - white
+        if gap > SURE_APART * (sd_white + sd_black) and gap > LEAST_CONTRAST:
+            self.status = Status.OK
+        else:
+            self.status = Status.UNCERTAIN if gap > LEAST_CONTRAST else Status.INVALID
+
+    def _cut(self, white: float, black: float, white_noise: float, black_noise: float) -> None:
+        """Threshold and band between two levels, as a calibration puts them (`calibration.believed`)."""
+        gap = black - white
+        middle = white + gap * white_noise / (white_noise + black_noise)
+        least, most = white + CLEAR * white_noise, black - CLEAR * black_noise
+        if least < most:
+            half = 2.0 * white * black / (white + black)
+            middle = least if half < least else most if half > most else half
+        self.threshold = middle
+        below, above = 0.4 * (middle - white), 0.4 * (black - middle)
+        self.low = middle - (1.5 * white_noise if 1.5 * white_noise < below else below)
+        self.high = middle + (1.5 * black_noise if 1.5 * black_noise < above else above)
+
+
+def light_of_counts(counts: float) -> float:
+    """The light behind a reading, finite for any."""
+    return FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
+
+
+def light_per_count(counts: float) -> float:
+    """Change of the light that changes the reading by one count."""
+    return FULL_SCALE / max(counts, 1.0) ** 2

@@ -1,0 +1,62 @@
+"""Which sensor, how high and in what light: what two levels say by themselves (raccoon.model.reflectance)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from raccoon.model.reflectance import GENERATIONS, NEAR, SensorModel, fit, light_of
+
+LEAST_HEIGHT, MOST_HEIGHT = 0.003, 0.035  # m; where people mount them
+MISFIT_OF_BLACK, MISFIT_OF_WHITE = 0.10, 0.015  # of the lights v and u: tapes and sensors differ
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """One sensor that would read these two levels.
+
+    height: m. ambient: 0 is the paper's normal light, 1 its direct sun. reflected: the sensor's own light
+    from white; by_black: black's share of it. sun: ambient light from white; sun_by_black: black's share of
+    it.
+    """
+
+    generation: str
+    height: float
+    ambient: float
+    reflected: float
+    by_black: float
+    sun: float
+    sun_by_black: float
+
+
+def explanations(white: float, black: float) -> list[Explanation]:
+    """The sensor generations that can read `white` and `black` (counts), the likelier first; none, one or
+    two.
+
+    Own and ambient light follow from the two readings, since black swallows them differently:
+    u = R + L + A, v = r R + L + s A. In the sun R is a small difference and known poorly, so it is moved to
+    the nearest possible height; a generation is out where v then does not fit. Two left is common indoors: an
+    old sensor at 23 mm and a new one at 9 mm read alike.
+    """
+    u, v = light_of(max(white, 1.0)), light_of(max(black, 1.0))
+    found = [_explain(fit(generation), u, v) for generation in GENERATIONS]
+    return sorted((each for each in found if each is not None), key=_strangeness)
+
+
+def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
+    r, s = model.reflected_by_black, model.sun_by_black
+    reflected = u - model.leak - (v - model.leak - r * (u - model.leak)) / (s - r)
+    most, least = (model.at(height).reflected for height in (LEAST_HEIGHT, MOST_HEIGHT))
+    reflected = min(max(reflected, least), most, max(u - model.leak, least))
+    sun = max(u - model.leak - reflected, 0.0)
+    if abs(r * reflected + model.leak + s * sun - v) > MISFIT_OF_BLACK * v + MISFIT_OF_WHITE * u:
+        return None
+    height = NEAR * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
+    ambient = sun / (model.sun_near * (height / NEAR) ** model.sun_exponent)
+    return Explanation(model.generation, height, ambient, reflected, r, sun, s)
+
+
+def _strangeness(explanation: Explanation) -> float:
+    """How far from usual: heights of 5 to 25 mm, and indoors before sunshine."""
+    below = max(0.005 / explanation.height - 1.0, 0.0)
+    above = max(explanation.height / 0.025 - 1.0, 0.0)
+    return below + above + 0.1 * explanation.ambient

@@ -1,0 +1,104 @@
+"""What the order of the readings tells: edges being crossed, spikes, drift, and whether there is an order.
+
+A line is entered within a few readings and stays for a few; a spike is alone; a drift takes its time; a
+shuffled sample has no order at all.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+STEEP = 5.0  # noise standard deviations between the means of three readings before and three after
+BETWEEN = 0.25  # of the way from before to after, from both ends
+LONE = 8.0  # noise standard deviations between a reading and its neighbours
+LOST = 0.5  # share of those readings that may be alone
+ROW = 6  # readings in a row, on the average, that a surface under a driving robot gives
+NOISE_SHARE = 15.0  # a fifteenth of the contrast may be left of the noise
+QUICK_READINGS, QUICK_SHARE = 10, 0.03  # an edge takes at most this many readings, or this share of the drive
+TREND_POINTS, TREND_WINDOW = 20, 0.2  # of the running median; a line is much narrower than the window
+
+
+def noise_sd(counts: Array) -> float:
+    """Counts: sd of the noise from reading to reading, from the median of the second differences.
+
+    A second difference of independent readings has the variance 6 sd^2; the median does not see edges.
+    """
+    second = counts[2:] - 2.0 * counts[1:-1] + counts[:-2]
+    return max(1.0, float(np.median(np.abs(second))) / (0.6745 * math.sqrt(6.0)))
+
+
+def settled(counts: Array) -> Mask:
+    """False where an edge is being crossed, shape (n,).
+
+    There the readings before and after differ by more than noise and this one lies between them. A reading on
+    the last of a line does not, and hardly any reading of a shuffled sample does.
+    """
+    threes = np.convolve(counts, np.ones(3) / 3.0, mode="valid")  # threes[i] is the mean of i, i+1, i+2
+    before, after, here = threes[:-4], threes[4:], counts[3:-3]
+    rise = after - before
+    steep = np.abs(rise) > STEEP * math.sqrt(2.0 / 3.0) * noise_sd(counts)
+    share = (here - before) / np.where(rise == 0.0, 1.0, rise)
+    calm = np.ones(len(counts), dtype=bool)
+    calm[3:-3] = ~(steep & (share > BETWEEN) & (share < 1.0 - BETWEEN))
+    return calm
+
+
+def spikes(counts: Array) -> Mask:
+    """True where a single reading differs from both sides of it, shape (n,)."""
+    limit = LONE * noise_sd(counts)
+    away = np.abs(np.diff(counts)) > limit
+    lone = np.zeros(len(counts), dtype=bool)
+    lone[1:-1] = away[1:] & away[:-1] & (np.abs(counts[2:] - counts[:-2]) <= limit)
+    return lone
+
+
+def runs(mask: Mask) -> int:
+    """How many unbroken runs of True there are."""
+    return int(mask[0]) + int(np.count_nonzero(mask[1:] & ~mask[:-1]))
+
+
+def in_runs(counts: Array, cut: float) -> bool:
+    """True where the readings above `cut` come in rows, as a surface that is driven over gives them.
+
+    Judged on medians of three: lone readings beyond the cut, which noise makes on either side, do not count.
+    """
+    raw = counts > cut
+    above = (raw[2:].astype(int) + raw[1:-1] + raw[:-2]) >= 2
+    if abs(np.count_nonzero(above) - np.count_nonzero(raw)) > LOST * np.count_nonzero(raw):
+        return False
+    rarer = int(min(np.count_nonzero(above), np.count_nonzero(~above)))
+    return 0 < runs(above) <= max(1, rarer // ROW)
+
+
+def changes_quickly(counts: Array, bright: float, dark: float) -> bool:
+    """True where some passage between the two levels takes no longer than an edge does.
+
+    Timed from 30 to 70 % of the way, on a mean over as many readings as keep noise from shortening it.
+    """
+    width = min(max(3, math.ceil((NOISE_SHARE * noise_sd(counts) / (dark - bright)) ** 2)), 25)
+    level = (np.convolve(counts, np.ones(width) / width, mode="valid") - bright) / (dark - bright)
+    side = np.where(level >= 0.7, 1, np.where(level <= 0.3, -1, 0))
+    known = np.flatnonzero(side)
+    crossing = side[known[1:]] != side[known[:-1]]
+    if not crossing.any():
+        return False
+    quickest = int(np.min(np.diff(known)[crossing].astype(np.int64)))
+    return quickest <= max(QUICK_READINGS, QUICK_SHARE * len(counts)) + width
+
+
+def trend(counts: Array) -> tuple[Array, slice]:
+    """The slow part of the readings, shape (n,): a running median over a fifth of the drive.
+
+    And the part of the drive where it is known: half a window from each end the median has no other side.
+    """
+    n = len(counts)
+    half = max(int(0.5 * TREND_WINDOW * n), 1)
+    centres = np.linspace(half, n - 1 - half, TREND_POINTS).astype(int)
+    medians = [float(np.median(counts[centre - half : centre + half + 1])) for centre in centres]
+    return np.interp(np.arange(n), centres, medians), slice(half, n - half)

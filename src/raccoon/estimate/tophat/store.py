@@ -1,0 +1,108 @@
+"""Calibrations on disk: named sets per surface and sensor, with their history, in one JSON file."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from raccoon.core.errors import ConfigError
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
+
+FORMAT = 1
+KEPT = 50  # calibrations of one sensor and surface
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCalibration:
+    """One calibration with where it came from.
+
+    set_name: the floor or table it is for. time: ISO 8601, given by the caller. ambient: light level
+    (0 normal, 1 direct sun). battery_voltage: V. generation: "old" or "new". None: not known.
+    """
+
+    sensor: str
+    set_name: str
+    time: str
+    calibration: TophatCalibration
+    robot: str = ""
+    ambient: float | None = None
+    battery_voltage: float | None = None
+    generation: str | None = None
+
+
+class TophatStore:
+    """The file of calibrations. Nothing is read before it is asked for, and nothing is half written."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+
+    def history(self, sensor: str | None = None, set_name: str | None = None) -> list[StoredCalibration]:
+        """What is stored, oldest first; of one sensor or set where given. Empty where there is no file.
+
+        Raises ConfigError naming the file where it is damaged or of another format.
+        """
+        return [
+            each
+            for each in self._load()
+            if sensor in (None, each.sensor) and set_name in (None, each.set_name)
+        ]
+
+    def latest(self, sensor: str, set_name: str = "default") -> StoredCalibration | None:
+        """The newest calibration of a sensor for a set, or None."""
+        found = self.history(sensor, set_name)
+        return found[-1] if found else None
+
+    def add(self, entry: StoredCalibration) -> None:
+        """Store one more; the oldest of its sensor and set goes where there are more than 50.
+
+        Raises ConfigError for a calibration without a threshold: a failed one never replaces a good one.
+        """
+        if not entry.calibration.usable:
+            raise ConfigError(
+                f"{entry.sensor}: a calibration that is {entry.calibration.verdict} is not stored"
+            )
+        entries = [*self._load(), entry]
+        same = [each for each in entries if (each.sensor, each.set_name) == (entry.sensor, entry.set_name)]
+        dropped = {id(each) for each in same[:-KEPT]}
+        self._write([each for each in entries if id(each) not in dropped])
+
+    def _load(self) -> list[StoredCalibration]:
+        try:
+            table = json.loads(self.path.read_text(encoding="utf-8"))
+            if table["format"] != FORMAT:
+                raise ConfigError(f"{self.path}: format {table['format']!r}; this version reads {FORMAT}")
+            return [_entry(each) for each in table["calibrations"]]
+        except FileNotFoundError:
+            return []
+        except (ValueError, KeyError, TypeError) as error:
+            if isinstance(error, ConfigError):
+                raise
+            raise ConfigError(f"{self.path}: not a file of tophat calibrations: {error!r}") from error
+
+    def _write(self, entries: list[StoredCalibration]) -> None:
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        table = {"format": FORMAT, "calibrations": [asdict(each) for each in entries]}
+        text = json.dumps(table, indent=1, allow_nan=False)
+        handle, name = tempfile.mkstemp(dir=self.path.parent, prefix=self.path.name, suffix=".tmp")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(name, self.path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+
+
+def _entry(table: Mapping[str, Any]) -> StoredCalibration:
+    found = dict(table["calibration"])
+    for side in ("white", "black"):
+        found[side] = None if found[side] is None else Surface(**found[side])
+    found["verdict"] = Verdict(found["verdict"])
+    return StoredCalibration(**{**table, "calibration": TophatCalibration(**found)})

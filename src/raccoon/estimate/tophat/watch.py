@@ -1,0 +1,102 @@
+"""Does the calibration fit what the sensors read now? Told within a second of driving."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
+from itertools import pairwise
+
+from raccoon.estimate.tophat.calibration import TophatCalibration
+from raccoon.estimate.tophat.quality import RAIL
+from raccoon.estimate.tophat.sensor import explanations
+
+FULL_SCALE = 4095.0
+WINDOW = 200  # readings: one second at 200 Hz
+LEAST = 40  # readings before anything is said
+MOST_STRANGE = 0.3  # of the readings may lie on no surface: edges, lines along the way
+REACH = 6.0  # standard deviations within which a reading lies on a surface
+SHARE = 0.08  # of the contrast, that a level may have moved
+RESTLESS = 250.0  # counts between successive readings
+
+
+class Fit(StrEnum):
+    """What one sensor's readings say of its calibration."""
+
+    UNKNOWN = "unknown"
+    FITS = "fits"
+    UNPLUGGED = "unplugged"
+    """At the top of the converter, or jumping about: nothing is connected."""
+    SATURATED = "saturated"
+    """At the bottom of the converter: more light than the sensor can tell."""
+    CHANGED = "changed"
+    """Neither surface explains the readings: other light, other floor, other height; calibrate again."""
+
+
+class CalibrationWatch:
+    """Watches one sensor: `update` with every reading, then ask `fit`."""
+
+    def __init__(self, calibration: TophatCalibration) -> None:
+        white, black = calibration.surfaces()
+        slack = SHARE * (black.mean - white.mean)
+        self._white = (white.mean - REACH * white.sd - slack, white.mean + REACH * white.sd + slack)
+        self._black = (black.mean - REACH * black.sd - slack, black.mean + REACH * black.sd + slack)
+        self._readings: deque[float] = deque(maxlen=WINDOW)
+
+    def update(self, counts: float) -> None:
+        """Take a reading (counts)."""
+        self._readings.append(counts)
+
+    @property
+    def fit(self) -> Fit:
+        """The verdict over the last second."""
+        readings = list(self._readings)
+        if len(readings) < LEAST:
+            return Fit.UNKNOWN
+        ordered = sorted(readings)
+        steps = sorted(abs(after - before) for before, after in pairwise(readings))
+        if ordered[len(ordered) // 10] >= FULL_SCALE - RAIL or steps[len(steps) // 2] > RESTLESS:
+            return Fit.UNPLUGGED
+        if ordered[-1 - len(ordered) // 10] <= RAIL:
+            return Fit.SATURATED
+        strange = sum(1 for each in readings if not self._explained(each))
+        return Fit.CHANGED if strange > MOST_STRANGE * len(readings) else Fit.FITS
+
+    def _explained(self, counts: float) -> bool:
+        return self._white[0] <= counts <= self._white[1] or self._black[0] <= counts <= self._black[1]
+
+
+def height_changed(stored: TophatCalibration, now: TophatCalibration) -> bool:
+    """Whether the sensor sits higher or lower than when calibrated: its own light changed, not the sun.
+
+    Two calibrations are needed for that: one level alone cannot tell height from light.
+    """
+    before, after = (
+        {each.generation: each.height for each in explanations(white.mean, black.mean)}
+        for white, black in (stored.surfaces(), now.surfaces())
+    )
+    shared = before.keys() & after.keys()
+    return not any(0.6 < after[generation] / before[generation] < 1.6 for generation in shared)
+
+
+def swapped(
+    stored: Mapping[str, TophatCalibration], floor: Mapping[str, Sequence[float]]
+) -> tuple[str, str] | None:
+    """The two sensors whose plugs are in each other's place, or None.
+
+    stored: calibrations by sensor. floor: readings on white by sensor. Two are swapped where each reads the
+    other's white and neither its own.
+    """
+    levels = {name: sorted(readings)[len(readings) // 2] for name, readings in floor.items() if readings}
+    names = sorted(levels.keys() & stored.keys())
+    for index, one in enumerate(names):
+        for other in names[index + 1 :]:
+            crossed = _reads(stored[other], levels[one]) and _reads(stored[one], levels[other])
+            if crossed and not _reads(stored[one], levels[one]) and not _reads(stored[other], levels[other]):
+                return one, other
+    return None
+
+
+def _reads(calibration: TophatCalibration, level: float) -> bool:
+    white, black = calibration.surfaces()
+    return abs(level - white.mean) <= REACH * white.sd + 0.5 * SHARE * (black.mean - white.mean)

@@ -1,0 +1,125 @@
+"""One wheel's angle and speed now, from a counter and a back-EMF word that is late.
+
+The board filters the back-EMF with a time constant tau, and its counter sums the filtered value, so both
+lag. For a first-order filter the angle now is exactly::
+
+    angle = counter + tau * filtered speed
+
+A whole tick is as much as a wheel turns in a cycle, so the fine back-EMF is integrated and drawn to the
+counter: no cycle that was missed is lost, and no tick's step is seen.
+"""
+
+from __future__ import annotations
+
+COUNTER_PULL = 0.25
+"""s, time constant with which the integrated back-EMF follows the counter."""
+SPEED_SMOOTHING = 0.0075
+"""s, time constant of the speed handed to the speed loop."""
+STUCK_ANGLE = 0.15
+"""rad that one of counter and back-EMF turned while the other stood still: the other is dead."""
+HOLD = 0.06
+"""s for which a silent wheel is taken to turn on as before."""
+
+
+class WheelTrack:
+    """Angle increments and speed of one wheel, rad and rad/s at nominal scale.
+
+    lag: s, the board's filter. tick: rad of one counter tick, for the noise of a wheel without back-EMF.
+    increment: rad in the last cycle. speed: rad/s now, smoothed. settled: rad/s, averaged over 0.1 s.
+    mean: rad/s over the filter's last step, kept here for it.
+    silent: s without a reading. fine: True where back-EMF was read, which carries no steps.
+    """
+
+    __slots__ = (
+        "_behind",
+        "_filtered",
+        "_lag",
+        "_moved",
+        "_turned",
+        "fine",
+        "increment",
+        "mean",
+        "settled",
+        "silent",
+        "speed",
+        "stuck",
+    )
+
+    def __init__(self, lag: float) -> None:
+        self._lag = lag
+        self._filtered: float | None = None
+        self._behind = 0.0
+        self.increment = 0.0
+        self.mean = 0.0
+        self.speed = 0.0
+        self.settled = 0.0
+        self.silent = 0.0
+        self.fine = False
+        self.stuck = ""
+        self._turned = self._moved = 0.0
+
+    def update(self, dt: float, speed: float | None, angle: float | None) -> None:
+        """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent."""
+        if speed is not None and angle is not None:
+            self._compare(dt, speed, angle)
+            if self.stuck == "counter":
+                angle = None
+            elif self.stuck == "back-EMF":
+                speed = None
+        if speed is not None:
+            self._from_back_emf(dt, speed, angle)
+        elif angle is not None:
+            self.fine = False
+            self.increment = angle + self._behind
+            self._behind = 0.0
+            self._filtered = None
+        else:
+            self._hold(dt)
+            return
+        self.silent = 0.0
+        self._smooth(dt)
+
+    def _compare(self, dt: float, speed: float, angle: float) -> None:
+        """Find the one of both that is dead: it stands while the other turns."""
+        turned, moved = speed * dt, angle
+        # Summed with their signs, so that a resting counter's ticks and the offset between them cancel. What
+        # both say is no evidence: forget over about half a radian.
+        both = min(abs(turned), abs(moved)) + 0.1 * max(abs(turned), abs(moved))
+        keep = 1.0 - min(1.0, 2.0 * both)
+        self._turned = (self._turned + turned) * keep
+        self._moved = (self._moved + moved) * keep
+        alone = abs(self._turned) - abs(self._moved)
+        if alone > STUCK_ANGLE:
+            self.stuck = "counter"
+        elif alone < -STUCK_ANGLE:
+            self.stuck = "back-EMF"
+        elif abs(alone) < 0.5 * STUCK_ANGLE:
+            self.stuck = ""
+
+    def _from_back_emf(self, dt: float, speed: float, angle: float | None) -> None:
+        before = speed if self._filtered is None else self._filtered
+        turned = speed * dt
+        if angle is not None:
+            self._behind += angle - turned
+            pull = self._behind * dt / (COUNTER_PULL + dt)
+            self._behind -= pull
+            turned += pull
+        self.increment = turned + self._lag * (speed - before)
+        self._filtered = speed
+        self.fine = True
+
+    def _hold(self, dt: float) -> None:
+        """Nothing was read: turn on as before for a while; a counter that comes back corrects it."""
+        self.silent += dt
+        self.increment = self.speed * dt if self.silent <= HOLD else 0.0
+        self._behind -= self.increment
+        if self.silent > HOLD:
+            self._filtered = None
+            self.speed = self.settled = 0.0
+
+    def _smooth(self, dt: float) -> None:
+        if dt <= 0.0:
+            return
+        now = self.increment / dt
+        self.speed += (now - self.speed) * dt / (SPEED_SMOOTHING + dt)
+        self.settled += (now - self.settled) * dt / (0.1 + dt)

@@ -1,0 +1,163 @@
+"""From a controller's counters and back-EMF words to wheel speeds and angles: the one place of that
+conversion.
+
+A motor's counter is the integral of its back-EMF, so both share one scale: radians a (count · second)::
+
+    calibrated:   radians_per_tick / device.position_counts_seconds
+    otherwise:    device.bemf_volts / K_E           (back-EMF in volts is K_E times speed)
+
+and one offset in counts, read at standstill, which adds offset · time to the counter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Device, Fault, Inputs
+
+MAX_WHEEL_SPEED = 60.0
+"""rad/s; no wheel of such a robot turns faster, so a counter that says so jumped."""
+
+_JUMPS = (Fault.POSITION_JUMP, Fault.RESET)
+
+
+@dataclass(slots=True)
+class WheelReading:
+    """One cycle of both wheels, at their nominal scale.
+
+    left_speed, right_speed: rad/s as the board filtered them, so late by its filter's time constant.
+    left_angle, right_angle: rad since the last cycle that had a counter. None: no such reading in this cycle.
+    dt: s since the last cycle; 0 in the first one and where time stood still or ran back (then nothing
+    else is set).
+    left_jumped, right_jumped: the counter moved further than a wheel can, and was left out.
+    not_a_number: a word was NaN or infinite, and was left out.
+    """
+
+    left_speed: float | None = None
+    right_speed: float | None = None
+    left_angle: float | None = None
+    right_angle: float | None = None
+    dt: float = 0.0
+    left_jumped: bool = False
+    right_jumped: bool = False
+    not_a_number: bool = False
+
+
+def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
+    """Radians of the `side` ("left" or "right") wheel in one back-EMF count · second, without its wiring
+    sign.
+    """
+    calibrated = robot.motor(getattr(robot.drive, side)).radians_per_tick
+    if calibrated is not None:
+        return calibrated.value / device.position_counts_seconds
+    return device.bemf_volts / float(getattr(robot.model, side).back_emf_constant.value)
+
+
+def offset_counts(robot: RobotConfig, side: str) -> float:
+    """Back-EMF counts of the `side` motor at standstill, in the sign of the board."""
+    own = robot.motor(getattr(robot.drive, side)).bemf_offset
+    return (robot.model.bemf.offset if own is None else own).value
+
+
+class _Wheel:
+    """Words of one motor port to SI."""
+
+    __slots__ = (
+        "_device",
+        "_offset",
+        "_robot",
+        "_scale",
+        "_side",
+        "_tick",
+        "jumped",
+        "last",
+        "port",
+        "since",
+    )
+
+    def __init__(self, robot: RobotConfig, side: str) -> None:
+        self._robot = robot
+        self._side = side
+        self.port: int = getattr(robot.drive, side)
+        self._offset = offset_counts(robot, side)
+        self._device: Device | None = None
+        self._scale = 0.0
+        self._tick = 1.0
+        self.last: float | None = None
+        self.since = 0.0
+        self.jumped = False
+
+    def prepare(self, device: Device) -> None:
+        sign = -1.0 if self._robot.motor(self.port).inverted else 1.0
+        self._device = device
+        self._scale = sign * counts_scale(self._robot, self._side, device)
+        self._tick = device.position_counts_seconds
+
+    def speed(self, inputs: Inputs) -> float | None:
+        counts = inputs.bemf[self.port]
+        if counts is None or not math.isfinite(counts):
+            return None
+        return (counts - self._offset) * self._scale
+
+    def angle(self, inputs: Inputs, dt: float) -> float | None:
+        """Angle since the last counter reading."""
+        if inputs.device is not self._device:
+            self.prepare(inputs.device)
+        self.jumped = False
+        self.since += dt
+        ticks = inputs.position[self.port]
+        if ticks is None or not math.isfinite(ticks):
+            return None
+        last, since = self.last, self.since
+        self.last, self.since = ticks, 0.0
+        if last is None:
+            return None
+        moved = (ticks - last) * self._tick * self._scale
+        slack = 2.0 * abs(self._tick * self._scale)
+        if abs(moved) > MAX_WHEEL_SPEED * since + slack or self._announced(inputs):
+            self.jumped = True
+            return None
+        return moved - self._offset * self._scale * since
+
+    def _announced(self, inputs: Inputs) -> bool:
+        return bool(inputs.faults) and any(fault in _JUMPS for fault in inputs.faults)
+
+
+class WheelDecoder:
+    """Wheel readings of a robot from the raw words of its controller.
+
+    Remembers the last counter and time; make a new one for a new recording.
+    """
+
+    def __init__(self, robot: RobotConfig) -> None:
+        self._left = _Wheel(robot, "left")
+        self._right = _Wheel(robot, "right")
+        self._time: float | None = None
+
+    def decode(self, inputs: Inputs) -> WheelReading:
+        """The readings of the cycle `inputs`. Never raises for a bad word: it is left out."""
+        dt = self._elapsed(inputs.time)
+        first = self._left.last is None and self._right.last is None
+        if dt <= 0.0 and not first:
+            return WheelReading()
+        left, right = self._left, self._right
+        left_angle, right_angle = left.angle(inputs, dt), right.angle(inputs, dt)
+        reading = WheelReading(left.speed(inputs), right.speed(inputs), left_angle, right_angle, dt)
+        reading.left_jumped, reading.right_jumped = left.jumped, right.jumped
+        reading.not_a_number = _bad(inputs, left.port) or _bad(inputs, right.port)
+        return reading
+
+    def _elapsed(self, time: float) -> float:
+        if not math.isfinite(time):
+            return 0.0
+        last, self._time = self._time, time
+        return 0.0 if last is None else max(time - last, 0.0)
+
+
+def _bad(inputs: Inputs, port: int) -> bool:
+    bemf, position = inputs.bemf[port], inputs.position[port]
+    return (bemf is not None and not math.isfinite(bemf)) or (
+        position is not None and not math.isfinite(position)
+    )

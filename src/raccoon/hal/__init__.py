@@ -1,0 +1,1 @@
+"""Real devices behind a port."""

@@ -1,0 +1,60 @@
+"""A port that adds what a reference system sees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from raccoon.core.clock import RealClock
+from raccoon.core.port import Port
+from raccoon.core.readings import Fault, Inputs, Outputs
+from raccoon.hal.calibration_board.board import BAUD, CalibrationBoard
+from raccoon.hal.calibration_board.tracker import CENTRED, Mounting
+from raccoon.hal.serial_line import SerialLine
+
+
+class ReferencePort:
+    """Wraps `port`: `truth` becomes the board's pose, and None wherever that cannot be trusted.
+
+    `extra` gains reference.turn_rate (rad/s) and reference.quality (surface quality of the flow sensor).
+    A silent board adds the fault SENSOR_LOST; it never delays a cycle. The pose is as old as the board's
+    newest frame, up to 10 ms (its attitude comes at 100 Hz).
+    """
+
+    def __init__(self, port: Port, board: CalibrationBoard) -> None:
+        self._port = port
+        self._board = board
+
+    def read(self) -> Inputs:
+        """The wrapped port's next cycle, with the reference in it."""
+        inputs = self._port.read()
+        board = self._board
+        board.poll()
+        if board.silent:
+            return replace(inputs, truth=None, faults=_with_loss(inputs.faults))
+        extra = dict(inputs.extra or {})
+        if board.tracker.turn_rate is not None:
+            extra["reference.turn_rate"] = board.tracker.turn_rate
+        if board.tracker.squal is not None:
+            extra["reference.quality"] = float(board.tracker.squal)
+        return replace(inputs, truth=board.truth(), extra=extra or None)
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        """Close the wrapped port first, so that the motors stop whatever the board does."""
+        try:
+            self._port.close()
+        finally:
+            self._board.close()
+
+
+def _with_loss(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
+    """Another added sensor may have said so already."""
+    return faults if Fault.SENSOR_LOST in faults else (*faults, Fault.SENSOR_LOST)
+
+
+def open_reference(port: Port, path: str = "/dev/ttyACM0", mounting: Mounting = CENTRED) -> ReferencePort:
+    """Wrap `port` with the calibration board on `path`. Raises HardwareError when the board is not there."""
+    clock = RealClock()
+    return ReferencePort(port, CalibrationBoard(SerialLine(path, BAUD, clock), clock, mounting))

@@ -1,0 +1,264 @@
+"""A Create 2 as a port: motor 0 is its left wheel, motor 1 its right one."""
+
+from __future__ import annotations
+
+import atexit
+import math
+from typing import Protocol
+
+from raccoon.core.clock import Clock, RealClock
+from raccoon.core.config import MotorModel
+from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.readings import (
+    ANALOG_PORTS,
+    BEMF_VOLTS_PER_COUNT,
+    DIGITAL_PORTS,
+    MOTOR_PORTS,
+    Device,
+    Fault,
+    Inputs,
+    Outputs,
+)
+from raccoon.hal.create import protocol
+from raccoon.hal.create.counters import WheelCounter
+from raccoon.hal.create.protocol import BAUD, Mode, Sensors, StreamDecoder
+from raccoon.hal.serial_line import SerialLine
+
+RADIANS_PER_TICK = 2.0 * math.pi / 508.8
+"""rad of a wheel in one encoder tick (OI specification, packet 43)."""
+
+CREATE_2 = Device(
+    name="create-2",
+    bemf_volts=BEMF_VOLTS_PER_COUNT,  # there is no back-EMF; the word is always None
+    # An encoder knows no volts. This value makes the default K_E give RADIANS_PER_TICK; with another K_E
+    # robot.toml must say radians_per_tick = 0.012349.
+    position_counts_seconds=RADIANS_PER_TICK * MotorModel().back_emf_constant.value / BEMF_VOLTS_PER_COUNT,
+    gyro_rad_s=1.0,  # no IMU
+    accel_m_s2=1.0,
+    battery_volts=0.001,
+)
+CYCLE_TIMEOUT = 0.05
+"""s without a frame after which a cycle is handed over empty: three stream periods and some."""
+SILENCE = 0.5
+"""s without a frame after which the interface is started again."""
+PATIENCE = 5.0
+"""s without a frame after which the base is given up: time to put a plug back in."""
+_ANALOG_REST = (None,) * (ANALOG_PORTS - 4)
+_MOTOR_REST = (None,) * (MOTOR_PORTS - 2)
+
+
+class Guard(Protocol):
+    """Somebody who stops the wheels when this program no longer can."""
+
+    def beat(self) -> None:
+        """The program is alive."""
+        ...
+
+    def close(self, *, stopped: bool = True) -> None:
+        """The program has stopped the wheels itself, or could not."""
+        ...
+
+
+class CreatePort:
+    """The base behind a serial line; one cycle is one stream frame (15 ms).
+
+    mode: FULL obeys always; SAFE stops by itself at a cliff, which a black line may look like.
+    speed: duty commands a share of 500 mm/s to the base's own speed controller instead of a share of the
+    battery voltage. guard: stops the wheels if this program dies; the base has no watchdog.
+
+    Words: `position` encoder ticks (0 left, 1 right); `analog` 0..3 the cliff signals from left to right,
+    turned round (4095 - signal) so that black reads higher, as with a tophat; `digital` 0 bump left,
+    1 bump right, 2 wheel drop left, 3 wheel drop right, 4..7 cliffs from left to right, 8 clean button,
+    9 spot button; `battery` mV; `extra` battery.current (A, out of the battery), motor.0.current and
+    motor.1.current (A).
+    """
+
+    def __init__(
+        self,
+        line: SerialLine,
+        clock: Clock | None = None,
+        *,
+        mode: Mode = Mode.FULL,
+        speed: bool = False,
+        guard: Guard | None = None,
+    ) -> None:
+        self._line = line
+        self._clock = clock or RealClock()
+        self._mode = mode
+        self._speed = speed
+        self._guard = guard
+        self._decoder = StreamDecoder()
+        self._wheels = (WheelCounter(), WheelCounter())
+        self._openings = 0
+        self._last_frame = self._last_start = self._opened = self._clock.now()
+        self._obeyed = False
+        self._closed = False
+        self._start()
+
+    def read(self) -> Inputs:
+        """The next stream frame; after 50 ms of silence a cycle without words and with LINK_DEAD.
+
+        Raises HardwareError after 5 s of silence.
+        """
+        frames = self._next_frames()
+        self._beat()
+        now = self._clock.now()
+        if not frames:
+            return self._silent_cycle(now)
+        return self._cycle(frames, now)
+
+    def write(self, outputs: Outputs) -> None:
+        """Command the two wheels. Raises ConfigError for a duty on a motor port the base does not have."""
+        for port, duty in enumerate(outputs.duty[2:], start=2):
+            if duty != 0.0:
+                raise ConfigError(f"duty of motor {port} is {duty}: a Create has the motors 0 and 1")
+        self._line.write(self._command(outputs))
+        self._beat()
+
+    def close(self) -> None:
+        """Stop the wheels and give the base back. May be called twice."""
+        if not self._closed:
+            self._closed = True
+            stopped = self._line.write(protocol.release())
+            self._line.close()
+            if self._guard is not None:
+                self._guard.close(stopped=stopped)
+
+    def _beat(self) -> None:
+        if self._guard is not None and not self._closed:
+            self._guard.beat()
+
+    def _command(self, outputs: Outputs) -> bytes:
+        left, right = outputs.duty[:2]
+        if self._speed:
+            limit = protocol.SPEED_LIMIT_MM_S
+            return protocol.drive_direct(round(left * limit), round(right * limit))
+        if left == right == 0.0 and any(outputs.brake[:2]):
+            return protocol.drive_direct(0, 0)  # the base's speed controller holds the wheels
+        return protocol.drive_pwm(round(left * protocol.PWM_LIMIT), round(right * protocol.PWM_LIMIT))
+
+    def _start(self) -> None:
+        if self._line.openings != self._openings:
+            self._openings = self._line.openings
+            self._opened, self._obeyed = self._clock.now(), False
+        self._decoder.clear()
+        self._last_start = self._clock.now()
+        self._line.write(protocol.start(self._mode))
+
+    def _next_frames(self) -> list[Sensors]:
+        # The select inside the line waits in real time, so the number of waits is bounded as well: a trickle
+        # of garbage must not keep the cycle here when the clock is a stepped one.
+        deadline = self._clock.now() + CYCLE_TIMEOUT
+        for _ in range(8):
+            data = self._line.read(max(deadline - self._clock.now(), 0.0))
+            if self._line.openings != self._openings:
+                self._start()
+            frames = self._decoder.feed(data)
+            if frames or not data or self._clock.now() >= deadline:
+                return frames
+        return []
+
+    def _silent_cycle(self, now: float) -> Inputs:
+        silent = now - self._last_frame
+        if silent > PATIENCE:
+            raise HardwareError(
+                f"Create on {self._line.path}: no sensor frame for {silent:.1f} s; check the cable, "
+                "and press the clean button once to wake the base"
+            )
+        if silent > SILENCE and now - self._last_start > SILENCE:
+            self._start()
+        return Inputs(time=now, device=CREATE_2, faults=(Fault.LINK_DEAD,))
+
+    def _cycle(self, frames: list[Sensors], now: float) -> Inputs:
+        sensors = frames[-1]
+        elapsed = now - self._last_frame
+        self._last_frame = now
+        faults = []
+        if len(frames) > 1:
+            faults.append(Fault.OVERRUN)
+        jumps = [
+            wheel.update(word, elapsed)
+            for wheel, word in zip(self._wheels, (sensors.left_encoder, sensors.right_encoder), strict=True)
+        ]
+        faults += [fault for fault in jumps if fault is not None]
+        if not self._obeying(sensors, now):
+            faults.append(Fault.COMMAND_LOST)
+        return _inputs(sensors, now, self._wheels, tuple(dict.fromkeys(faults)))
+
+    def _obeying(self, sensors: Sensors, now: float) -> bool:
+        """Whether the base is in a mode in which its wheels obey; where not, ask for it again.
+
+        It leaves SAFE by itself when a wheel drops or a cliff shows up: that mode is not forced back while a
+        wheel hangs, and never more often than every half second.
+        """
+        if sensors.mode == self._mode:
+            self._obeyed = True
+            return True
+        if now - self._last_start > SILENCE and not sensors.wheel_dropped:
+            self._last_start = now
+            self._line.write(protocol.start(self._mode))
+        return (
+            not self._obeyed and now - self._opened < SILENCE
+        )  # the first frames may be older than our wish
+
+
+def _inputs(
+    sensors: Sensors, now: float, wheels: tuple[WheelCounter, WheelCounter], faults: tuple[Fault, ...]
+) -> Inputs:
+    bits = sensors.bumps_and_wheel_drops
+    return Inputs(
+        time=now,
+        device=CREATE_2,
+        position=(wheels[0].position, wheels[1].position, *_MOTOR_REST),
+        analog=(
+            4095 - sensors.cliff_left_signal,
+            4095 - sensors.cliff_front_left_signal,
+            4095 - sensors.cliff_front_right_signal,
+            4095 - sensors.cliff_right_signal,
+            *_ANALOG_REST,
+        ),
+        digital=_digital(sensors, bits),
+        battery=sensors.voltage_mv,
+        faults=faults,
+        extra={
+            "battery.current": -sensors.current_ma / 1000.0,
+            "motor.0.current": sensors.left_motor_ma / 1000.0,
+            "motor.1.current": sensors.right_motor_ma / 1000.0,
+        },
+    )
+
+
+def _digital(sensors: Sensors, bits: int) -> tuple[bool, ...]:
+    flags = (
+        bool(bits & 2),
+        bool(bits & 1),
+        bool(bits & 8),
+        bool(bits & 4),
+        bool(sensors.cliff_left),
+        bool(sensors.cliff_front_left),
+        bool(sensors.cliff_front_right),
+        bool(sensors.cliff_right),
+        bool(sensors.buttons & 1),
+        bool(sensors.buttons & 2),
+    )
+    assert len(flags) == DIGITAL_PORTS
+    return flags
+
+
+def open_create(path: str = "/dev/ttyUSB0", *, mode: Mode = Mode.FULL, speed: bool = False) -> CreatePort:
+    """Open the Create 2 on a serial port; its wheels stop when the program ends, is killed or hangs.
+
+    Raises HardwareError when the port is missing, forbidden or taken.
+    """
+    from raccoon.hal.wombat.supervisor import Supervisor
+
+    clock = RealClock()
+    line = SerialLine(path, BAUD, clock)
+    try:
+        guard = Supervisor(f"tty:{path}:{BAUD}", [protocol.stop()])
+    except HardwareError:
+        line.close()
+        raise
+    port = CreatePort(line, clock, mode=mode, speed=speed, guard=guard)
+    atexit.register(port.close)
+    return port

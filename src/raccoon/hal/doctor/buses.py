@@ -1,0 +1,66 @@
+"""What hangs on the I2C bus and on USB beside the controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Protocol
+
+from raccoon.core.errors import HardwareError
+from raccoon.hal.doctor.report import Finding, Verdict
+from raccoon.hal.i2c.bus import I2cBus
+
+_LIKELY = {0x69: "probably an MPU", **dict.fromkeys(range(64, 80), "probably an INA monitor")}
+_BOARD = (0x0483, 0x5740)
+
+
+class SerialPortInfo(Protocol):
+    """The part of pyserial's description of a port that is shown."""
+
+    device: str
+    vid: int | None
+    pid: int | None
+    product: str | None
+    manufacturer: str | None
+
+
+def i2c(path: str = "/dev/i2c-1", opener: Callable[[str], I2cBus] = I2cBus) -> Finding:
+    """The addresses that answer on a bus."""
+    subject = f"i2c {path}"
+    if not Path(path).exists():
+        return Finding(subject, Verdict.NOT_CHECKED, "there is no such bus")
+    try:
+        bus = opener(path)
+    except HardwareError as error:
+        # A robot without added sensors needs no bus: this is no illness.
+        return Finding(subject, Verdict.NOT_CHECKED, str(error))
+    try:
+        found = bus.scan()
+    except HardwareError as error:
+        remedy = "take added sensors off one by one; the touch screen and the clock hang on this bus, too"
+        return Finding(subject, Verdict.WARNING, "does not work", str(error), remedy)
+    finally:
+        bus.close()
+    listed = ", ".join(f"{address:#04x} {_named(address, who)}" for address, who in found.items())
+    return Finding(subject, Verdict.OK, listed or "nothing answers", values={"devices": float(len(found))})
+
+
+def _named(address: int, who: str) -> str:
+    return _LIKELY.get(address, "unknown device") if who == "device" else who
+
+
+def serial_ports(lister: Callable[[], Iterable[SerialPortInfo]] | None = None) -> Finding:
+    """USB serial devices by name, so that a missing one is noticed."""
+    if lister is None:
+        from serial.tools.list_ports import comports
+
+        lister = comports
+    found = [port for port in lister() if port.vid is not None]
+    listed = ", ".join(f"{port.device} {_product(port)}" for port in found)
+    return Finding("usb serial", Verdict.NOT_CHECKED if not found else Verdict.OK, listed or "none")
+
+
+def _product(port: SerialPortInfo) -> str:
+    if (port.vid, port.pid) == _BOARD:
+        return "calibration board"
+    return port.product or port.manufacturer or f"{port.vid:04x}:{port.pid or 0:04x}"

@@ -1,0 +1,83 @@
+"""The whole examination of one port, in the order in which one thing depends on the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import HardwareError
+from raccoon.core.port import Port
+from raccoon.hal.doctor import link, motors, sensors
+from raccoon.hal.doctor.report import Finding, Report, Verdict
+from raccoon.hal.doctor.session import Session, session
+from raccoon.hal.doctor.trial import MotorTrial, try_motor
+from raccoon.hal.doctor.wiring import wiring
+
+WARM_UP = 0.3
+"""s after opening that are not judged: filters of a controller that has just started still fill."""
+REST = 1.0
+"""s that the robot stands before anything moves."""
+
+
+def _quiet(_: str) -> None:
+    """Progress that nobody wants to see."""
+
+
+def examine(
+    port: Port, config: RobotConfig, *, move: bool = True, progress: Callable[[str], None] = _quiet
+) -> Report:
+    """Examine a port; the robot must stand still on the floor, with 20 cm around it where `move` is set.
+
+    A device that is lost on the way ends the examination with a finding, not with an error. The motors stop
+    on every way out; closing the port is left to whoever opened it.
+    """
+    report = Report()
+    try:
+        with session(port) as running:
+            _examine(running, port, config, report, move, progress)
+    except HardwareError as error:
+        report.add(lost(error))
+    return report
+
+
+def lost(error: HardwareError) -> Finding:
+    """The finding for a device that cannot be opened or was lost."""
+    return Finding("controller", Verdict.FAULT, "lost", str(error), "see docs/hardware.md")
+
+
+def _examine(
+    running: Session,
+    port: Port,
+    config: RobotConfig,
+    report: Report,
+    move: bool,
+    progress: Callable[[str], None],
+) -> None:
+    progress("listening")
+    running.run(WARM_UP)
+    running.cycles.clear()
+    rest = running.run(REST)
+    report.add(link.identity(rest))
+    report.add(*sensors.imu(config, rest), *sensors.analog(config, rest), sensors.buttons(rest))
+    at_rest = len(running.cycles)
+    if move:
+        _try_motors(running, config, report, progress)
+    else:
+        report.add(Finding("motors", Verdict.NOT_CHECKED, "nothing was moved"))
+    report.add(sensors.battery(rest, running.cycles[at_rest:]))
+    # A sick link makes everything else look sick: it is told first.
+    report.findings[1:1] = [link.rates(config, running.cycles, port), *link.faults(running.cycles)]
+
+
+def _try_motors(
+    running: Session, config: RobotConfig, report: Report, progress: Callable[[str], None]
+) -> None:
+    """Move the driven wheels. Other motors may lift an arm against its end: they stay where they are."""
+    trials: dict[int, MotorTrial] = {}
+    for side, motor_port in (("left", config.drive.left), ("right", config.drive.right)):
+        progress(f"moving the {side} wheel (motor {motor_port})")
+        trials[motor_port] = try_motor(running, motor_port)
+        report.add(*motors.judge_motor(config, trials[motor_port]))
+    report.add(wiring(config, trials))
+    for motor_port in sorted(set(config.motors) - set(trials)):
+        report.add(Finding(f"motor {motor_port}", Verdict.NOT_CHECKED, "not moved: it is no driven wheel"))

@@ -1,0 +1,98 @@
+"""The controller itself: who answers, how regularly, and what it complained about."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from itertools import pairwise
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Fault, Inputs
+from raccoon.hal.create.port import CREATE_2
+from raccoon.hal.create.protocol import STREAM_PERIOD
+from raccoon.hal.doctor.report import Finding, Verdict
+from raccoon.hal.doctor.session import mean
+from raccoon.hal.wombat.stock import FIRMWARE_VERSION
+
+RATE_TOLERANCE = 0.05
+LATE = 2.0
+"""A cycle that takes that many periods missed one."""
+LATE_SHARE = 0.01
+_RACCOON = "wombat-raccoon-"
+
+REMEDIES = {
+    Fault.LINK_DEAD: "check the power switch, and that nothing else uses the bus; restart the controller",
+    Fault.STALE: "the controller's main program hangs: restart it (or power-cycle the robot)",
+    Fault.RESET: "charge the battery; look for a loose battery plug",
+    Fault.BROWN_OUT: "charge the battery; look for a loose battery plug",
+    Fault.POSITION_JUMP: "run the doctor again; if it stays, flash the firmware again",
+    Fault.TORN: "run the doctor again; if it stays, stop other programs that use the bus",
+    Fault.MISALIGNED: "stop other programs that use the bus, then restart the controller",
+    Fault.IMU_FROZEN: "restart the controller; if it stays, its IMU is broken",
+    Fault.COMMAND_LOST: "stop other programs that command the motors; flash the matching firmware",
+    Fault.OVERRUN: "stop other programs; see docs/hardware.md on real-time priority",
+    Fault.MOTOR_FAULT: "check the motor's plug and that it turns freely; let a tripped fuse cool",
+    Fault.SENSOR_LOST: "check the plug and the supply of the added sensor",
+}
+# They happen now and then on a healthy robot, are repaired by the port, and matter only when they pile up.
+_REPAIRED = {Fault.TORN, Fault.OVERRUN, Fault.COMMAND_LOST}
+
+
+def identity(cycles: Sequence[Inputs]) -> Finding:
+    """The controller, its firmware and version, as the port made sure of when it was opened."""
+    name = cycles[-1].device.name
+    values: dict[str, float] = {}
+    described = name
+    if name.startswith("wombat-stock"):
+        values = {"version": float(FIRMWARE_VERSION)}
+        described = f"{name}: KIPR's firmware, version {FIRMWARE_VERSION}"
+    elif name.startswith(_RACCOON):
+        version = name.removeprefix(_RACCOON).split("+")[0]
+        values = {"version": float(version)}
+        described = f"{name}: RaccoonOS, protocol version {version}"
+    return Finding("controller", Verdict.OK, described, values=values)
+
+
+def rates(config: RobotConfig, cycles: Sequence[Inputs], port: object) -> Finding:
+    """Cycles a second, how many came late, and how often the counters changed where the port measures it."""
+    periods = sorted(later.time - earlier.time for earlier, later in pairwise(cycles))
+    if not periods:
+        return Finding("rate", Verdict.FAULT, "no cycles", "the port handed over one cycle only")
+    rate = 1.0 / max(mean(periods), 1e-9)
+    wanted = 1.0 / STREAM_PERIOD if cycles[-1].device is CREATE_2 else config.controller.rate_hz
+    late = sum(period > LATE / wanted for period in periods)
+    p99, longest = periods[int(0.99 * (len(periods) - 1))], periods[-1]
+    measured = f"{rate:.1f} Hz; 99 % within {1e3 * p99:.2f} ms, longest {1e3 * longest:.2f} ms, {late} late"
+    values = {"rate_hz": rate, "p99": p99, "longest": longest, "late": float(late)}
+    counters = getattr(getattr(port, "rates", None), "bemf", None)
+    if counters is not None:
+        measured += f"; counters {counters:.0f} Hz"
+        values["counters_hz"] = counters
+    remedy = REMEDIES[Fault.OVERRUN]
+    if abs(rate / wanted - 1.0) > RATE_TOLERANCE:
+        problem = f"{wanted:.1f} Hz are wanted"
+        return Finding("rate", Verdict.FAULT, measured, problem, remedy, values)
+    if late > LATE_SHARE * len(periods):
+        return Finding("rate", Verdict.WARNING, measured, "too many cycles came late", remedy, values)
+    return Finding("rate", Verdict.OK, measured, values=values)
+
+
+def faults(cycles: Sequence[Inputs]) -> list[Finding]:
+    """What the port itself reported, one finding a fault."""
+    counts = Counter(fault for each in cycles for fault in each.faults)
+    if not counts:
+        return [Finding("link", Verdict.OK, f"no faults in {len(cycles)} cycles")]
+    findings = []
+    for fault, count in counts.most_common():
+        rare = fault in _REPAIRED and count <= LATE_SHARE * len(cycles)
+        findings.append(
+            Finding(
+                "link",
+                Verdict.OK if rare else Verdict.FAULT,
+                f"{fault.value} in {count} of {len(cycles)} cycles",
+                "" if rare else f"the controller's port reports {fault.value}",
+                "" if rare else REMEDIES.get(fault, ""),
+                {fault.value: float(count)},
+            )
+        )
+    return findings

@@ -1,0 +1,192 @@
+"""IMU, analog ports, buttons and battery, from a second of rest and the moves after it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, Fault, Inputs
+from raccoon.hal.create.port import CREATE_2
+from raccoon.hal.doctor.report import Finding, Verdict
+from raccoon.hal.doctor.session import correlation, deviation, mean, vectors, words
+
+GRAVITY = 9.80665
+GRAVITY_TOLERANCE = 0.05
+UPRIGHT = 0.94
+"""cos 20 degrees: the floor is not steeper."""
+BIAS_LIMIT = 0.09
+"""rad/s beyond the bias of robot.toml; the IMU's data sheet allows 5 deg/s without calibration."""
+STILL_LIMIT = 0.05
+"""rad/s that the turn rate of a standing robot may scatter by."""
+FROZEN_AFTER = 0.5
+SATURATED_HIGH, SATURATED_LOW = 4080, 5
+FLOATING = 40.0
+"""Counts that a connected, resting sensor does not scatter by."""
+FOLLOWS = 0.9
+_FOLLOWS_FROM = 5.0
+_WOMBAT_VOLTS = (6.0, 6.4, 8.6)  # unreliable below, charge below, impossible above (two lithium cells)
+_CREATE_VOLTS = (12.5, 13.5, 18.0)  # twelve NiMH cells
+SAG_LIMIT = 1.0
+
+
+def imu(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
+    """Alive, one g, upright, and a bias that can be lived with."""
+    device = rest[-1].device
+    rates = vectors(rest, "gyro", device.gyro_rad_s)
+    forces = vectors(rest, "accel", device.accel_m_s2)
+    if not rates and not forces:
+        return [_no_imu(rest)]
+    return [_gyro(config, rest, rates), _accel(forces)]
+
+
+def _no_imu(rest: Sequence[Inputs]) -> Finding:
+    if rest[-1].device is CREATE_2:
+        return Finding("imu", Verdict.NOT_CHECKED, "this base has none")
+    remedy = "restart the controller; if it stays, its IMU is broken: add one on I2C"
+    if any(Fault.IMU_FROZEN in each.faults for each in rest):
+        problem = "its readings cannot be true (they stand still, sweep, or are far from 1 g)"
+        return Finding("imu", Verdict.FAULT, "left out by the port", problem, remedy)
+    return Finding("imu", Verdict.FAULT, "none", "the controller hands over no IMU readings", remedy)
+
+
+def _gyro(config: RobotConfig, rest: Sequence[Inputs], rates: Sequence[tuple[float, ...]]) -> Finding:
+    if not rates:
+        return Finding("gyro", Verdict.FAULT, "none", "no turn rates", "restart the controller")
+    turn = [rate[2] for rate in rates]
+    bias, noise = mean(turn), deviation(turn)
+    seconds = max(rest[-1].time - rest[0].time, 1e-9)
+    measured = f"bias {bias:+.4f} rad/s, noise {noise:.4f}, {len(rates) / seconds:.0f} readings a second"
+    values = {"bias": bias, "noise": noise, "rate_hz": len(rates) / seconds}
+    known = config.model.imu.gyro_bias.value
+    problem = remedy = ""
+    if seconds > FROZEN_AFTER and len(rates) > 2 and len(set(rates)) == 1:
+        problem, remedy = "it repeats one reading: it is frozen", "restart the controller"
+    elif noise > STILL_LIMIT:
+        problem = "its turn rate wanders while the robot stands"
+        remedy = (
+            "keep the robot still; if it stays, update the firmware (old boards sweep) or add an IMU on I2C"
+        )
+    elif abs(bias - known) > BIAS_LIMIT:
+        problem = f"its bias is far from robot.toml's {known:+.4f} rad/s"
+        remedy = f"keep the robot still and run again; then write gyro_bias = {bias:.4f} under [model.imu]"
+    return Finding("gyro", Verdict.FAULT if problem else Verdict.OK, measured, problem, remedy, values)
+
+
+def _accel(forces: Sequence[tuple[float, ...]]) -> Finding:
+    if not forces:
+        return Finding("accelerometer", Verdict.FAULT, "none", "no readings", "restart the controller")
+    x, y, z = (mean([force[axis] for force in forces]) for axis in range(3))
+    total = math.hypot(x, y, z)
+    measured = f"{total / GRAVITY:.3f} g, upright {z / max(total, 1e-9):.2f}"
+    values = {"x": x, "y": y, "z": z}
+    problem = remedy = ""
+    if abs(total / GRAVITY - 1.0) > GRAVITY_TOLERANCE:
+        problem = "gravity is not 1 g"
+        remedy = (
+            "keep the robot still; if it stays, the IMU is broken or another one than the firmware expects"
+        )
+    elif z < -UPRIGHT * total:
+        problem = "it is upside down"
+        remedy = "put the robot on its wheels; for an added IMU correct its axes"
+    elif z < UPRIGHT * total:
+        problem, remedy = (
+            "the robot is not level",
+            "put it on level ground; for an added IMU correct its axes",
+        )
+    return Finding(
+        "accelerometer", Verdict.FAULT if problem else Verdict.OK, measured, problem, remedy, values
+    )
+
+
+def analog(config: RobotConfig, rest: Sequence[Inputs]) -> list[Finding]:
+    """Each analog port that has a reading; ports that robot.toml uses must have a good one."""
+    users = {tophat.analog: name for name, tophat in config.tophats.items()}
+    series = [words(rest, "analog", port) for port in range(ANALOG_PORTS)]
+    return [_analog_port(port, series, users.get(port)) for port in range(ANALOG_PORTS)]
+
+
+def _analog_port(port: int, series: Sequence[Sequence[float]], user: str | None) -> Finding:
+    subject = f"analog {port}" + (f" ({user})" if user else "")
+    readings = series[port]
+    if not readings:
+        return _judged(subject, user, "none", "no reading", "check the controller", {})
+    level, noise = mean(readings), deviation(readings)
+    measured, values = (
+        f"{level:.0f} counts, noise {noise:.1f}",
+        {"level_counts": level, "noise_counts": noise},
+    )
+    plug = "check that the sensor is plugged in and its plug is the right way round"
+    if level >= SATURATED_HIGH or level <= SATURATED_LOW:
+        return _judged(
+            subject, user, measured, "it is saturated", f"{plug}; shade it from strong light", values
+        )
+    if noise > FLOATING:
+        return _judged(subject, user, measured, "it floats: nothing seems to be plugged in", plug, values)
+    neighbour = _followed(port, series, noise)
+    if neighbour is not None:
+        problem = f"it follows analog {neighbour}: nothing seems to be plugged in"
+        return _judged(subject, user, measured, problem, plug, values)
+    return Finding(subject, Verdict.OK if user else Verdict.NOT_CHECKED, measured, values=values)
+
+
+def _judged(
+    subject: str, user: str | None, measured: str, problem: str, remedy: str, values: dict[str, float]
+) -> Finding:
+    """A port that robot.toml does not use may be anything; what it is is told all the same."""
+    if user is None:
+        return Finding(subject, Verdict.NOT_CHECKED, f"{measured} ({problem}; unused)", values=values)
+    return Finding(subject, Verdict.FAULT, measured, problem, remedy, values)
+
+
+def _followed(port: int, series: Sequence[Sequence[float]], noise: float) -> int | None:
+    """The neighbour whose every move this port repeats, as an open pin does."""
+    if noise < _FOLLOWS_FROM:
+        return None
+    for neighbour in (port - 1, port + 1):
+        if not 0 <= neighbour < len(series) or not series[neighbour]:
+            continue
+        louder = deviation(series[neighbour]) > noise  # of two alike, the weaker one is the echo
+        if louder and correlation(series[port], series[neighbour]) > FOLLOWS:
+            return neighbour
+    return None
+
+
+def buttons(rest: Sequence[Inputs]) -> Finding:
+    """Which digital ports read pressed; what that means only the team knows."""
+    last = rest[-1].digital
+    if all(flag is None for flag in last):
+        return Finding("digital", Verdict.NOT_CHECKED, "none")
+    pressed = [port for port in range(DIGITAL_PORTS) if last[port]]
+    listed = ", ".join(map(str, pressed)) or "none"
+    return Finding("digital", Verdict.OK, f"pressed: {listed}", values={"pressed": float(len(pressed))})
+
+
+def battery(rest: Sequence[Inputs], moving: Sequence[Inputs]) -> Finding:
+    """Voltage at rest, and how far it drops while a motor pulls."""
+    volts = [volt for volt in (each.battery_voltage for each in rest) if volt is not None]
+    if not volts:
+        return Finding("battery", Verdict.FAULT, "none", "no reading of the battery", "check the controller")
+    level = mean(volts)
+    loaded = [volt for volt in (each.battery_voltage for each in moving) if volt is not None]
+    sag = level - min(loaded) if loaded else 0.0
+    measured = f"{level:.2f} V" + (f", drops by {sag:.2f} V" if loaded else "")
+    verdict, problem, remedy = _battery_problem(rest[-1], level, sag)
+    return Finding("battery", verdict, measured, problem, remedy, {"voltage": level, "sag": sag})
+
+
+def _battery_problem(inputs: Inputs, level: float, sag: float) -> tuple[Verdict, str, str]:
+    unreliable, low, high = _CREATE_VOLTS if inputs.device is CREATE_2 else _WOMBAT_VOLTS
+    if level > high:
+        return Verdict.FAULT, f"above {high} V: no battery for this controller", "use the right battery"
+    if level < unreliable:
+        return Verdict.FAULT, f"below {unreliable} V the controller is unreliable", "charge the battery"
+    if level < low:
+        return Verdict.WARNING, "it is almost empty", "charge the battery"
+    if sag > SAG_LIMIT:
+        return (
+            Verdict.WARNING,
+            "it drops too far under load",
+            "clean the battery plug; replace an old battery",
+        )
+    return Verdict.OK, "", ""

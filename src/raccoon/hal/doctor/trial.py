@@ -1,0 +1,116 @@
+"""One motor, moved a little to and fro: what it read at rest and what it did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from raccoon.core.readings import Device, Inputs
+from raccoon.hal.doctor.session import Session, deviation, mean, one_motor, words
+
+DUTY = 0.3
+MOVE = 0.35
+"""s; the wheel has reached its speed after some 0.1 s and covers a few centimetres."""
+SETTLE = 0.4
+STEADY = 0.15
+"""s at the end of a move that are taken for its speed."""
+SILENT = 60.0
+"""Counts; less than that at `DUTY` is no motion (the stock firmware swallows 40 counts when starting)."""
+STILL_TICKS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """One motor under +-duty. bemf in counts without the offset, ticks moved, rad/s of the robot's turn.
+
+    integral: counts * s that the position should have grown by. latency: s until the first sign of motion.
+    """
+
+    duty: float
+    bemf: float | None
+    ticks: float
+    integral: float | None
+    turn_rate: float | None
+    latency: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class MotorTrial:
+    """A motor at rest and moved both ways. duty of `moves` is the port's, before any wiring sign."""
+
+    motor_port: int
+    offset: float | None
+    noise: float
+    battery: float | None
+    moves: tuple[Move, Move]
+    device: Device
+
+    @property
+    def answered(self) -> bool:
+        """Whether it moved at all, either way."""
+        return any(
+            abs(move.ticks) > STILL_TICKS if move.bemf is None else abs(move.bemf) > SILENT
+            for move in self.moves
+        )
+
+
+def try_motor(session: Session, motor_port: int, *, duty: float = DUTY) -> MotorTrial:
+    """Move one motor both ways and stop it."""
+    rest = session.run(SETTLE)
+    readings = words(rest, "bemf", motor_port)
+    offset = mean(readings) if readings else None
+    moves = []
+    for signed in (duty, -duty):
+        moves.append(_move(session, motor_port, signed, offset or 0.0))
+        session.run(SETTLE)
+    battery = rest[-1].battery_voltage
+    noise = deviation(readings) if readings else 0.0
+    return MotorTrial(motor_port, offset, noise, battery, (moves[0], moves[1]), rest[-1].device)
+
+
+def _move(session: Session, motor_port: int, duty: float, offset: float) -> Move:
+    gyro = _turn_rates(session.cycles[-20:])
+    still = mean(gyro) if gyro else 0.0
+    cycles = session.run(MOVE, one_motor(motor_port, duty))
+    steady = [each for each in cycles if each.time > cycles[-1].time - STEADY]
+    bemf = words(steady, "bemf", motor_port)
+    positions = words(cycles, "position", motor_port)
+    turning = _turn_rates(steady)
+    return Move(
+        duty=duty,
+        bemf=mean(bemf) - offset if bemf else None,
+        ticks=positions[-1] - positions[0] if len(positions) > 1 else 0.0,
+        integral=_integral(cycles, motor_port),
+        turn_rate=mean(turning) - still if turning else None,
+        latency=_latency(cycles, motor_port, offset),
+    )
+
+
+def _turn_rates(cycles: Sequence[Inputs]) -> list[float]:
+    return [rate for rate in (each.turn_rate for each in cycles) if rate is not None]
+
+
+def _integral(cycles: Sequence[Inputs], motor_port: int) -> float | None:
+    steps = []
+    for earlier, later in pairwise(cycles):
+        word = later.bemf[motor_port]
+        if word is None:
+            return None
+        steps.append(word * (later.time - earlier.time))
+    return math.fsum(steps)
+
+
+def _latency(cycles: Sequence[Inputs], motor_port: int, offset: float) -> float | None:
+    """s from the first commanded cycle to the first in which the motor shows."""
+    first = cycles[0]
+    for each in cycles:
+        word, position, start = each.bemf[motor_port], each.position[motor_port], first.position[motor_port]
+        if word is not None:
+            moved = abs(word - offset) > SILENT
+        else:
+            moved = position is not None and start is not None and abs(position - start) > STILL_TICKS
+        if moved:
+            return each.time - first.time
+    return None

@@ -1,0 +1,68 @@
+"""Whether positive duty drives forward: a wheel driven alone turns the robot, and the gyro sees which way.
+
+The left wheel forward turns clockwise (negative), the right one counter-clockwise (positive).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from raccoon.core.config import RobotConfig
+from raccoon.hal.doctor.report import Finding, Verdict
+from raccoon.hal.doctor.session import mean
+from raccoon.hal.doctor.trial import MotorTrial
+
+TURN_LIMIT = 0.05
+"""rad/s that one driven wheel must turn the robot by, to tell which way."""
+
+
+def wiring(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Finding:
+    """The signs of robot.toml against what the gyro saw."""
+    sides = {"left": (config.drive.left, -1.0), "right": (config.drive.right, 1.0)}
+    turns = {side: _turn(config, trials.get(port)) for side, (port, _) in sides.items()}
+    seen = {side: turn for side, turn in turns.items() if turn is not None}
+    if any(abs(turn) < TURN_LIMIT for turn in seen.values()) or len(seen) < 2:
+        return Finding(
+            "wiring signs",
+            Verdict.NOT_CHECKED,
+            "the robot did not turn, or has no gyro",
+            remedy="put it on the floor and run the doctor again",
+            values={f"turn_rate_{side}": turn for side, turn in seen.items()},
+        )
+    measured = ", ".join(f"{side} wheel forward: {turn:+.2f} rad/s" for side, turn in seen.items())
+    values = {f"turn_rate_{side}": turn for side, turn in seen.items()}
+    wrong = [side for side, (_, sign) in sides.items() if seen[side] * sign < 0.0]
+    if not wrong:
+        return Finding("wiring signs", Verdict.OK, measured, values=values)
+    problem, remedy = _advice(config, wrong)
+    return Finding("wiring signs", Verdict.FAULT, measured, problem, remedy, values)
+
+
+def _turn(config: RobotConfig, trial: MotorTrial | None) -> float | None:
+    """rad/s of the robot while this wheel was commanded forward, from both directions of its trial."""
+    if trial is None:
+        return None
+    sign = -1.0 if config.motor(trial.motor_port).inverted else 1.0
+    rates = [
+        move.turn_rate * (1.0 if move.duty * sign > 0.0 else -1.0)
+        for move in trial.moves
+        if move.turn_rate is not None
+    ]
+    return mean(rates) if rates else None
+
+
+def _advice(config: RobotConfig, wrong: list[str]) -> tuple[str, str]:
+    if len(wrong) == 2:
+        return (
+            "both wheels turn the robot the wrong way",
+            "look which wheel moves first: if it is the right one, exchange drive.left and drive.right in "
+            "robot.toml; if it is the left one and turns backwards, change `inverted` of both motors; if the "
+            "wheels are right, the IMU is mounted upside down",
+        )
+    port = config.drive.left if wrong[0] == "left" else config.drive.right
+    now = str(config.motor(port).inverted).lower()
+    turned = "false" if config.motor(port).inverted else "true"
+    return (
+        f"the {wrong[0]} wheel turns backwards",
+        f"set inverted = {turned} under [motor.{port}] in robot.toml (it is {now}), or turn its plug round",
+    )

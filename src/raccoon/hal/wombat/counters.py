@@ -1,0 +1,154 @@
+"""Position counters: 32-bit words that wrap, tear and restart become 64-bit positions that do not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from raccoon.core.readings import MOTOR_PORTS
+
+Counts = tuple[int, int, int, int]
+Bemf = tuple[float, float, float, float]
+
+
+def near_zero(words: Sequence[int], limit: float) -> bool:
+    """Whether all counters lie within `limit` of 0, as after a start."""
+    return max(words) <= limit and min(words) >= -limit
+
+
+class Counters:
+    """Four counters, unwrapped.
+
+    fastest: counts a second that no motor exceeds. A difference beyond twice what that allows is a jump.
+    """
+
+    def __init__(self, fastest: float) -> None:
+        self._limit_rate = 2.0 * fastest
+        self._last: Sequence[int] | None = None
+        self.totals = [0] * MOTOR_PORTS
+
+    def differences(self, raw: Sequence[int]) -> Counts:
+        """How far each counter has moved since the last accepted words; modular, so a wrap is no jump."""
+        last = self._last
+        if last is None:
+            return (0, 0, 0, 0)
+        a, b, c, d = (
+            ((new - old + 0x8000_0000) & 0xFFFF_FFFF) - 0x8000_0000
+            for new, old in zip(raw, last, strict=True)
+        )
+        return a, b, c, d
+
+    def plausible(self, differences: Counts, seconds: float) -> bool:
+        """Whether motors can have moved that far in this time (at least one cycle of the firmware)."""
+        limit = self._limit_rate * max(seconds, 0.006)
+        return -limit <= min(differences) and max(differences) <= limit
+
+    def accept(self, raw: Sequence[int], differences: Counts) -> None:
+        """Count on by these differences."""
+        self._last = raw
+        totals = self.totals
+        for port, difference in enumerate(differences):
+            totals[port] += difference
+
+    def continue_from(self, raw: Sequence[int]) -> None:
+        """Take new words as the continuation of the old positions: the counter jumped, not the robot."""
+        self._last = raw
+
+
+class StockBemf:
+    """Back-EMF out of the stock firmware's counters, which is all it shows of it.
+
+    Every update of the firmware adds the filtered back-EMF f to the counter, so whoever looks at least once
+    an update sees f itself as a difference. Looked at more rarely, a difference holds several f; their number
+    follows from the time passed and the last f. A filter that loses at most a quarter of its value an update
+    cannot fall from a real speed to 0 at once: a counter that stands still then has not been updated.
+
+    Its integer arithmetic drops 0, 1/4, 1/2 or 3/4 count towards 0 at each update, 3/8 on average, which a
+    filter of weight 1/4 shows as `TRUNCATION` counts too little in magnitude, in its value and in its sums.
+    `value` and `shortfall` make up for that; the dither it takes is the noise of the converter.
+    """
+
+    TRUNCATION = 1.5
+    SURELY_STOPPED = 16
+    """Counts: f may drop to 0 from here, its dead zone being 10 and its decay 3/4."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period = 1.0 / rate_hz
+        self._since_news = 0.0
+        self.value: Bemf = (0.0, 0.0, 0.0, 0.0)
+        self.fresh = False
+        self.shortfall = [0.0] * MOTOR_PORTS
+        """Counts that truncation has kept from each counter so far."""
+        self._updates = 0
+        self._seconds = 0.0
+
+    def update(self, differences: Counts, seconds: float) -> None:
+        """Take what the counters did in the last `seconds`. `fresh` tells whether `value` is new."""
+        self._since_news += seconds
+        moving = max(map(abs, self.value)) > self.SURELY_STOPPED
+        if not any(differences):
+            self.fresh = not moving and self._since_news > 1.3 * self._period
+            if self.fresh:
+                self.value = (0.0, 0.0, 0.0, 0.0)
+            return
+        updates = self._count(differences)
+        if moving:
+            self._updates += updates
+            self._seconds += self._since_news
+        self._since_news = 0.0
+        a, b, c, d = (self._made_up(port, each, updates) for port, each in enumerate(differences))
+        self.value = (a, b, c, d)
+        self.fresh = True
+
+    def _made_up(self, port: int, difference: int, updates: int) -> float:
+        if difference == 0:
+            return 0.0
+        missing = math.copysign(self.TRUNCATION, difference)
+        self.shortfall[port] += updates * missing
+        return difference / updates + missing
+
+    def _count(self, differences: Counts) -> int:
+        """How many updates the differences hold: 1, unless the time allows more and they look like it."""
+        periods = self._since_news / self._period
+        if periods < 1.5:
+            return 1
+        low = max(int(periods - 0.5), 1)
+        port = max(range(MOTOR_PORTS), key=lambda each: abs(self.value[each]))
+        if abs(self.value[port]) < 2 * self.SURELY_STOPPED:
+            return max(round(periods), 1)
+        ratio = differences[port] / self.value[port]
+        return min((low, low + 1), key=lambda count: abs(count - ratio))
+
+    @property
+    def overdue(self) -> bool:
+        """Whether counters that must move have stood still for more than two updates."""
+        return max(map(abs, self.value)) > self.SURELY_STOPPED and self._since_news > 2.6 * self._period
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Measured updates a second, None before half a second of motion."""
+        return self._updates / self._seconds if self._seconds >= 0.5 else None
+
+
+class CounterRate:
+    """Update rate of a firmware that sums back-EMF without time and shows both (RaccoonOS 17)."""
+
+    MOVING = 100.0
+
+    def __init__(self) -> None:
+        self._counts = 0.0
+        self._counts_seconds = 0.0
+        self._seconds = 0.0
+
+    def update(self, differences: Counts, bemf: Sequence[float], seconds: float) -> None:
+        """Take a cycle."""
+        for difference, value in zip(differences, bemf, strict=True):
+            if abs(value) > self.MOVING:
+                self._counts += abs(difference)
+                self._counts_seconds += abs(value) * seconds
+                self._seconds += seconds
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Measured updates a second, None before half a second of motion."""
+        return self._counts / self._counts_seconds if self._seconds >= 0.5 else None

@@ -1,0 +1,113 @@
+"""The board around the emulated chip: drivers, converters and IMU between plant and firmware.
+
+Everything that is hardware and the same for both firmwares: what a voltage becomes in ADC counts, noise, and
+the ways in which hardware breaks.
+"""
+
+from __future__ import annotations
+
+import math
+from random import Random
+
+from raccoon.core.readings import (
+    ANALOG_PORTS,
+    BATTERY_VOLTS_PER_COUNT,
+    BEMF_VOLTS_PER_COUNT,
+    MOTOR_PORTS,
+)
+from raccoon.hal.wombat.emulator.faults import Faults
+from raccoon.hal.wombat.emulator.plant import COAST, Drive, Plant, PlantState
+
+ADC_MAX = 4095
+BEMF_NOISE = 3.0
+"""Counts, standard deviation of one back-EMF conversion."""
+ANALOG_NOISE = 1.5
+BATTERY_NOISE = 1.0
+GYRO_NOISE = math.radians(0.1)
+"""Rad/s."""
+ACCEL_NOISE = 0.03
+"""m/s2."""
+
+
+class Board:
+    """Converters and drivers on a plant. `noise` False makes every converter exact (rounded all the same)."""
+
+    def __init__(self, plant: Plant, faults: Faults, *, seed: int, noise: bool = True) -> None:
+        self._plant = plant
+        self._faults = faults
+        self._random = Random(seed)
+        self._noise = 1.0 if noise else 0.0
+        self._floating = 1800.0
+        self._sweep = 0.0
+        self.drives: tuple[Drive, ...] = COAST
+        self.state: PlantState = plant.advance(0.0, COAST)
+
+    def advance(self, seconds: float, drives: tuple[Drive, ...]) -> None:
+        """Let time pass with the drivers set this way."""
+        self.drives = drives
+        self.state = self._plant.advance(seconds, self._broken(drives))
+
+    def _broken(self, drives: tuple[Drive, ...]) -> tuple[Drive, ...]:
+        stalled, blown = self._faults.stalled, self._faults.blown_fuse
+        if not (stalled or blown):
+            return drives
+        return tuple(
+            None if port in blown else 0.0 if port in stalled else drive for port, drive in enumerate(drives)
+        )
+
+    def _gauss(self, deviation: float) -> float:
+        return self._random.gauss(0.0, deviation * self._noise)
+
+    def bemf(self, port: int) -> float:
+        """Difference of a motor's two conversions in whole counts, stock polarity.
+
+        The sense resistors sit at the driver: behind a blown fuse they see nothing of the motor.
+        """
+        lost = port in self._faults.blown_fuse or port in self._faults.stalled
+        volts = 0.0 if lost else self.state.bemf_volts[port]
+        counts = volts / BEMF_VOLTS_PER_COUNT + self._gauss(BEMF_NOISE)
+        return max(-ADC_MAX, min(ADC_MAX, round(counts)))
+
+    def bemf_all(self) -> tuple[float, ...]:
+        """`bemf` of the four motors."""
+        return tuple(self.bemf(port) for port in range(MOTOR_PORTS))
+
+    def analog(self, port: int, deviation: float = ANALOG_NOISE) -> int:
+        """Conversion of an analog port. A floating pin wanders and follows its neighbour."""
+        faults = self._faults
+        if port in faults.saturated:
+            return faults.saturated[port]
+        level = self.state.analog[port]
+        if port in faults.floating:
+            neighbour = self.state.analog[(port + 1) % ANALOG_PORTS]
+            self._floating += 0.02 * (neighbour - self._floating) + self._gauss(20.0)
+            level = self._floating
+        return max(0, min(ADC_MAX, round(level + self._gauss(deviation))))
+
+    def battery(self) -> int:
+        """Conversion of the battery voltage."""
+        return max(
+            0,
+            min(
+                ADC_MAX,
+                round(self.state.battery_voltage / BATTERY_VOLTS_PER_COUNT + self._gauss(BATTERY_NOISE)),
+            ),
+        )
+
+    def gyro(self) -> tuple[float, float, float]:
+        """Rad/s about forward, left, up."""
+        x, y, z = (rate + self._gauss(GYRO_NOISE) for rate in self.state.gyro)
+        if self._faults.gyro_sweep:
+            # Old boards: -600 to 1700 units of 1/1.025 deg/s while at rest.
+            self._sweep += 0.02
+            z += math.radians(550.0 + 1150.0 * math.sin(self._sweep)) / 1.025
+        return x, y, z
+
+    def accel(self) -> tuple[float, float, float]:
+        """Specific force in m/s2, forward, left, up."""
+        x, y, z = (force + self._gauss(ACCEL_NOISE) for force in self.state.accel)
+        return x, y, z
+
+    def digital_bits(self) -> int:
+        """Bit n is 1 where port n is pulled low."""
+        return sum(1 << port for port, pressed in enumerate(self.state.digital) if pressed)

@@ -1,0 +1,171 @@
+"""The link side of the emulated Wombat: two rings of bytes that turn whenever the master clocks."""
+
+from __future__ import annotations
+
+import struct
+from typing import Literal, Protocol
+
+from raccoon.core.clock import Clock, RealClock
+from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.hal.wombat import stock
+from raccoon.hal.wombat.emulator.board import Board
+from raccoon.hal.wombat.emulator.faults import Faults
+from raccoon.hal.wombat.emulator.plant import Drive, Plant, PlantState
+from raccoon.hal.wombat.emulator.raccoon_chip import RaccoonChip
+from raccoon.hal.wombat.emulator.stock_chip import StockChip
+
+Firmware = Literal["stock", 17, 21]
+Build = Literal["shipped", "published"]
+
+BOOT_SECONDS = 0.02
+LONGEST_CATCH_UP = 5.0
+"""Seconds; a pause longer than that (a debugger) is not simulated in full."""
+
+
+class Chip(Protocol):
+    """A co-processor with a firmware."""
+
+    frame_length: int
+
+    @property
+    def powered(self) -> bool: ...
+    def reset(self) -> None: ...
+    def image(self) -> bytes: ...
+    def accept(self, frame: bytes) -> None: ...
+    def advance(self, seconds: float) -> None: ...
+
+
+class Emulator:
+    """A Wombat that is not there, as a link (`transfer`, `close`) and a reset line (`pulse`).
+
+    plant: what motors and sensors are. firmware: "stock", 17 or 21. clock: decides how far the firmware has
+    run at each transfer. build: loop rates of the distributed binary, or those that the source promises.
+    seed: of all noise; noise False switches it off (a port takes a noiseless controller at rest for a hanging
+    one). Raises ConfigError for another firmware or build.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        firmware: Firmware = "stock",
+        *,
+        clock: Clock | None = None,
+        build: Build = "shipped",
+        seed: int = 0,
+        noise: bool = True,
+    ) -> None:
+        if firmware not in ("stock", 17, 21):
+            raise ConfigError(f"firmware is {firmware!r}: allowed are 'stock', 17 and 21")
+        if build not in ("shipped", "published"):
+            raise ConfigError(f"build is {build!r}: allowed are 'shipped' and 'published'")
+        self.faults = Faults()
+        self.firmware = firmware
+        self._clock = clock or RealClock()
+        self._board = Board(plant, self.faults, seed=seed, noise=noise)
+        self.chip: Chip = (
+            StockChip(self._board, self.faults, build)
+            if firmware == "stock"
+            else RaccoonChip(self._board, self.faults, firmware, build)
+        )
+        self._time = self._clock.now()
+        self._booted_at = self._time
+        self._closed = False
+        self._restart_link()
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """What the motor drivers do at this moment."""
+        return self._board.drives
+
+    @property
+    def motors_running(self) -> bool:
+        """Whether any motor is driven, the short pauses for measuring included."""
+        return self.chip.powered
+
+    @property
+    def state(self) -> PlantState:
+        """The plant as the board last saw it."""
+        return self._board.state
+
+    def transfer(self, frame: bytes) -> bytes:
+        """Clock a frame through, full duplex. Any other length than the firmware's shifts all that follow."""
+        if self._closed:
+            raise HardwareError("the emulated link is closed")
+        if self.faults.latency > 0.0:
+            self._clock.sleep_until(self._clock.now() + self.faults.latency)
+        self.run()
+        if self.faults.silent is not None or self._time < self._booted_at:
+            return bytes((self.faults.silent or 0,)) * len(frame)
+        if self.faults.overrun:
+            return self._last[:1] * len(frame)
+        return self._disturbed(self._exchange(frame))
+
+    def run(self) -> None:
+        """Let the firmware catch up with the clock. A transfer does that by itself."""
+        elapsed = min(self._clock.now() - self._time, LONGEST_CATCH_UP)
+        self._time = self._clock.now()
+        if elapsed > 0.0:
+            if self._time < self._booted_at:
+                self._board.advance(elapsed, (None,) * 4)
+                return
+            self.chip.advance(elapsed)
+        if self._board.state.battery_voltage < self.faults.brown_out_voltage:
+            self.reset()
+
+    def reset(self) -> None:
+        """Power-on or reset line: all registers and counters lost, motors off, silence for a moment."""
+        self.chip.reset()
+        self._board.drives = (None,) * 4
+        self.faults.overrun = self.faults.frozen = False
+        self._booted_at = self._clock.now() + BOOT_SECONDS
+        self._restart_link()
+
+    def pulse(self) -> None:
+        """The reset line of the board."""
+        self.reset()
+
+    def close(self) -> None:
+        """The master lets go of the bus; the firmware runs on. May be called twice."""
+        self._closed = True
+
+    def _restart_link(self) -> None:
+        self._at = 0
+        self._ring = bytearray(self.chip.frame_length)
+        self._stale = True
+        self._last = bytes(1)
+
+    def _exchange(self, frame: bytes) -> bytes:
+        """Both rings turn together; when they come round, the frame in memory is taken, whole or not."""
+        reply = bytearray()
+        rest = frame
+        while rest:
+            part, rest = rest[: len(self._ring) - self._at], rest[len(self._ring) - self._at :]
+            end = self._at + len(part)
+            reply += self.chip.image()[self._at : end]
+            self._ring[self._at : end] = part
+            self._at = end
+            if end == len(self._ring):
+                self._at = 0
+                self._deliver()
+        if self._stale and reply:
+            # The transfer engine is armed before the image is filled: its first byte is old.
+            reply[0], self._stale = 0, False
+        self._last = bytes(reply[-1:])
+        return bytes(reply)
+
+    def _deliver(self) -> None:
+        if self.faults.lost_writes > 0:
+            self.faults.lost_writes -= 1
+            return
+        self.chip.accept(bytes(self._ring))
+
+    def _disturbed(self, reply: bytes) -> bytes:
+        if self.faults.torn_reads <= 0 or len(reply) < 42:
+            return reply
+        self.faults.torn_reads -= 1
+        torn = bytearray(reply)
+        at, form = (stock.MOT_POS, ">I") if self.firmware == "stock" else (21, "<I")
+        (word,) = struct.unpack_from(form, torn, at)
+        # The upper half is that of the moment after a carry, the lower half that of before.
+        struct.pack_into(form, torn, at, word + 0x10000 & 0xFFFF_FFFF)
+        return bytes(torn)

@@ -1,0 +1,158 @@
+"""The co-processor with RaccoonOS 17 or 21: a timer that measures motor after motor, and a main loop."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
+from raccoon.hal.wombat.devices import GRAVITY, RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY
+from raccoon.hal.wombat.emulator.board import ANALOG_NOISE, Board
+from raccoon.hal.wombat.emulator.faults import Faults
+from raccoon.hal.wombat.emulator.plant import Drive
+from raccoon.hal.wombat.emulator.raccoon_motors import RaccoonMotors
+from raccoon.hal.wombat.raccoon import BUTTON, DATA_LENGTH, FRAME_LENGTH
+
+SLOT_SECONDS = {"shipped": 1.0 / (RACCOON_BEMF_RATE_HZ * MOTOR_PORTS), "published": 1250e-6}
+"""Time of one motor's turn: as measured on robots, and as the source means it."""
+COAST_SECONDS = 544e-6
+"""500 us for the current to die and 44 us of conversion."""
+ANALOG_SECONDS = 1 / 250
+IMU_SECONDS = 1 / 50
+ANALOG_AVERAGED = 50
+
+_HEAD = struct.Struct("<BI4i4iB6hhH")
+_IMU = struct.Struct("<3fb3fb3fb3fb3fb4fbff6f")
+
+
+class RaccoonChip:
+    """Buffers of the link and the interrupts and main loop that fill them."""
+
+    def __init__(self, board: Board, faults: Faults, version: int, build: str) -> None:
+        self._board = board
+        self._faults = faults
+        self._version = version
+        self._slot = SLOT_SECONDS[build]
+        self.frame_length = FRAME_LENGTH[version]
+        self._padding = bytes(self.frame_length - DATA_LENGTH)
+        self.reset()
+
+    def reset(self) -> None:
+        """Power-on: counters, clock, heading and commands at 0."""
+        self.motors = RaccoonMotors(self._version)
+        self._clock = 0.0
+        self._stamp = 0
+        self._digital = 0
+        self._heading = 0.0
+        self._next_analog = self._next_imu = 0.0
+        self._analog = [0] * ANALOG_PORTS
+        self._battery = 0
+        self._imu = _IMU.pack(*(0,) * 33)
+        self._measured = [0.0] * MOTOR_PORTS
+        self._program = self._timer()
+        self._remaining = next(self._program)
+        self._motor_words = self._read_motors()
+
+    def image(self) -> bytes:
+        """What the next transfer sends."""
+        bemf, position, done = self._motor_words
+        version = self._version + 1 if self._faults.wrong_version else self._version
+        head = _HEAD.pack(
+            version, self._stamp, *bemf, *position, done, *self._analog, self._battery, self._digital
+        )
+        return head + self._imu + self._padding
+
+    def accept(self, frame: bytes) -> None:
+        """Take one complete frame: at once, whatever its version says; then stamp the clock."""
+        self.motors.accept(frame, frame[0] == self._version and not self._faults.wrong_version)
+        self._stamp = int(self._clock * 1e6) & 0xFFFF_FFFF
+        button = int(self._board.state.button) << BUTTON
+        self._digital = self._board.digital_bits() | button
+
+    def advance(self, seconds: float) -> None:
+        """Run interrupts, and the main loop unless it hangs."""
+        self._remaining -= seconds
+        while self._remaining <= 0.0:
+            self._remaining += next(self._program)
+
+    def _timer(self) -> Iterator[float]:
+        while True:
+            for port in range(MOTOR_PORTS):
+                blind = self.motors.bemf_disabled or self.motors.stopped
+                if not blind:
+                    yield self._pass(COAST_SECONDS, coasting=port)
+                    self._measure(port)
+                self._control(port)
+                yield self._pass(self._slot - (0.0 if blind else COAST_SECONDS), coasting=None)
+                if not self._faults.frozen:
+                    self._main_loop()
+
+    def _pass(self, seconds: float, *, coasting: int | None) -> float:
+        self._clock += seconds
+        # The wire's positive direction is the plant's negative one.
+        drives: tuple[Drive, ...] = tuple(
+            None if port == coasting or motor.drive is None else RACCOON_POLARITY * motor.drive
+            for port, motor in enumerate(self.motors.motors)
+        )
+        self._board.advance(seconds, drives)
+        self._heading += self._board.state.gyro[2] * seconds
+        return seconds
+
+    def _measure(self, port: int) -> None:
+        raw = RACCOON_POLARITY * self._board.bemf(port) + self._faults.bemf_offset[port]
+        elapsed = self._clock - self._measured[port]
+        self._measured[port] = self._clock
+        self.motors.motors[port].measure(raw, elapsed)
+
+    def _control(self, port: int) -> None:
+        if self._version >= 21:
+            self.motors.control(port, MOTOR_PORTS * self._slot)
+            return
+        for each in range(MOTOR_PORTS):  # version 17 runs all four after every conversion
+            self.motors.control(each, self._slot)
+
+    def _main_loop(self) -> None:
+        self._motor_words = self._read_motors()
+        if self._clock >= self._next_analog:
+            self._next_analog += ANALOG_SECONDS
+            deviation = ANALOG_NOISE / math.sqrt(ANALOG_AVERAGED)
+            self._analog = [self._board.analog(port, deviation) for port in range(ANALOG_PORTS)]
+            self._battery = self._board.battery()
+        if self._clock >= self._next_imu:
+            self._next_imu += IMU_SECONDS
+            self._read_imu()
+
+    def _read_motors(self) -> tuple[list[int], list[int], int]:
+        motors = self.motors.motors
+        done = sum(motor.done << port for port, motor in enumerate(motors))
+        return [int(motor.bemf) for motor in motors], [motor.position for motor in motors], done
+
+    def _read_imu(self) -> None:
+        if self._faults.imu_frozen:
+            return
+        if self._faults.imu_missing is not None:
+            self._imu = bytes(_IMU.size)
+            return
+        gyro = tuple(math.degrees(rate) for rate in self._world(self._board.gyro()))
+        accel = self._world(self._board.accel())
+        linear = (accel[0] / GRAVITY, accel[1] / GRAVITY, accel[2] / GRAVITY - 1.0)
+        quaternion = (math.cos(self._heading / 2), 0.0, 0.0, math.sin(self._heading / 2))
+        clockwise_deg = -math.degrees(self._heading) % 360.0
+        temperature = self._board.state.temperature
+        still = (0.0, 0.0, 0.0)
+        self._imu = _IMU.pack(
+            *(*gyro, 3, *accel, 3, *still, 0, *linear, 3, *still, 3),
+            *(*quaternion, 3, clockwise_deg, temperature),
+            *(0.0,) * 6,  # odometry needs a kinematics configuration
+        )
+
+    def _world(self, vector: tuple[float, float, float]) -> tuple[float, float, float]:
+        x, y, z = vector
+        cos, sin = math.cos(self._heading), math.sin(self._heading)
+        return cos * x - sin * y, sin * x + cos * y, z
+
+    @property
+    def powered(self) -> bool:
+        """Whether any motor is driven outside the pauses for measuring."""
+        return any(motor.drive for motor in self.motors.motors)

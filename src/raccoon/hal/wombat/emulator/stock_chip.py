@@ -1,0 +1,156 @@
+"""The co-processor with the stock firmware, as its main loop runs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS
+from raccoon.hal.wombat import stock, stock_command
+from raccoon.hal.wombat.devices import STOCK
+from raccoon.hal.wombat.emulator.board import Board
+from raccoon.hal.wombat.emulator.faults import Faults
+from raccoon.hal.wombat.emulator.plant import COAST, Drive
+from raccoon.hal.wombat.emulator.stock_motors import StockMotors
+
+IMU_EVERY = {"shipped": 5, "published": 1000}
+"""Main-loop passes between two readings of the IMU, by build."""
+
+PASS_SECONDS = 700e-6
+IMU_PASS_SECONDS = 1350e-6
+"""A pass that reads the IMU waits 1 ms for the magnetometer."""
+CONVERSION_SECONDS = 192e-6
+IDLE_SECONDS = 234e-6
+
+BATTERY_BOOT = 800
+_NEGATIVE_INT16 = 0xFFFF
+
+
+class StockChip:
+    """Registers and the loop that works on them."""
+
+    frame_length = stock.LENGTH
+
+    def __init__(self, board: Board, faults: Faults, build: str) -> None:
+        self._board = board
+        self._faults = faults
+        self._imu_every = IMU_EVERY[build]
+        self.reset()
+
+    def reset(self) -> None:
+        """What power-on leaves behind: all registers at their boot values, motors off."""
+        self.registers = bytearray(stock.REGISTERS)
+        self.registers[:3] = stock.MAGIC
+        self.registers[stock.ALLSTOP] = stock_command.SERVOS_OFF
+        for port in range(SERVO_PORTS):
+            self.store(stock.SERVO + 2 * port, stock_command.SERVO_BOOT_US)
+        self.store(stock.BATTERY, BATTERY_BOOT)
+        self.motors = StockMotors(self.registers)
+        self.crashed = False
+        self._drives: tuple[Drive, ...] = COAST
+        self._coasting = False
+        self._program = self._main_loop()
+        self._remaining = next(self._program)
+
+    @property
+    def powered(self) -> bool:
+        """Whether any motor is driven outside the pauses for measuring."""
+        return any(self._drives)
+
+    def store(self, register: int, value: int, size: int = 2) -> None:
+        """Write a big-endian number."""
+        wrapped = value & (1 << 8 * size) - 1
+        self.registers[register : register + size] = wrapped.to_bytes(size, "big")
+
+    def load(self, register: int) -> int:
+        """Read an unsigned 16-bit number."""
+        return self.registers[register] << 8 | self.registers[register + 1]
+
+    def image(self) -> bytes:
+        """What the next transfer sends: the first 89 registers as they are now."""
+        return bytes(self.registers[: stock.LENGTH])
+
+    def accept(self, frame: bytes) -> None:
+        """Take one complete frame, if its marks are right.
+
+        The firmware checks neither the number of pairs nor their addresses: what goes beyond the registers
+        hits its memory, and the emulated chip hangs.
+        """
+        if frame[0] != stock.START or frame[stock.LENGTH - 1] != stock_command.END:
+            return
+        if frame[1] != stock_command.PROTOCOL_VERSION or self._faults.wrong_version:
+            return
+        for index in range(4, 4 + (2 * frame[3] & 0xFF), 2):
+            if index + 1 >= stock.LENGTH or frame[index] >= stock.REGISTERS:
+                self.crashed = True
+                return
+            self._write(frame[index], frame[index + 1])
+
+    def _write(self, register: int, value: int) -> None:
+        self.registers[register] = value
+        if register == stock.MOT_MODES:
+            self.motors.modes_written()
+
+    def advance(self, seconds: float) -> None:
+        """Run the firmware for a while. A frozen main loop leaves the drivers as they are."""
+        if self._faults.frozen or self.crashed:
+            self._board.advance(seconds, COAST if self._coasting else self._drives)
+            return
+        self._remaining -= seconds
+        while self._remaining <= 0.0:
+            self._remaining += next(self._program)
+
+    def _main_loop(self) -> Iterator[float]:
+        count = 0
+        while True:
+            count += 1
+            measuring = count % 4 == 1
+            reads_imu = count % self._imu_every == 0
+            self._sample()
+            yield self._pass(IMU_PASS_SECONDS if reads_imu else PASS_SECONDS, coast=measuring)
+            if reads_imu:
+                self._read_imu()
+            if not measuring:
+                yield self._pass(IDLE_SECONDS, coast=False)
+                continue
+            yield self._pass(CONVERSION_SECONDS, coast=True)
+            self._control()
+            yield self._pass(IDLE_SECONDS - CONVERSION_SECONDS, coast=False)
+
+    def _pass(self, seconds: float, *, coast: bool) -> float:
+        self._coasting = coast
+        self._board.advance(seconds, COAST if coast else self._drives)
+        return seconds
+
+    def _control(self) -> None:
+        raw = self._board.bemf_all()
+        offset = self._faults.bemf_offset
+        channels = [round(raw[stock.CHANNEL[n]] + offset[stock.CHANNEL[n]]) for n in range(MOTOR_PORTS)]
+        drives = self.motors.update(channels)
+        self._drives = tuple(drives[channel] for channel in stock.CHANNEL)
+
+    def _sample(self) -> None:
+        board = self._board
+        up = 0 if board.state.button else 1 << stock.RIGHT_BUTTON
+        self.store(stock.DIG_IN, board.digital_bits() | up)
+        for port in range(ANALOG_PORTS):
+            register = stock.ADC_0 + 2 * port
+            self.store(register, int(0.9 * self.load(register) + 0.1 * board.analog(port)))
+        self.store(stock.BATTERY, int(0.95 * self.load(stock.BATTERY) + 0.05 * board.battery()))
+
+    def _read_imu(self) -> None:
+        missing = self._faults.imu_missing
+        if missing is not None:
+            for register in range(stock.ACCEL, stock.GYRO + 6, 2):
+                self.store(register, missing)
+            return
+        if self._faults.imu_frozen:
+            return
+        # The chip lies with z down, x to the robot's left and y ahead.
+        forward, left, up = self._board.accel()
+        self._store_axes(stock.ACCEL, (left, forward, -up), STOCK.accel_m_s2)
+        forward, left, up = self._board.gyro()
+        self._store_axes(stock.GYRO, (left, forward, -up), STOCK.gyro_rad_s)
+
+    def _store_axes(self, register: int, axes: tuple[float, ...], scale: float) -> None:
+        for axis, value in enumerate(axes):
+            self.store(register + 2 * axis, max(-32768, min(32767, round(value / scale))))

@@ -1,0 +1,99 @@
+"""The byte pipe to the co-processor: what a port needs of it, and the real SPI bus."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from raccoon.core.errors import HardwareError
+
+SPI_DEVICE = "/dev/spidev0.0"
+SPEED_HZ = 16_000_000
+"""Within what both firmwares accept."""
+GAP_US = 50
+"""The co-processor needs a pause after each frame."""
+
+
+class Link(Protocol):
+    """Full-duplex transfers: as many bytes come back as go out."""
+
+    def transfer(self, frame: bytes) -> bytes:
+        """Clock the frame out and return what came in meanwhile. Raises HardwareError where that fails."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device. May be called twice."""
+        ...
+
+
+class ResetLine(Protocol):
+    """The wire that restarts the co-processor: the last resort when it no longer listens."""
+
+    def pulse(self) -> None:
+        """Hold the line low for a moment. Raises HardwareError where that fails."""
+        ...
+
+
+class SpiLink:
+    """The Wombat's SPI bus through spidev (`pip install raccoon[wombat]`), for this program alone.
+
+    Raises HardwareError where spidev or the device is missing or not permitted or another program owns the
+    bus, and says what to do.
+    """
+
+    def __init__(self, device: str = SPI_DEVICE, speed_hz: int = SPEED_HZ) -> None:
+        try:
+            import spidev
+        except ImportError as error:
+            raise HardwareError(
+                "the package spidev is missing: pip install 'raccoon[wombat]', or apt install python3-spidev"
+            ) from error
+        from raccoon.hal.wombat.lock import BusLock  # Linux alone; the emulator runs anywhere
+
+        self._device = device
+        self._speed_hz = speed_hz
+        self.lock = BusLock(device)
+        self._spi = spidev.SpiDev()
+        self._open = True
+        try:
+            self._configure(speed_hz)
+        except HardwareError:
+            self.close()
+            raise
+
+    def _configure(self, speed_hz: int) -> None:
+        device = self._device
+        try:
+            self._spi.open_path(device)
+            # They persist on the device from whoever used it before.
+            self._spi.mode = 0
+            self._spi.bits_per_word = 8
+            self._spi.max_speed_hz = speed_hz
+        except FileNotFoundError as error:
+            raise HardwareError(
+                f"{device} does not exist: enable SPI (dtparam=spi=on in config.txt)"
+            ) from error
+        except PermissionError as error:
+            raise HardwareError(f"{device} is not permitted: add your user to the group spi") from error
+        except OSError as error:
+            raise HardwareError(f"{device} cannot be opened: {error}") from error
+
+    @property
+    def target(self) -> str:
+        """The bus as a supervisor is told of it."""
+        return f"spi:{self._device}:{self._speed_hz}"
+
+    def transfer(self, frame: bytes) -> bytes:
+        """One SPI transfer followed by the pause that the co-processor needs."""
+        if not self._open:
+            raise HardwareError(f"{self._device} is closed")
+        try:
+            return bytes(self._spi.xfer2(frame, self._speed_hz, GAP_US))
+        except OSError as error:
+            raise HardwareError(f"a transfer on {self._device} failed: {error}") from error
+
+    def close(self) -> None:
+        """Close the device and release it for others."""
+        if self._open:
+            self._open = False
+            self._spi.close()
+            self.lock.release()

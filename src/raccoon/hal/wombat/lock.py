@@ -1,0 +1,108 @@
+"""One program at a time: the bus belongs to whoever holds its lock, and other owners are named."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from pathlib import Path
+
+from raccoon.core.errors import HardwareError
+
+LOCK_FOLDERS = (Path("/run/lock"), Path("/var/lock"), Path("/tmp"))
+RACCOON_READER = "stm32_data_reader"
+"""RaccoonOS's own service; comm names are cut to 15 characters."""
+SCREEN = "botui"
+"""The controller's screen reads the bus between our frames; our complete commands survive that."""
+COMM_LENGTH = 15
+WAIT_SECONDS = 1.0
+"""A program that was just killed is still being stopped by its supervisor."""
+
+
+class BusLock:
+    """Exclusive use of a device among programs of this library, from construction to `release`.
+
+    Raises HardwareError where another program owns the bus: it says which one and what to do.
+    """
+
+    def __init__(self, device: str, *, folder: Path | None = None, proc: Path = Path("/proc")) -> None:
+        refuse_other_owners(device, proc)
+        path = (folder or _folder()) / f"raccoon-{Path(device).name}.lock"
+        self.descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            self._acquire(device)
+        except BaseException:
+            os.close(self.descriptor)
+            raise
+        os.ftruncate(self.descriptor, 0)
+        os.pwrite(self.descriptor, f"{os.getpid()}\n".encode(), 0)
+        self._held = True
+
+    def _acquire(self, device: str) -> None:
+        give_up = time.monotonic() + WAIT_SECONDS
+        while True:
+            try:
+                fcntl.flock(self.descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return
+            except BlockingIOError:
+                if time.monotonic() > give_up:
+                    owner = os.pread(self.descriptor, 32, 0).decode("ascii", "replace").strip() or "unknown"
+                    raise HardwareError(
+                        f"{device} is in use by another robot program (process {owner}): stop it first"
+                    ) from None
+                time.sleep(0.02)
+
+    def release(self) -> None:
+        """Let others use the device. May be called twice."""
+        if self._held:
+            self._held = False
+            os.close(self.descriptor)
+
+
+def _folder() -> Path:
+    for folder in LOCK_FOLDERS:
+        if os.access(folder, os.W_OK):
+            return folder
+    raise HardwareError(f"no folder for a lock file: {', '.join(map(str, LOCK_FOLDERS))} are not writable")
+
+
+def refuse_other_owners(device: str, proc: Path = Path("/proc")) -> None:
+    """Raise HardwareError where a process that this library cannot share the bus with has it.
+
+    Open files of other users can only be seen by root; RaccoonOS's service is recognised by its name, too.
+    """
+    for process in proc.iterdir():
+        if not process.name.isdigit() or int(process.name) == os.getpid():
+            continue
+        name = _comm(process)
+        if name == RACCOON_READER[:COMM_LENGTH]:
+            raise HardwareError(
+                f"{RACCOON_READER} (process {process.name}) owns {device}: stop it with"
+                " `sudo systemctl stop stm32_data_reader` before running this program"
+            )
+        if name != SCREEN and _has_open(process, device):
+            raise HardwareError(
+                f"{name or 'a program'} (process {process.name}) has {device} open: stop it with"
+                f" `kill {process.name}` before running this program"
+            )
+
+
+def _comm(process: Path) -> str:
+    try:
+        return (process / "comm").read_text().strip()
+    except OSError:  # it has ended meanwhile
+        return ""
+
+
+def _has_open(process: Path, device: str) -> bool:
+    try:
+        return any(_target(entry) == device for entry in (process / "fd").iterdir())
+    except OSError:  # not ours to look at, or it has ended meanwhile
+        return False
+
+
+def _target(entry: Path) -> str:
+    try:
+        return os.readlink(entry)
+    except OSError:
+        return ""

@@ -1,0 +1,170 @@
+"""Turns good frames into `Inputs`: says what is wrong with a cycle and leaves out what cannot be used."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from raccoon.core.errors import HardwareError
+from raccoon.core.readings import Fault, Inputs, Words
+from raccoon.hal.wombat.counters import Bemf
+from raccoon.hal.wombat.dialect import Dialect, Reading
+from raccoon.hal.wombat.health import BatteryWatch, ImuWatch, Liveness, MotorWatch, RestWatch
+
+NOTHING: Words = (None,) * 4
+SATURATED_LOW, SATURATED_HIGH = 5, 4080
+"""Counts; the stock filter stops at 4086 on the way up."""
+BEMF_AT_REST = 15.0
+LATE = 1.5
+"""Cycles."""
+FROZEN_SECONDS = 0.2
+STALE_SHORTEST, STALE_LONGEST = 0.05, 3.0
+MISSING_SECONDS = 0.05
+"""Words that an IMU never sends (all bits alike) are forgiven that long: it may still be starting."""
+IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE = 0.06, 3.0, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Measured rates in Hz; None where there is not enough to measure.
+
+    cycle: of this port. bemf: updates of the position counters. imu: new IMU words.
+    """
+
+    cycle: float | None
+    bemf: float | None
+    imu: float | None
+
+
+class Monitor:
+    """Watches the words of every cycle. period: seconds of a cycle. watch_analog: ports to check."""
+
+    def __init__(self, dialect: Dialect, period: float, watch_analog: Collection[int] = ()) -> None:
+        self._dialect = dialect
+        self._period = period
+        self._watch_analog = tuple(watch_analog)
+        self._life = Liveness(STALE_SHORTEST, STALE_LONGEST)
+        self._imu = Liveness(IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE)
+        self._imu_watch = ImuWatch()
+        self._motors = MotorWatch()
+        self._rest = RestWatch()
+        self._battery = BatteryWatch()
+        self._bemf: Sequence[float] = (0.0,) * 4
+        self._first: float | None = None
+        self._time = 0.0
+        self._cycles = 0
+        self.frozen = False
+        self.fault_counts: Counter[Fault] = Counter()
+
+    @property
+    def rates(self) -> Rates:
+        """What was measured so far."""
+        elapsed = self._time - (self._first or 0.0)
+        cycle = self._cycles / elapsed if self._cycles > 0 and elapsed > 0.0 else None
+        return Rates(cycle, self._dialect.bemf_rate_hz, self._imu.rate_hz)
+
+    @property
+    def standstill_bemf(self) -> tuple[float, ...]:
+        """Mean back-EMF counts of each motor while it was at rest."""
+        return tuple(self._rest.offset)
+
+    def inputs(
+        self,
+        reading: Reading | None,
+        time: float,
+        position: Words,
+        bemf: Bemf | None,
+        faults: list[Fault],
+        duties: Sequence[float],
+    ) -> Inputs:
+        """The cycle at `time`. duties: what drove the motors until now.
+
+        Raises HardwareError where the controller's main loop hangs.
+        """
+        self._count_cycle(time, faults)
+        if reading is None:
+            return self._close(Inputs(time, self._dialect.device, faults=self._named(faults)))
+        if self._stale(reading, time, duties, faults):
+            position, bemf = NOTHING, None
+        if bemf is not None:
+            self._bemf = bemf
+            self._watch_motors(bemf, time, duties, faults)
+        self._watch_board(reading, time, faults)
+        fresh = self._imu_fresh(reading, time, faults)
+        inputs = self._dialect.inputs(reading, time, position, bemf or NOTHING, self._named(faults), fresh)
+        if fresh:
+            self._judge_imu(inputs)
+        if self._imu_watch.distrusted(time):
+            faults.append(Fault.IMU_IMPLAUSIBLE)
+            inputs = self._dialect.inputs(
+                reading, time, position, bemf or NOTHING, self._named(faults), False
+            )
+        return self._close(inputs)
+
+    def _count_cycle(self, time: float, faults: list[Fault]) -> None:
+        if self._first is None:
+            self._first = time
+        else:
+            self._cycles += 1
+            if time - self._time > LATE * self._period:
+                faults.append(Fault.OVERRUN)
+        self._time = time
+
+    def _stale(self, reading: Reading, time: float, duties: Sequence[float], faults: list[Fault]) -> bool:
+        """Whether positions and back-EMF are old words that only look like new ones."""
+        stale = self._life.update(self._dialect.life(reading.reply), time)
+        if stale:
+            faults.append(Fault.STALE)
+            if any(duties) and self._life.age > max(FROZEN_SECONDS, 2.0 * self._life.limit):
+                self.frozen = True
+                raise HardwareError(
+                    f"{Fault.STALE}: the controller has repeated itself for {self._life.age:.2f} s: its main"
+                    " loop hangs or its link has stopped; only a reset or the power switch helps"
+                )
+        elif self._dialect.counters_stuck:
+            faults.append(Fault.BEMF_INVALID)
+            return True
+        return stale
+
+    def _watch_motors(self, bemf: Bemf, time: float, duties: Sequence[float], faults: list[Fault]) -> None:
+        if self._motors.update(duties, bemf, time):
+            faults.append(Fault.MOTOR_FAULT)
+        if self._rest.update(duties, bemf, time):
+            faults.append(Fault.BEMF_INVALID)
+
+    def _watch_board(self, reading: Reading, time: float, faults: list[Fault]) -> None:
+        if self._battery.update(reading.battery * self._dialect.device.battery_volts, time):
+            faults.append(Fault.BROWN_OUT)
+        first = self._dialect.first_analog
+        for port in self._watch_analog:
+            if not SATURATED_LOW < reading.words[first + port] < SATURATED_HIGH:
+                faults.append(Fault.ANALOG_SATURATED)
+
+    def _imu_fresh(self, reading: Reading, time: float, faults: list[Fault]) -> bool:
+        words = self._dialect.imu_words(reading.reply)
+        frozen = self._imu.update(words, time)
+        missing = words == words[:1] * len(words)
+        if frozen or (missing and self._imu.age > MISSING_SECONDS):
+            faults.append(Fault.IMU_FROZEN)
+        return self._imu.fresh and not (frozen or missing)
+
+    def _judge_imu(self, inputs: Inputs) -> None:
+        if inputs.gyro is None or inputs.accel is None:
+            return
+        scale, force = inputs.device.gyro_rad_s, inputs.device.accel_m_s2
+        x, y, z = inputs.gyro
+        a, b, c = inputs.accel
+        at_rest = self._rest.resting(inputs.time) and max(map(abs, self._bemf)) < BEMF_AT_REST
+        self._imu_watch.update(
+            (scale * x, scale * y, scale * z), (force * a, force * b, force * c), at_rest, inputs.time
+        )
+
+    @staticmethod
+    def _named(faults: list[Fault]) -> tuple[Fault, ...]:
+        return tuple(dict.fromkeys(faults)) if faults else ()
+
+    def _close(self, inputs: Inputs) -> Inputs:
+        for fault in inputs.faults:
+            self.fault_counts[fault] += 1
+        return inputs

@@ -1,0 +1,95 @@
+"""Find out which firmware answers, without moving anything.
+
+Only zeros are sent: the stock firmware ignores them, RaccoonOS takes them for "motors and servos off".
+"""
+
+from __future__ import annotations
+
+from raccoon.core.clock import Clock
+from raccoon.core.errors import HardwareError
+from raccoon.hal.wombat import raccoon, stock, stock_command
+from raccoon.hal.wombat.dialect import Dialect
+from raccoon.hal.wombat.link import Link
+from raccoon.hal.wombat.raccoon_dialect import NEWEST_IN_THE_WILD, RaccoonDialect
+from raccoon.hal.wombat.stock_dialect import StockDialect
+
+ATTEMPTS = 30
+PAUSE_SECONDS = 0.1
+
+FRAMES = 10
+"""Whole stock frames that hold two frames of any RaccoonOS at any shift."""
+
+
+def probe(link: Link, clock: Clock) -> Dialect:
+    """The firmware behind the link, aligned. Waits up to 3 s for a controller that is still starting.
+
+    Raises HardwareError where none answers or none that this library speaks; the message says what was seen.
+    """
+    seen = b""
+    for attempt in range(ATTEMPTS):
+        if attempt:
+            clock.sleep_until(clock.now() + PAUSE_SECONDS)
+        seen = b"".join(link.transfer(stock_command.READ) for _ in range(FRAMES))
+        dialect = _recognise(link, seen)
+        if dialect is not None:
+            return dialect
+        if attempt == 0:  # later ones begin anywhere in a frame of unknown length
+            _refuse_known_strangers(seen)
+    raise HardwareError(_complaint(seen))
+
+
+def _recognise(link: Link, stream: bytes) -> Dialect | None:
+    # The last frames of the stream: the first may still carry a byte from before a restart.
+    if stream[-stock.LENGTH :].startswith(stock.MAGIC):
+        return StockDialect()
+    for version in raccoon.FRAME_LENGTH:
+        found = _raccoon(link, stream, version)
+        if found is not None:
+            return found
+    index = stock.shift(stream[-stock.LENGTH :])
+    if index is not None:
+        link.transfer(bytes(index))
+        return StockDialect()
+    return None
+
+
+def _raccoon(link: Link, stream: bytes, version: int) -> Dialect | None:
+    length = raccoon.FRAME_LENGTH[version]
+    index = raccoon.shift(stream, version)
+    if index is None:
+        return None
+    # The link stands at byte `behind` of a frame; clock the rest of it.
+    behind = (len(stream) - index) % length
+    if behind:
+        link.transfer(bytes(length - behind))
+    return RaccoonDialect(version)
+
+
+def _refuse_known_strangers(stream: bytes) -> None:
+    """Raise for a firmware that answers well but in a version this library does not speak."""
+    first = stream[0]
+    if first == stock.START and stream[1] == 0 and len(set(stream[3:89])) > 1:
+        raise HardwareError(
+            f"the stock firmware answers with version {stream[2]}: this library speaks"
+            f" {stock.FIRMWARE_VERSION}; flash the firmware of a current Wombat image"
+        )
+    padded = not any(stream[raccoon.DATA_LENGTH : 199])
+    if 8 <= first <= NEWEST_IN_THE_WILD and first not in raccoon.FRAME_LENGTH and padded:
+        raise HardwareError(
+            f"RaccoonOS answers with protocol version {first}: this library speaks"
+            f" {' and '.join(map(str, raccoon.FRAME_LENGTH))}; update the firmware or the library"
+        )
+
+
+def _complaint(seen: bytes) -> str:
+    if not any(seen):
+        return (
+            "the controller does not answer (all 0x00): no power, held in reset, or flashed with no firmware;"
+            " check the battery and switch the Wombat off and on"
+        )
+    if seen == b"\xff" * len(seen):
+        return (
+            "the controller does not answer (all 0xFF): no power or a broken link;"
+            " switch the Wombat off and on"
+        )
+    return f"no known firmware answers; the link says {seen[:24].hex(' ')} ...: switch the Wombat off and on"

@@ -1,0 +1,220 @@
+"""What the Wombat's stock firmware is told: (register, value) pairs in an 89-byte frame.
+
+All pairs of one frame take effect together, in their order. A mode goes last: the firmware would otherwise
+run on the goal of before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from enum import IntEnum
+from operator import itemgetter
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import MOTOR_PORTS, SERVO_PORTS, STOP, Outputs
+from raccoon.hal.wombat import stock
+from raccoon.hal.wombat.stock import CHANNEL, LENGTH
+
+PROTOCOL_VERSION = 4
+END = 0x53
+MAX_PAIRS = 42
+FULL_PWM = 400
+MAX_SPEED = 1500
+"""Limit of a speed goal in counts."""
+CANARY = 0x40
+"""Kept in a register without electrical effect; gone means that the controller restarted. The six bits below
+count the frames, so that every one of them can be seen to have arrived."""
+SERVOS_OFF = 0xF0
+LATCHED_STOP = 0xFF
+SERVO_BOOT_US = 1500
+
+READ = bytes(LENGTH)
+"""Zeros: read everything, change nothing."""
+
+Pair = tuple[int, int]
+
+
+class Mode(IntEnum):
+    """What the firmware does with a motor; two bits a channel."""
+
+    PWM = 0
+    SPEED = 1
+    POSITION = 2
+    POSITION_RELATIVE = 3
+
+
+class Direction(IntEnum):
+    """The two inputs of a motor driver; two bits a channel."""
+
+    COAST = 0
+    FORWARD = 1
+    REVERSE = 2
+    BRAKE = 3
+
+
+def frame(pairs: Iterable[Pair], sequence: int = 0) -> bytes:
+    """A frame that writes these registers, in this order.
+
+    Raises ConfigError for more than 42 pairs, for a register that must not be written (the firmware checks
+    nothing: 0 to 2 would break the link and 153 and up lie outside its registers) and for a value that is no
+    byte.
+    """
+    body = bytearray()
+    for register, value in pairs:
+        if not 3 <= register < stock.REGISTERS:
+            raise ConfigError(f"register {register}: allowed are 3 to {stock.REGISTERS - 1}")
+        if not 0 <= value <= 255:
+            raise ConfigError(f"value {value} for register {register}: allowed are 0 to 255")
+        body += bytes((register, value))
+    if len(body) > 2 * MAX_PAIRS:
+        raise ConfigError(f"{len(body) // 2} pairs in one frame: {MAX_PAIRS} fit")
+    return _close(bytes((stock.START, PROTOCOL_VERSION, sequence & 255, len(body) // 2)) + body)
+
+
+def _close(start: bytes) -> bytes:
+    return start.ljust(LENGTH - 1, b"\0") + bytes((END,))
+
+
+def wide(register: int, value: int, size: int = 2) -> list[Pair]:
+    """Pairs that write a big-endian number of `size` bytes; negative ones in two's complement.
+
+    Raises ConfigError where the number does not fit.
+    """
+    if not -(1 << 8 * size - 1) <= value < 1 << 8 * size:
+        raise ConfigError(f"{value} does not fit the {size} bytes of register {register}")
+    data = (value & (1 << 8 * size) - 1).to_bytes(size, "big")
+    return [(register + offset, byte) for offset, byte in enumerate(data)]
+
+
+def speed_goal(port: int, counts: int) -> list[Pair]:
+    """Goal of a motor's speed control; the mode is written separately, after it."""
+    if not -MAX_SPEED <= counts <= MAX_SPEED:
+        raise ConfigError(
+            f"speed of motor {port} is {counts} counts: allowed are {-MAX_SPEED} to {MAX_SPEED}"
+        )
+    return wide(stock.SPEED_GOAL + 2 * CHANNEL[port], counts)
+
+
+def position_goal(port: int, ticks: int) -> list[Pair]:
+    """Goal of a motor's position control, in ticks of 250 counts."""
+    return wide(stock.POS_GOAL + 4 * CHANNEL[port], ticks * 250, 4)
+
+
+def duty_register(port: int, pwm: int) -> list[Pair]:
+    """Share of the full voltage, 0 to 400."""
+    if not 0 <= pwm <= FULL_PWM:
+        raise ConfigError(f"PWM of motor {port} is {pwm}: allowed are 0 to {FULL_PWM}")
+    return wide(stock.PWM + 2 * CHANNEL[port], pwm)
+
+
+def clear_position(port: int) -> list[Pair]:
+    """Set a motor's counter to 0. The port never relies on it: the firmware may lose the write."""
+    return wide(stock.MOT_POS + 4 * CHANNEL[port], 0, 4)
+
+
+def two_bits(of_port: Iterable[int]) -> int:
+    """Modes or directions of the four motor ports in one byte."""
+    return sum(value << 2 * CHANNEL[port] for port, value in enumerate(of_port))
+
+
+def modes(of_port: Iterable[int]) -> list[Pair]:
+    """The mode of every motor port."""
+    return [(stock.MOT_MODES, two_bits(of_port))]
+
+
+def directions(of_port: Iterable[int]) -> list[Pair]:
+    """The direction of every motor port."""
+    return [(stock.MOT_DIRS, two_bits(of_port))]
+
+
+def canary() -> list[Pair]:
+    """The mark that a restart wipes out."""
+    return [(stock.ADC_PE, CANARY)]
+
+
+def stop(allstop: int = SERVOS_OFF) -> list[Pair]:
+    """Everything off; `LATCHED_STOP` keeps the motors stopped until the register is written again."""
+    pairs = [(stock.MOT_MODES, 0), (stock.MOT_DIRS, 0)]
+    pairs += [(stock.PWM + offset, 0) for offset in range(2 * MOTOR_PORTS)]
+    return [*pairs, (stock.ALLSTOP, allstop)]
+
+
+# The command image: these registers, in this order, in every frame.
+IMAGE = (
+    stock.ADC_PE,
+    *range(stock.PWM, stock.PWM + 2 * MOTOR_PORTS),
+    *range(stock.SERVO, stock.SERVO + 2 * SERVO_PORTS),
+    stock.MOT_DIRS,
+    stock.MOT_MODES,
+    stock.ALLSTOP,
+)
+_HEADS = tuple(
+    bytes((stock.START, PROTOCOL_VERSION, n, len(IMAGE), stock.ADC_PE, CANARY | n & 0x3F)) for n in range(256)
+)
+_TAIL = bytes(LENGTH - 4 - 2 * len(IMAGE) - 1) + bytes((END,))
+
+
+def _pwm_bytes(port: int, level: int) -> bytes:
+    register = stock.PWM + 2 * CHANNEL[port]
+    return bytes((register, level >> 8, register + 1, level & 255))
+
+
+def _drives(port: int) -> tuple[tuple[bytes, int], ...]:
+    """PWM pairs and direction bits of every level; those of -400..-1 lie where negative indices find them."""
+    forward, reverse = (int(each) << 2 * CHANNEL[port] for each in (Direction.FORWARD, Direction.REVERSE))
+    pairs = [_pwm_bytes(port, level) for level in range(FULL_PWM + 1)]
+    up = [(pair, forward) for pair in pairs[1:]]
+    down = [(pair, reverse) for pair in pairs[:0:-1]]
+    return (pairs[0], int(Direction.COAST)), *up, *down
+
+
+_DRIVES = tuple(_drives(port) for port in range(MOTOR_PORTS))
+_BRAKES = tuple(
+    (_pwm_bytes(port, FULL_PWM), int(Direction.BRAKE) << 2 * CHANNEL[port]) for port in range(MOTOR_PORTS)
+)
+_D0, _D1, _D2, _D3 = _DRIVES
+_SERVOS_OFF = bytes((SERVOS_OFF,))
+_SERVO_BOOT = bytes(sum((sum(wide(stock.SERVO + 2 * n, SERVO_BOOT_US), ()) for n in range(SERVO_PORTS)), ()))
+_registers = itemgetter(*IMAGE)
+_END = tuple(bytes((stock.MOT_DIRS, bits, stock.MOT_MODES, 0, stock.ALLSTOP)) for bits in range(256))
+_VALUES = slice(5, 4 + 2 * len(IMAGE), 2)
+
+
+def encode(outputs: Outputs, sequence: int = 0) -> bytes:
+    """The complete command as one frame: it does not matter which frames before it were lost.
+
+    Duty 0 coasts, or shorts the motor where `outputs.brake` says so.
+    """
+    if True in outputs.brake:
+        drives = [_drive(port, duty, outputs.brake[port]) for port, duty in enumerate(outputs.duty)]
+        (p0, d0), (p1, d1), (p2, d2), (p3, d3) = drives
+    else:
+        duty0, duty1, duty2, duty3 = outputs.duty
+        p0, d0 = _D0[round(duty0 * FULL_PWM)]
+        p1, d1 = _D1[round(duty1 * FULL_PWM)]
+        p2, d2 = _D2[round(duty2 * FULL_PWM)]
+        p3, d3 = _D3[round(duty3 * FULL_PWM)]
+    servos, allstop = _servos(outputs.servo_us)
+    return b"".join((_HEADS[sequence & 255], p0, p1, p3, p2, servos, _END[d0 | d1 | d2 | d3], allstop, _TAIL))
+
+
+def _drive(port: int, duty: float, brake: bool) -> tuple[bytes, int]:
+    level = round(duty * FULL_PWM)
+    return _BRAKES[port] if brake and level == 0 else _DRIVES[port][level]
+
+
+def _servos(pulses: tuple[int | None, ...]) -> tuple[bytes, bytes]:
+    if pulses == STOP.servo_us:
+        return _SERVO_BOOT, _SERVOS_OFF
+    data, off = bytearray(), 0
+    for port, pulse in enumerate(pulses):
+        if pulse is None:
+            off |= 0x10 << port
+        for pair in wide(stock.SERVO + 2 * port, SERVO_BOOT_US if pulse is None else pulse):
+            data += bytes(pair)
+    return bytes(data), bytes((off,))
+
+
+def holds(reply: bytes, sent: bytes) -> bool:
+    """Whether the registers of `reply` are those that the command image `sent` before it asked for."""
+    return bytes(_registers(reply)) == sent[_VALUES]

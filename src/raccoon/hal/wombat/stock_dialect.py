@@ -1,0 +1,139 @@
+"""The stock firmware as the port sees it."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+
+from raccoon.core.readings import Device, Fault, Inputs, Outputs, Words
+from raccoon.hal.wombat import stock, stock_command
+from raccoon.hal.wombat.counters import Bemf, Counts, StockBemf, near_zero
+from raccoon.hal.wombat.devices import STOCK_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK, stock_device
+from raccoon.hal.wombat.dialect import LARGEST_BEMF, Reading
+from raccoon.hal.wombat.link import Link
+from raccoon.hal.wombat.stock import Registers
+
+LARGEST_AFTER_BOOT = 50_000
+"""Counts that a counter may hold when a restart is noticed."""
+FIRST_AFTER_BOOT = b"\0" + stock.MAGIC[1:]
+LARGEST_STEP = 128
+"""Counts that filtered back-EMF may change by in one update before a second look: a torn byte is 256."""
+
+
+class StockDialect:
+    """Registers, read-back and a canary; back-EMF comes out of the counters."""
+
+    name = "stock"
+    length = stock.LENGTH
+    first_analog = 6
+    fastest_counter = LARGEST_BEMF * STOCK_BEMF_RATE_HZ
+
+    def __init__(self, bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> None:
+        self.device: Device = stock_device(bemf_rate_hz)
+        self._bemf = StockBemf(bemf_rate_hz)
+        self._rate_hz = bemf_rate_hz
+        self._sequence = 0
+
+    def polls(self, period: float) -> int:
+        return max(math.ceil(period * self._rate_hz), 1)
+
+    def at_rate(self, bemf_rate_hz: float) -> StockDialect:
+        return StockDialect(bemf_rate_hz)
+
+    def command(self, outputs: Outputs) -> bytes:
+        self._sequence += 1
+        return stock_command.encode(outputs, self._sequence)
+
+    def stop(self) -> bytes:
+        self._sequence += 1
+        return stock_command.frame(stock_command.stop(), self._sequence)
+
+    def aligned(self, reply: bytes) -> bool:
+        return reply.startswith(stock.MAGIC)
+
+    def foreign(self, reply: bytes) -> str | None:
+        if reply[0] == stock.START and reply[1] == 0 and reply[2] != stock.FIRMWARE_VERSION:
+            return f"the stock firmware answers with version {reply[2]}; known is {stock.FIRMWARE_VERSION}"
+        return None
+
+    def realign(self, link: Link, reply: bytes) -> bool:
+        index = stock.shift(reply)
+        if index is None:
+            return False
+        if index > 0:
+            link.transfer(bytes(index))
+        return True
+
+    def read(self, reply: bytes) -> Reading:
+        registers = stock.decode(reply)
+        return Reading(reply, registers.words, registers.position, registers.battery)
+
+    def life(self, reply: bytes) -> bytes:
+        # The counters count: with a dead IMU and quiet analog ports nothing else changes.
+        sensors = reply[stock.ADC_0 : stock.ADC_PE] + reply[stock.ADC_PE + 1 : stock.MOT_MODES]
+        return sensors + reply[stock.BATTERY : stock.BUTTONS]
+
+    def imu_words(self, reply: bytes) -> bytes:
+        return reply[stock.ACCEL : stock.MOT_POS]
+
+    def restarted(self, reply: bytes, before: bytes) -> bool:
+        # The transfer engine starts before the registers are filled: one old byte, then a good frame.
+        canary_lost = before[stock.ADC_PE] & ~reply[stock.ADC_PE] & stock_command.CANARY != 0
+        if not (canary_lost or reply.startswith(FIRST_AFTER_BOOT)):
+            return False
+        # One damaged byte is no restart: the counters must have started anew, too.
+        return near_zero(struct.unpack_from(">4i", reply, stock.MOT_POS), LARGEST_AFTER_BOOT)
+
+    def obeys(self, reply: bytes, sent: bytes) -> bool:
+        if sent[3] != len(stock_command.IMAGE):
+            return True
+        return stock_command.holds(reply, sent)
+
+    def stopped(self, reply: bytes) -> bool:
+        return reply[stock.MOT_MODES] == 0 and reply[stock.MOT_DIRS] == 0
+
+    def bemf(self, _reading: Reading, differences: Counts, seconds: float) -> Bemf | None:
+        self._bemf.update(differences, seconds)
+        return self._bemf.value if self._bemf.fresh else None
+
+    def ticks(self, totals: Sequence[int]) -> Words:
+        return tuple(
+            (total + missing) / STOCK_COUNTS_PER_TICK
+            for total, missing in zip(totals, self._bemf.shortfall, strict=True)
+        )
+
+    def suspicious(self, differences: Counts, seconds: float) -> bool:
+        if seconds * self._rate_hz > 1.4:
+            return False
+        return any(
+            difference and abs(difference - last) > LARGEST_STEP
+            for difference, last in zip(differences, self._bemf.value, strict=True)
+        )
+
+    @property
+    def counters_stuck(self) -> bool:
+        return self._bemf.overdue
+
+    def inputs(
+        self,
+        reading: Reading,
+        time: float,
+        position: Words,
+        bemf: Words,
+        faults: tuple[Fault, ...],
+        imu: bool,
+    ) -> Inputs:
+        return stock.inputs(
+            Registers(reading.words),
+            time,
+            device=self.device,
+            position=position,
+            bemf=bemf,
+            faults=faults,
+            imu=imu,
+        )
+
+    @property
+    def bemf_rate_hz(self) -> float | None:
+        return self._bemf.rate_hz

@@ -1,0 +1,124 @@
+"""A process that stops the motors when the robot program is killed or hangs. Standard library only.
+
+Run as a script, never imported by the program: `python -I -S stopper.py TARGET SECONDS FRAME...`. Standard
+input is the program's lifeline: a byte now and then says that it is alive, "q" that it has stopped the motors
+itself. When the lifeline breaks, or is silent for SECONDS, the frames (hexadecimal) go out on TARGET:
+`spi:DEVICE:HERTZ`, `tty:DEVICE:BAUD` or `unix:PATH` (an emulator in another process). Nothing of what they
+stop has a watchdog of its own.
+"""
+
+from __future__ import annotations
+
+import _signal as signal  # type: ignore[import-not-found]  # the module signal brings enum with it, a megabyte
+import os
+import select
+import sys
+
+TYPE_CHECKING = False  # the module typing is large
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+REPEATS = 5
+PAUSE_SECONDS = 0.01
+
+# Of linux/spi/spidev.h: set mode, bits and speed; one transfer.
+SPI_WRITE_MODE, SPI_WRITE_BITS, SPI_WRITE_SPEED = 0x40016B01, 0x40016B03, 0x40046B04
+SPI_TRANSFER = 0x40206B00
+
+
+def send_spi(place: str, frames: list[bytes]) -> None:
+    """Clock the frames out on a spidev device, with the bare system calls."""
+    import fcntl
+    from array import array
+    from struct import pack
+
+    device, speed = place.rsplit(":", 1)
+    descriptor = os.open(device, os.O_RDWR)
+    try:
+        fcntl.ioctl(descriptor, SPI_WRITE_MODE, pack("B", 0))
+        fcntl.ioctl(descriptor, SPI_WRITE_BITS, pack("B", 8))
+        fcntl.ioctl(descriptor, SPI_WRITE_SPEED, pack("I", int(speed)))
+        for frame in frames:
+            out, back = array("B", frame), array("B", bytes(len(frame)))
+            addresses = out.buffer_info()[0], back.buffer_info()[0]
+            transfer = pack("QQIIHBBI", *addresses, len(frame), int(speed), 50, 8, 0, 0)
+            fcntl.ioctl(descriptor, SPI_TRANSFER, transfer)
+            select.select([], [], [], PAUSE_SECONDS)
+    finally:
+        os.close(descriptor)
+
+
+def send_unix(path: str, frames: list[bytes]) -> None:
+    """Send the frames to an emulator behind a socket: length (2 bytes, little-endian), then the bytes."""
+    import socket
+
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.settimeout(1.0)
+        connection.connect(path)
+        for frame in frames:
+            connection.sendall(len(frame).to_bytes(2, "little") + frame)
+            connection.recv(4096)
+            select.select([], [], [], PAUSE_SECONDS)
+
+
+def send_tty(place: str, frames: list[bytes]) -> None:
+    """Write the frames to a serial device (an iRobot Create): 8N1, raw, at the speed given."""
+    import termios
+
+    device, speed = place.rsplit(":", 1)
+    descriptor = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        rate = getattr(termios, f"B{speed}")
+        control = termios.tcgetattr(descriptor)[6]
+        flags = termios.CS8 | termios.CREAD | termios.CLOCAL
+        termios.tcsetattr(descriptor, termios.TCSANOW, [0, 0, flags, 0, rate, rate, control])
+        for frame in frames:
+            os.write(descriptor, frame)
+            select.select([], [], [], PAUSE_SECONDS)
+    finally:
+        os.close(descriptor)
+
+
+SENDERS = {"spi": send_spi, "tty": send_tty, "unix": send_unix}
+
+
+def watch(lifeline: int, seconds: float, stop: Callable[[], None]) -> None:
+    """Return when the program has ended well or is gone; stop the motors whenever it does not show itself.
+
+    The program may come back after a pause (a debugger, a stopped process); it drives on by its next frame.
+    """
+    limit: float | None = None
+    while True:
+        ready, _, _ = select.select([lifeline], [], [], limit)
+        if not ready:
+            stop()
+            limit = None
+            continue
+        heard = os.read(lifeline, 64)
+        if b"q" in heard:
+            return
+        if not heard:
+            stop()
+            return
+        limit = seconds
+
+
+def main(arguments: list[str]) -> None:
+    """Set signals aside, then watch."""
+    for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
+        signal.signal(each, signal.SIG_IGN)
+    kind, place = arguments[0].split(":", 1)
+    frames = [bytes.fromhex(each) for each in arguments[2:]] * REPEATS
+
+    def stop() -> None:
+        try:
+            SENDERS[kind](place, frames)
+        except OSError as error:
+            print(f"the motors could not be stopped: {error}", file=sys.stderr)
+
+    os.write(1, b"r")  # ready: signals are set, nothing is left to import but a few small modules
+    watch(0, float(arguments[1]), stop)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,32 @@
+"""Inertial sensors: what they read for a motion, and the words they make of it."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.readings import Vector
+
+GRAVITY = 9.80665  # m/s2
+WORD_LIMIT = 32767  # of a signed 16-bit register
+
+
+def gyro_reading(
+    rate: float, scale: float = 1.0, bias: float = 0.0, drift: float = 0.0, age: float = 0.0
+) -> float:
+    """rad/s that a gyro reads: scale * rate + bias + drift * age (age in s since the bias was taken)."""
+    return scale * rate + bias + drift * age
+
+
+def specific_force(forward_acceleration: float, forward_speed: float, turn_rate: float) -> Vector:
+    """m/s2 that an accelerometer in the middle of the axis reads on level ground.
+
+    x: the change of speed; y: v omega, towards the centre of the turn (left, for a left turn); z: +g, since
+    the floor holds the robot up.
+    """
+    return forward_acceleration, forward_speed * turn_rate, GRAVITY
+
+
+def word(value: float, scale: float) -> int:
+    """The register's word for a value in SI, saturated at 16 bits; scale: SI units a word."""
+    rounded = math.floor(value / scale + 0.5)
+    return min(max(rounded, -WORD_LIMIT - 1), WORD_LIMIT)

@@ -1,0 +1,40 @@
+"""Places on the floor."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """x, y in m, heading in rad (unwrapped, counter-clockwise positive)."""
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+
+    def ahead(self, distance: float) -> Pose:
+        """The pose `distance` m further along this heading."""
+        return Pose(
+            self.x + distance * math.cos(self.heading),
+            self.y + distance * math.sin(self.heading),
+            self.heading,
+        )
+
+    def turned(self, angle: float) -> Pose:
+        """The pose after turning on the spot by `angle` rad."""
+        return Pose(self.x, self.y, self.heading + angle)
+
+    def along_arc(self, radius: float, angle: float) -> Pose:
+        """The pose after an arc through `angle` rad; `radius` m is positive with the centre on the left."""
+        centre_x = self.x - radius * math.sin(self.heading)
+        centre_y = self.y + radius * math.cos(self.heading)
+        heading = self.heading + angle
+        return Pose(centre_x + radius * math.sin(heading), centre_y - radius * math.cos(heading), heading)
+
+    def offset_of(self, x: float, y: float) -> tuple[float, float]:
+        """The point (x, y) in this pose's frame: m ahead, m to the left."""
+        dx, dy = x - self.x, y - self.y
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        return dx * cos + dy * sin, dy * cos - dx * sin

@@ -1,0 +1,243 @@
+"""Reflectance sensor (tophat): what it reads over white and black, near and far, indoors and in the sun.
+
+A phototransistor pulls the converter's input down against a resistor, so light lowers the reading:
+
+    counts = 4095 / (1 + x)
+
+x is the light in units of the light that halves the reading. It is a sum of three parts,
+
+    x = R(h) (1 - d (1 - r))  +  L  +  a S(h) (1 - d (1 - s))
+
+    R(h) = R7 (7 mm / h)^n      the sensor's own light that white paper returns at height h
+    d                           darkness: the share of the spot that lies on black, 0..1
+    r                           what black tape returns of it, as a share of white
+    L                           cross-talk inside the sensor and light that never saw the floor
+    a S(h), S(h) = S7 (h / 7 mm)^m    the sun: a = 0 is the paper's normal light, a = 1 its direct sunlight
+    s                           black tape's share of the sun's light: far above r, so contrast collapses
+
+Seven numbers a sensor generation against the eight readings of the paper's Tables II and III (`fit`, closed
+form): the light of both colours adds, so indoors the four readings give R7, n, r and L exactly, and the four
+readings in the sun, less those, give S7, m and s by least squares in logarithms. One degree of freedom a
+generation is left; `residuals` says what it costs (below 1 count). How wide a spot the sensor sees is not in
+the paper: the radius below is an assumption and a parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import ConfigError
+from raccoon.model.paper import TOPHAT_READINGS, TophatReading, tophat_reading
+
+FULL_SCALE = 4095.0
+GENERATIONS = ("old", "new")
+NEAR, FAR = 0.007, 0.023  # m, the heights of Tables II and III
+LEAST_HEIGHT, MOST_HEIGHT = 0.002, 0.06  # m; nearer, the light misses the receiver and the law of R(h) ends
+AMBIENT = {"normal": 0.0, "sun": 1.0}
+"""Ambient level of the paper's two lights."""
+
+Number = TypeVar("Number", float, NDArray[np.float64])
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Optics:
+    """A sensor at one height. Plain numbers, so that compiled code can take them as they are.
+
+    reflected: R(h). reflected_by_black: r. leak: L. sun: S(h). sun_by_black: s (see the module).
+    """
+
+    reflected: float
+    reflected_by_black: float
+    leak: float
+    sun: float
+    sun_by_black: float
+
+    def light(self, darkness: Number, ambient: Number | float = 0.0) -> Number:
+        """x for darkness 0..1 and ambient level (0 normal light, 1 direct sun); floats or arrays."""
+        own = self.reflected * (1.0 - darkness * (1.0 - self.reflected_by_black))
+        return own + self.leak + ambient * self.sun * (1.0 - darkness * (1.0 - self.sun_by_black))
+
+    def counts(self, darkness: Number, ambient: Number | float = 0.0) -> Number:
+        """Reading without noise, 0..4095, not rounded; floats or arrays."""
+        return FULL_SCALE / (1.0 + self.light(darkness, ambient))
+
+
+@dataclass(frozen=True, slots=True)
+class SensorModel:
+    """A sensor generation: the seven fitted numbers. Light in units of x, exponents without unit."""
+
+    generation: str
+    reflected_near: float
+    falloff: float
+    reflected_by_black: float
+    leak: float
+    sun_near: float
+    sun_exponent: float
+    sun_by_black: float
+
+    def at(self, height: float, gain: float = 1.0) -> Optics:
+        """The sensor `height` m above the floor; gain: its LED and receiver against the measured one's.
+
+        Raises ConfigError for a height outside 2..60 mm or a gain that is not above 0.
+        """
+        if not LEAST_HEIGHT <= height <= MOST_HEIGHT:
+            raise ConfigError(
+                f"height = {height} m: allowed are numbers from {LEAST_HEIGHT} to {MOST_HEIGHT}"
+            )
+        if not (gain > 0.0 and math.isfinite(gain)):
+            raise ConfigError(f"gain = {gain}: allowed are numbers above 0")
+        return Optics(
+            reflected=gain * self.reflected_near * (NEAR / height) ** self.falloff,
+            reflected_by_black=self.reflected_by_black,
+            leak=gain * self.leak,
+            sun=gain * self.sun_near * (height / NEAR) ** self.sun_exponent,
+            sun_by_black=self.sun_by_black,
+        )
+
+
+def light_of(counts: float) -> float:
+    """x of a reading above 0: the inverse of counts = 4095 / (1 + x)."""
+    return FULL_SCALE / counts - 1.0
+
+
+@cache
+def fit(generation: str) -> SensorModel:
+    """The model of a sensor generation ("old" or "new"), from the paper's tables (see the module).
+
+    Raises ConfigError for another generation.
+    """
+    if generation not in GENERATIONS:
+        raise ConfigError(f"generation = {generation!r}: allowed are {', '.join(GENERATIONS)}")
+    near, far = (tophat_reading(generation, height, "normal") for height in (NEAR, FAR))
+    white, black = light_of(near.white), light_of(near.black)
+    white_far, black_far = light_of(far.white), light_of(far.black)
+    # Differences over height drop L: r = (black - black_far) / (white - white_far).
+    by_black = (black - black_far) / (white - white_far)
+    reflected = (white - black) / (1.0 - by_black)
+    reflected_far = (white_far - black_far) / (1.0 - by_black)
+    sun_near, sun_exponent, sun_by_black = _fit_sun(generation)
+    return SensorModel(
+        generation=generation,
+        reflected_near=reflected,
+        falloff=math.log(reflected / reflected_far) / math.log(FAR / NEAR),
+        reflected_by_black=by_black,
+        leak=white - reflected,
+        sun_near=sun_near,
+        sun_exponent=sun_exponent,
+        sun_by_black=sun_by_black,
+    )
+
+
+def _fit_sun(generation: str) -> tuple[float, float, float]:
+    """(S7, m, s): log of the added light = log S7 + m log(h/7mm) + [black] log s, by least squares."""
+    near, far = (tophat_reading(generation, height, "sun") for height in (NEAR, FAR))
+    dim_near, dim_far = (tophat_reading(generation, height, "normal") for height in (NEAR, FAR))
+    white, white_far, black, black_far = (
+        math.log(light_of(bright) - light_of(dim))
+        for bright, dim in (
+            (near.white, dim_near.white),
+            (far.white, dim_far.white),
+            (near.black, dim_near.black),
+            (far.black, dim_far.black),
+        )
+    )
+    rise = 0.5 * (white_far - white + black_far - black)
+    by_black = 0.5 * (black - white + black_far - white_far)
+    level = 0.25 * (white + white_far + black + black_far) - 0.5 * rise - 0.5 * by_black
+    return math.exp(level), rise / math.log(FAR / NEAR), math.exp(by_black)
+
+
+def counts(darkness: Number, generation: str, height: float, ambient: Number | float = 0.0) -> Number:
+    """Reading without noise for darkness 0..1, generation, height (m) and ambient level; floats or arrays.
+
+    Raises ConfigError for an unknown generation or a height outside 2..60 mm.
+    """
+    return fit(generation).at(height).counts(darkness, ambient)
+
+
+def residuals() -> list[tuple[TophatReading, float, float]]:
+    """(condition, model - paper over white, the same over black), counts, for the paper's conditions."""
+    rows = []
+    for reading in TOPHAT_READINGS:
+        optics = fit(reading.generation).at(reading.height)
+        ambient = AMBIENT[reading.light]
+        rows.append(
+            (
+                reading,
+                optics.counts(0.0, ambient) - reading.white,
+                optics.counts(1.0, ambient) - reading.black,
+            )
+        )
+    return rows
+
+
+def spot_radius(height: float) -> float:
+    """m: radius of the floor disc that the sensor sees. An assumption: 1.5 mm and 0.15 of the height."""
+    return 0.0015 + 0.15 * height
+
+
+def edge_coverage(distance: Array, radius: float) -> Array:
+    """Share of a disc that lies beyond a straight edge whose distance from its centre is `distance` (m).
+
+    distance is positive while the centre has not reached the edge: 0.5 on the edge, 0 from `radius` on.
+    A segment of a unit circle at height t has the area acos(t) - t sqrt(1 - t^2).
+    """
+    t = np.clip(distance / radius, -1.0, 1.0)
+    return np.asarray((np.arccos(t) - t * np.sqrt(1.0 - t * t)) / np.pi)
+
+
+def line_coverage(position: Array, centre: float, width: float, radius: float) -> Array:
+    """Share of the spot on a line across the path, for the positions of the spot's centre (all m)."""
+    along = position - centre
+    return edge_coverage(-0.5 * width - along, radius) - edge_coverage(0.5 * width - along, radius)
+
+
+def read(
+    rng: np.random.Generator,
+    darkness: Array,
+    optics: Optics,
+    *,
+    ambient: Array | float = 0.0,
+    noise: float = 3.0,
+    texture: float = 0.02,
+) -> Array:
+    """Readings as the converter gives them: whole counts in 0..4095.
+
+    darkness: share of the spot on black, shape (n,). noise: counts, sd of a standing sensor (2..5 measured).
+    texture: sd of the floor's own brightness as a share of it, from reading to reading.
+    """
+    patchy = optics.light(darkness, ambient) * np.exp(texture * rng.standard_normal(darkness.shape))
+    exact = FULL_SCALE / (1.0 + patchy) + noise * rng.standard_normal(darkness.shape)
+    return np.asarray(np.clip(np.round(exact), 0.0, FULL_SCALE))
+
+
+def drive_over_line(
+    rng: np.random.Generator,
+    condition: TophatReading,
+    *,
+    distance: float = 0.6,
+    line_width: float = 0.015,
+    speed: float = 0.24,
+    rate_hz: float = 200.0,
+    noise: float = 3.0,
+    texture: float = 0.02,
+    gain: float = 1.0,
+) -> tuple[Array, Array]:
+    """A calibration drive across one black line on white, in one of the paper's conditions.
+
+    Returns (samples, darkness), both of shape (n,): the counts in order of time, and the truth, the share of
+    the spot on black (0 white, 1 black, between at the edges). The line lies at random, not near the ends.
+    """
+    radius = spot_radius(condition.height)
+    position = np.arange(0.0, distance, speed / rate_hz)
+    darkness = line_coverage(position, rng.uniform(0.2, 0.8) * distance, line_width, radius)
+    optics = fit(condition.generation).at(condition.height, gain)
+    samples = read(rng, darkness, optics, ambient=AMBIENT[condition.light], noise=noise, texture=texture)
+    return samples, darkness

@@ -1,0 +1,239 @@
+"""Actions: things a robot does over time, and how they are put together.
+
+An action is a recipe. Running it makes a generator that yields once a tick; its return value is the action's
+result. While it is suspended the robot reads, estimates and drives; when it is closed, for whatever reason,
+its `finally` stops what it started.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from raccoon.core.errors import MotionTimeout
+
+if TYPE_CHECKING:
+    from raccoon.robot.conditions import Condition
+    from raccoon.robot.robot import Robot
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+U = TypeVar("U")
+Steps = Generator[None, None, T]
+
+
+class Action(Generic[T_co]):
+    """Something to run on a robot: `robot.run(action)`.
+
+    name: for messages and the trace. start: makes the generator that does it. An action can be run again and
+    again; every run starts afresh.
+    """
+
+    def __init__(self, name: str, start: Callable[[Robot], Steps[T_co]]) -> None:
+        self.name = name
+        self._start = start
+
+    def start(self, robot: Robot) -> Steps[T_co]:
+        """A generator that does the action on `robot`, one tick a step."""
+        return self._start(robot)
+
+    def until(self, condition: Condition) -> Action[T_co | None]:
+        """This action, ended as soon as `condition` holds. The result is None where it was ended."""
+
+        def steps(robot: Robot) -> Steps[T_co | None]:
+            holds = condition.start(robot)
+            body = self.start(robot)
+            try:
+                while not holds():
+                    try:
+                        next(body)
+                    except StopIteration as end:
+                        result: T_co = end.value
+                        return result
+                    yield
+                return None
+            finally:
+                body.close()
+
+        return Action(f"{self.name} until {condition.name}", steps)
+
+    def timeout(self, seconds: float) -> Action[T_co]:
+        """This action, with MotionTimeout if it has not ended by itself after `seconds` s."""
+        _positive("seconds", seconds)
+
+        def steps(robot: Robot) -> Steps[T_co]:
+            start = robot.time
+            body = self.start(robot)
+            try:
+                while robot.time - start <= seconds:
+                    try:
+                        next(body)
+                    except StopIteration as end:
+                        result: T_co = end.value
+                        return result
+                    yield
+            finally:
+                body.close()
+            raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({robot.drive.complaint()})")
+
+        return Action(self.name, steps)
+
+    def timeout_or(self, seconds: float, otherwise: Action[U]) -> Action[T_co | U]:
+        """This action, or, where it is not done after `seconds` s, `otherwise`."""
+        limited = self.timeout(seconds)
+
+        def steps(robot: Robot) -> Steps[T_co | U]:
+            try:
+                return (yield from limited.start(robot))
+            except MotionTimeout:
+                return (yield from otherwise.start(robot))
+
+        return Action(f"{self.name} or {otherwise.name}", steps)
+
+    def then(self, following: Callable[[T_co], Action[U]]) -> Action[U]:
+        """This action, then the one that `following` makes of its result."""
+
+        def steps(robot: Robot) -> Steps[U]:
+            result = yield from self.start(robot)
+            return (yield from following(result).start(robot))
+
+        return Action(f"{self.name}, then", steps)
+
+    def __repr__(self) -> str:
+        return f"<Action {self.name}>"
+
+
+def seq(*actions: Action[Any]) -> Action[list[Any]]:
+    """One after the other; the result is the list of their results."""
+
+    def steps(robot: Robot) -> Steps[list[Any]]:
+        results = []
+        for action in actions:
+            results.append((yield from action.start(robot)))
+        return results
+
+    return Action(_names("seq", actions), steps)
+
+
+def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
+    """`action` again and again, for ever or `times` times."""
+    if times is not None and times < 0:
+        raise ValueError(f"times is {times}: allowed are whole numbers from 0, or None for ever")
+
+    def steps(robot: Robot) -> Steps[None]:
+        done = 0
+        while times is None or done < times:
+            before = robot.ticks
+            yield from action.start(robot)
+            done += 1
+            if robot.ticks == before:  # an action that takes no time must not hang the loop
+                yield
+
+    return Action(f"repeat {action.name}", steps)
+
+
+def parallel(*actions: Action[Any]) -> Action[list[Any]]:
+    """All at once, until every one has ended; the result is the list of their results.
+
+    If one fails, the others are stopped and its error is raised.
+    """
+
+    def steps(robot: Robot) -> Steps[list[Any]]:
+        results: list[Any] = [None] * len(actions)
+        running: dict[int, Steps[Any]] = {}
+        try:
+            for index, action in enumerate(actions):
+                running[index] = action.start(robot)
+            while True:
+                for index in list(running):
+                    try:
+                        next(running[index])
+                    except StopIteration as end:
+                        results[index] = end.value
+                        del running[index]
+                if not running:
+                    return results
+                yield
+        finally:
+            for body in running.values():
+                body.close()
+
+    return Action(_names("parallel", actions), steps)
+
+
+def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
+    """All at once, until the first has ended; the others are stopped.
+
+    The result is (index of the first, its result).
+    """
+    if not actions:
+        raise ValueError("race has no actions: give it at least one")
+
+    def steps(robot: Robot) -> Steps[tuple[int, Any]]:
+        bodies = [action.start(robot) for action in actions]
+        try:
+            while True:
+                for index, body in enumerate(bodies):
+                    try:
+                        next(body)
+                    except StopIteration as end:
+                        return index, end.value
+                yield
+        finally:
+            for body in bodies:
+                body.close()
+
+    return Action(_names("race", actions), steps)
+
+
+def background(action: Action[Any]) -> Action[None]:
+    """Start `action` and go on at once; it runs beside whatever follows until it ends or the program does."""
+
+    def steps(robot: Robot) -> Steps[None]:
+        robot.add_background(action)
+        yield from ()
+
+    return Action(f"background {action.name}", steps)
+
+
+def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]:
+    """Call a function of the robot once; takes no time."""
+
+    def steps(robot: Robot) -> Steps[T]:
+        yield from ()
+        return function(robot)
+
+    return Action(name, steps)
+
+
+def wait(seconds: float) -> Action[None]:
+    """Let `seconds` s pass."""
+    if not 0.0 <= seconds < float("inf"):
+        raise ValueError(f"seconds is {seconds}: allowed are numbers from 0")
+
+    def steps(robot: Robot) -> Steps[None]:
+        start = robot.time
+        while robot.time - start < seconds:
+            yield
+
+    return Action(f"wait {seconds:g} s", steps)
+
+
+def wait_for(condition: Condition) -> Action[None]:
+    """Let time pass until `condition` holds."""
+
+    def steps(robot: Robot) -> Steps[None]:
+        holds = condition.start(robot)
+        while not holds():
+            yield
+
+    return Action(f"wait for {condition.name}", steps)
+
+
+def _positive(name: str, value: float) -> None:
+    if not 0.0 < value < float("inf"):
+        raise ValueError(f"{name} is {value}: it must be above 0")
+
+
+def _names(kind: str, actions: tuple[Action[Any], ...]) -> str:
+    return f"{kind}({', '.join(action.name for action in actions)})"

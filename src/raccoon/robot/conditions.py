@@ -1,0 +1,173 @@
+"""Conditions end actions: `drive(0.2).until(on_black("left") | after_distance(0.5))`.
+
+A condition is a recipe like an action: what it measures from (a time, a place, a heading) is taken when the
+action starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+Test = Callable[[], bool]
+
+
+class Condition:
+    """Something that can come true. Compose with `&`, `|` and `~`.
+
+    name: for messages. start: called when the action starts; makes the test that is asked once a tick.
+    """
+
+    def __init__(self, name: str, start: Callable[[Robot], Test]) -> None:
+        self.name = name
+        self._start = start
+
+    def start(self, robot: Robot) -> Test:
+        """The test for one run of an action."""
+        return self._start(robot)
+
+    def __and__(self, other: Condition) -> Condition:
+        return _both(self, other, f"({self.name} and {other.name})", all)
+
+    def __or__(self, other: Condition) -> Condition:
+        return _both(self, other, f"({self.name} or {other.name})", any)
+
+    def __invert__(self) -> Condition:
+        def start(robot: Robot) -> Test:
+            test = self.start(robot)
+            return lambda: not test()
+
+        return Condition(f"not {self.name}", start)
+
+    def __bool__(self) -> bool:
+        raise TypeError(
+            f"condition '{self.name}' has no truth of its own: combine conditions with & | ~, not and/or/not"
+        )
+
+    def __repr__(self) -> str:
+        return f"<Condition {self.name}>"
+
+
+def _both(
+    first: Condition, second: Condition, name: str, combine: Callable[[tuple[bool, bool]], bool]
+) -> Condition:
+    def start(robot: Robot) -> Test:
+        tests = first.start(robot), second.start(robot)
+        # Both are asked every tick, so that a condition with a memory (over_line) sees all of the drive.
+        return lambda: combine((tests[0](), tests[1]()))
+
+    return Condition(name, start)
+
+
+def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
+    """Any predicate of the robot."""
+    return Condition(name, lambda robot: lambda: test(robot))
+
+
+def after_time(seconds: float) -> Condition:
+    """`seconds` s after the start of the action."""
+
+    def start(robot: Robot) -> Test:
+        begin = robot.time
+        return lambda: robot.time - begin >= seconds
+
+    return Condition(f"after {seconds:g} s", start)
+
+
+def after_distance(distance: float) -> Condition:
+    """After `distance` m of travel, forwards or backwards, since the start of the action."""
+
+    def start(robot: Robot) -> Test:
+        begin = robot.estimate.distance
+        return lambda: abs(robot.estimate.distance - begin) >= abs(distance)
+
+    return Condition(f"after {distance:g} m", start)
+
+
+def after_angle(angle: float) -> Condition:
+    """After turning by `angle` rad, either way, since the start of the action."""
+
+    def start(robot: Robot) -> Test:
+        begin = robot.estimate.heading
+        return lambda: abs(robot.estimate.heading - begin) >= abs(angle)
+
+    return Condition(f"after {angle:g} rad", start)
+
+
+def on_black(tophat: str) -> Condition:
+    """The named tophat sees black. A calibration is needed (CalibrationError at the start otherwise)."""
+    return _surface(tophat, True)
+
+
+def on_white(tophat: str) -> Condition:
+    """The named tophat sees white. A calibration is needed (CalibrationError at the start otherwise)."""
+    return _surface(tophat, False)
+
+
+def over_line(tophat: str) -> Condition:
+    """The named tophat has crossed a line: it saw black and then white."""
+
+    def start(robot: Robot) -> Test:
+        sensor = robot.tophat(tophat)
+        sensor.require()
+        seen = False
+
+        def test() -> bool:
+            nonlocal seen
+            seen = seen or sensor.black is True
+            return seen and sensor.black is False
+
+        return test
+
+    return Condition(f"over the line at {tophat}", start)
+
+
+def _surface(tophat: str, black: bool) -> Condition:
+    def start(robot: Robot) -> Test:
+        sensor = robot.tophat(tophat)
+        sensor.require()
+        return lambda: sensor.black is black
+
+    return Condition(f"{tophat} on {'black' if black else 'white'}", start)
+
+
+def analog_above(port: int, counts: float) -> Condition:
+    """The analog port reads more than `counts`."""
+    return when(lambda robot: _is_above(robot.analog(port), counts), f"analog {port} above {counts:g}")
+
+
+def analog_below(port: int, counts: float) -> Condition:
+    """The analog port reads less than `counts`."""
+    return when(lambda robot: _is_below(robot.analog(port), counts), f"analog {port} below {counts:g}")
+
+
+def pressed(port: int) -> Condition:
+    """The digital port is closed."""
+    return when(lambda robot: robot.digital(port) is True, f"digital {port} pressed")
+
+
+def stalled() -> Condition:
+    """A driven wheel does not turn: the robot is blocked, or a motor is unplugged."""
+    return when(lambda robot: bool(robot.drive.wheels.stalled), "stalled")
+
+
+def bumped() -> Condition:
+    """A wheel stalls, or the wheels do not move as the accelerometer feels the robot move."""
+    return when(
+        lambda robot: (
+            bool(robot.drive.wheels.stalled)
+            or any(why.startswith("bumped") for why in robot.estimate.reasons)
+        ),
+        "bumped",
+    )
+
+
+def _is_above(value: float | None, limit: float) -> bool:
+    return value is not None and value > limit
+
+
+def _is_below(value: float | None, limit: float) -> bool:
+    return value is not None and value < limit

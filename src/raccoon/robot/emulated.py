@@ -1,0 +1,103 @@
+"""The simulated robot behind an emulated Wombat: the same bytes, checks and faults as on the real bus."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.clock import SteppedClock
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
+from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
+from raccoon.hal.wombat.port import WombatPort
+from raccoon.model.imu import specific_force
+from raccoon.sim.equations import substep
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.physical import plant_numbers, state_at_rest, wiring_signs
+from raccoon.sim.quantities import Command
+from raccoon.sim.sensing import duty_at_motor
+from raccoon.sim.tophats import Tophat
+from raccoon.sim.world import World
+
+LONGEST_STEP = 0.0025
+"""s; the plant's own step, see docs/simulator.md."""
+FLOATING = 2000.0
+"""Counts on an analog port that nothing is plugged into."""
+
+
+class SimulatedPlant:
+    """The simulated robot as the motors and sensors of an emulated controller.
+
+    Everything up to the terminals and pins is the simulator's; sampling, filtering and coasting windows are
+    the emulated firmware's, so the plant's own are left out. `latency` is not simulated: the emulator has
+    its own.
+    """
+
+    def __init__(self, parameters: Parameters, world: World | None = None) -> None:
+        robot = parameters.robot
+        self._numbers = plant_numbers(parameters)
+        self._ports = robot.drive.left, robot.drive.right
+        self._signs = wiring_signs(parameters)
+        self._world = World.default() if world is None else world
+        self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
+        self._state = state_at_rest(self._numbers)
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """x, y in m and heading in rad, in the world."""
+        return self._state.x, self._state.y, self._state.heading
+
+    def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
+        """Let time pass with the motors driven this way."""
+        before = self._state.forward_speed
+        steps = math.ceil(seconds / LONGEST_STEP)
+        for _ in range(steps):
+            step = seconds / steps
+            self._state = substep(self._state, self._numbers, self._command(drives), step, 1.0 / step)
+        change = (self._state.forward_speed - before) / seconds if seconds > 0.0 else 0.0
+        return self._seen(change)
+
+    def _command(self, drives: tuple[Drive, ...]) -> Command:
+        left, right = (drives[port] for port in self._ports)
+        p = self._numbers
+        return Command(
+            duty_at_motor(self._signs[0] * (left or 0.0), p.deadband_left),
+            duty_at_motor(self._signs[1] * (right or 0.0), p.deadband_right),
+            float(left is not None),
+            float(right is not None),
+            0.0,
+            0.0,
+        )
+
+    def _seen(self, acceleration: float) -> PlantState:
+        s, p = self._state, self._numbers
+        volts = [0.0] * MOTOR_PORTS
+        volts[self._ports[0]] = self._signs[0] * p.back_emf_left * s.speed_left
+        volts[self._ports[1]] = self._signs[1] * p.back_emf_right * s.speed_right
+        return PlantState(
+            bemf_volts=tuple(volts),
+            battery_voltage=s.bus,
+            gyro=(0.0, 0.0, s.yaw_rate),
+            accel=specific_force(acceleration, s.forward_speed, s.yaw_rate),
+            analog=self._analog(),
+        )
+
+    def _analog(self) -> tuple[float, ...]:
+        s = self._state
+        counts = [FLOATING] * ANALOG_PORTS
+        for tophat in self._tophats:
+            counts[tophat.port], _ = tophat.read(self._world, s.x, s.y, s.heading_cos, s.heading_sin, s.time)
+        return tuple(counts)
+
+
+def open_emulated(
+    config: RobotConfig, firmware: Firmware = "stock", *, seed: int = 0, world: World | None = None
+) -> WombatPort:
+    """A Wombat in software with the simulated robot on it, as fast as the computer can (its clock is
+    stepped).
+
+    firmware: "stock", 17 or 21.
+    """
+    clock = SteppedClock()
+    plant = SimulatedPlant(Parameters.from_robot(config), world)
+    link = Emulator(plant, firmware, clock=clock, seed=seed)
+    return WombatPort(link, clock=clock, rate_hz=config.controller.rate_hz, reset_line=link)

@@ -1,0 +1,202 @@
+"""Motions that go by what is on the table: follow a line, align on a line, align against a wall."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import slewed
+from raccoon.core.errors import ConfigError, MotionTimeout
+from raccoon.model.pose import Pose
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.motions import drive, turning
+from raccoon.robot.pacing import MotionResult, check_finite, check_limits, reason
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+    from raccoon.robot.sensors import TophatSensor
+
+# rad/s a unit of coverage, for a sensor 0.11 m ahead of the axis. The spot is about 10 mm wide, so the sensor
+# closes in at 0.11 * 1.5 / 0.01 = 16 /s: a fifth of what 30 ms of delay would bear.
+LINE_GAIN = 1.5
+USUAL_REACH = 0.11
+LEAST_REACH = 0.02
+# S without an edge under the sensor after which the line is lost.
+LOST_TIME = 1.0
+WALL_SPEED_SHARE = 0.2
+WALL_TIME = 0.3
+
+
+def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> Action[None]:
+    """Keep one tophat on an edge of a black line, until ended from outside (`.until`, `race`).
+
+    side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
+    of the sensor's spot that is on black steers. Raises CalibrationError without a calibration, ConfigError
+    for a sensor that is not ahead of the axis, MotionTimeout when there was no edge for 1 s.
+    """
+    check_limits(speed=speed)
+    if side not in ("left", "right"):
+        raise ValueError(f"side is {side!r}: allowed are 'left' and 'right'")
+    sign = 1.0 if side == "left" else -1.0
+
+    def steps(robot: Robot) -> Steps[None]:
+        sensor = _ready(robot, tophat)
+        motion = robot.config.motion
+        wanted = motion.speed if speed is None else speed
+        top = robot.drive.planned_speed(wanted, motion.acceleration)
+        gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
+        velocity, seen = robot.estimate.velocity, robot.time
+        sensor.follow_light(False)
+        try:
+            while True:
+                coverage = 0.5 if sensor.coverage is None else sensor.coverage
+                if 0.02 < coverage < 0.98:
+                    seen = robot.time
+                if robot.time - seen > LOST_TIME:
+                    raise MotionTimeout(f"{tophat} lost the line: no edge for {LOST_TIME:g} s")
+                velocity = slewed(velocity, top, motion.acceleration * robot.dt)
+                # On the left edge black is to the right: too much of it means too far right.
+                robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
+                yield
+        finally:
+            sensor.follow_light(True)
+            robot.drive.stop()
+            robot.replan()
+
+    return Action(f"follow the {side} edge with {tophat}", steps)
+
+
+def align_on_line(
+    left: str,
+    right: str,
+    speed: float | None = None,
+    *,
+    reach: float = 0.5,
+    squint: float = math.radians(60.0),
+) -> Action[MotionResult]:
+    """Drive over an edge of a line with two tophats, then turn square to it.
+
+    left, right: names of the tophats. speed: m/s, negative backwards; half of `motion.speed` when None.
+    reach: m to look for the line. squint: rad, the most that the line may lie askew. Where each sensor met
+    the edge tells the line's direction. The result's heading is the robot's against the line's normal.
+    Raises MotionTimeout where there is no line within reach, CalibrationError without calibrations.
+    """
+    check_finite(speed=0.0 if speed is None else speed)
+    check_limits(reach=reach, squint=squint)
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        begin = robot.time
+        first = yield from _edges(robot, left, right, speed, reach)
+        (x0, y0), (x1, y1) = first
+        # From the right sensor's point to the left one's is the line; its normal to the right looks ahead.
+        normal = math.atan2(y0 - y1, x0 - x1) - 0.5 * math.pi
+        here = robot.estimate.heading
+        angle = math.remainder(normal - here, math.tau)
+        if abs(angle) > squint:
+            raise MotionTimeout(
+                f"the line lies {math.degrees(angle):.0f} deg askew: allowed are {math.degrees(squint):.0f}"
+            )
+        robot.replan()
+        turned = yield from turning(robot, angle)
+        goal = Pose(robot.estimate.x, robot.estimate.y, here + angle)
+        robot.plan = goal
+        off = robot.estimate.heading - goal.heading
+        return MotionResult(
+            0.0, 0.0, off, robot.time - begin, turned.std, turned.saturated, turned.heading_std
+        )
+
+    return Action(f"align on a line with {left} and {right}", steps)
+
+
+def _edges(
+    robot: Robot, left: str, right: str, speed: float | None, reach: float
+) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
+    """Drive until both sensors have met an edge; where on the field each did, left first."""
+    sensors = (_ready(robot, left, ahead=False), _ready(robot, right, ahead=False))
+    if sensors[0].config.left <= sensors[1].config.left:
+        raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")
+    for sensor in sensors:
+        sensor.forget_edge()
+    begin = robot.estimate.distance
+    body = drive(0.5 * robot.config.motion.speed if speed is None else speed).start(robot)
+    met: list[tuple[float, float] | None] = [None, None]
+    try:
+        while True:
+            for index, sensor in enumerate(sensors):
+                if met[index] is None and sensor.edge is not None:
+                    met[index] = _place(robot, sensor, robot.time - sensor.edge.time)
+            if met[0] is not None and met[1] is not None:
+                return met[0], met[1]
+            if abs(robot.estimate.distance - begin) > reach:
+                missing = " and ".join(s.name for s, m in zip(sensors, met, strict=True) if m is None)
+                raise MotionTimeout(f"no line at {missing} within {reach:g} m; {reason(robot)}")
+            next(body)
+            yield
+    finally:
+        body.close()
+
+
+def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:
+    """Where on the field a sensor was `ago` s before now."""
+    here = robot.estimate
+    pose = Pose(here.x, here.y, here.heading).ahead(-here.velocity * ago)
+    ahead = pose.ahead(sensor.config.forward)
+    side = sensor.config.left
+    return ahead.x - side * math.sin(ahead.heading), ahead.y + side * math.cos(ahead.heading)
+
+
+def align_on_wall(
+    speed: float = 0.06,
+    *,
+    heading: float | None = None,
+    heading_std: float = math.radians(1.0),
+    timeout: float = 5.0,
+) -> Action[MotionResult]:
+    """Push against a wall until both wheels stand, so that the robot is square to it.
+
+    speed: m/s at which it comes, negative backwards; the voltage for it is all that pushes. heading: rad of
+    the field that the robot then has, where that is known: the odometry takes it, with `heading_std` rad.
+    Raises MotionTimeout where the wheels still turn after `timeout` s.
+    """
+    check_finite(speed=speed, heading=0.0 if heading is None else heading)
+    check_limits(timeout=timeout, heading_std=heading_std)
+    if speed == 0.0:
+        raise ValueError("speed is 0: allowed are numbers above or below it")
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        begin, quiet = robot.time, 0.0
+        wheel_speed = robot.drive.wheel_speed(speed)
+        try:
+            while quiet < WALL_TIME:
+                if robot.time - begin > timeout:
+                    raise MotionTimeout(f"no wall after {timeout:g} s: the wheels still turn")
+                here = robot.estimate
+                turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
+                started = robot.time - begin > WALL_TIME
+                quiet = 0.0 if turns or not started else quiet + robot.dt
+                robot.drive.push(speed, robot.battery_voltage)
+                yield
+        finally:
+            robot.drive.stop()
+            robot.replan()
+        off = 0.0
+        if heading is not None:
+            off = math.remainder(robot.estimate.heading - heading, math.tau)
+            robot.odometry.observe_heading(heading, heading_std)
+        here = robot.estimate
+        robot.plan = Pose(here.x, here.y, here.heading)
+        std = math.hypot(here.x_std, here.y_std)
+        return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std)
+
+    return Action("align on a wall", steps)
+
+
+def _ready(robot: Robot, name: str, ahead: bool = True) -> TophatSensor:
+    sensor = robot.tophat(name)
+    sensor.require()
+    if ahead and sensor.config.forward < LEAST_REACH:
+        raise ConfigError(
+            f"tophat.{name}.forward = {sensor.config.forward}: to follow a line it must sit at least "
+            f"{LEAST_REACH} m ahead of the axis"
+        )
+    return sensor

@@ -1,0 +1,168 @@
+"""A match: wait for the light, run the program, stop everything when the time is over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from raccoon.core.readings import SIMULATOR
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.deadline import MatchOver, real_deadline
+
+if TYPE_CHECKING:
+    from raccoon.estimate.start_light import StartLightCalibration
+    from raccoon.robot.robot import Robot
+
+T = TypeVar("T")
+MATCH_SECONDS = 120.0
+# Ports whose seconds are those of the wall clock.
+REAL = ("wombat", "wombat-raccoon", "create")
+
+
+@dataclass(frozen=True, slots=True)
+class StepTime:
+    """One named step: when it began and ended, s since the start of the match; ended: "done", or why not."""
+
+    name: str
+    begin: float
+    end: float
+    ended: str
+
+    @property
+    def label(self) -> str:
+        """Its name, and why it ended where it was not done."""
+        return self.name if self.ended == "done" else f"{self.name}: {self.ended}"
+
+    @property
+    def seconds(self) -> float:
+        """How long it took."""
+        return self.end - self.begin
+
+
+@dataclass(frozen=True, slots=True)
+class MatchReport:
+    """How a match went.
+
+    seconds: from the light to the end. finished: the program ended by itself. steps: every `timed` step.
+    result: what the program returned.
+    """
+
+    seconds: float
+    finished: bool
+    steps: tuple[StepTime, ...]
+    result: Any = None
+
+    def table(self) -> str:
+        """The steps, one a line, for people."""
+        lines = [f"{step.begin:7.2f} s  {step.seconds:7.2f} s  {step.label}" for step in self.steps]
+        state = "finished" if self.finished else "stopped by the clock"
+        return "\n".join(["  begin    took     step", *lines, f"{self.seconds:7.2f} s  {state}"])
+
+
+class TimedStep(Action[T]):
+    """An action whose time is taken."""
+
+
+def timed(action: Action[T], name: str | None = None) -> Action[T]:
+    """The action as a named step: its begin, end and duration go into the recording and the match report."""
+    label = action.name if name is None else name
+
+    def steps(robot: Robot) -> Steps[T]:
+        begin, ended = robot.time, "stopped"
+        robot.note(f"step begins: {label}")
+        try:
+            result = yield from action.start(robot)
+            ended = "done"
+            return result
+        except GeneratorExit:
+            raise
+        except BaseException as error:
+            ended = f"{type(error).__name__}: {error}"
+            raise
+        finally:
+            robot.steps.append(StepTime(label, begin, robot.time, ended))
+            robot.note(f"step ends: {label}: {ended} after {robot.time - begin:.3f} s")
+
+    return TimedStep(label, steps)
+
+
+def mission(*actions: Action[Any]) -> Action[list[Any]]:
+    """One after the other like `seq`, each of them a timed step."""
+
+    def steps(robot: Robot) -> Steps[list[Any]]:
+        results = []
+        for action in actions:
+            step = action if isinstance(action, TimedStep) else timed(action)
+            results.append((yield from step.start(robot)))
+        return results
+
+    return Action(f"mission of {len(actions)} steps", steps)
+
+
+def wait_for_light(port: int, calibration: StartLightCalibration | None = None) -> Action[None]:
+    """Stand until the start light over the sensor on analog `port` goes on.
+
+    calibration: its levels off and on; without one the reading must fall by 35 %, quickly, and stay. The
+    estimators keep learning meanwhile.
+    """
+
+    def steps(robot: Robot) -> Steps[None]:
+        from raccoon.estimate.start_light import StartLight
+
+        light = StartLight(calibration)
+        while not light.update(robot.time, robot.analog(port)).fired:
+            yield
+        robot.note("start light")
+
+    return Action(f"wait for the light on analog {port}", steps)
+
+
+def run_match(
+    robot: Robot,
+    program: Action[Any] | Callable[[Robot], Any],
+    *,
+    start: Action[Any] | None = None,
+    seconds: float = MATCH_SECONDS,
+    alarm: bool | None = None,
+) -> MatchReport:
+    """Do `start` (such as `wait_for_light`), then `program`, for at most `seconds` s; then everything is off.
+
+    program: an action, or a function that runs what it likes on the robot. The robot's clock ends it at its
+    next reading, whatever it is doing or catching; an alarm of the wall clock also ends code that never comes
+    back to the robot (alarm: None sets it on a real controller alone). After that the robot runs nothing
+    more. Errors of the program come through, with the motors off.
+    """
+    if not 0.0 < seconds < math.inf:
+        raise ValueError(f"seconds is {seconds}: it must be above 0")
+    if start is not None:
+        robot.run(start)
+    if robot.inputs is None:
+        robot.tick()
+    begin, known = robot.time, len(robot.steps)
+    robot.deadline = begin + seconds
+    robot.note(f"match begins: {seconds:g} s")
+    result, finished = None, False
+    try:
+        with real_deadline(seconds) if _real(robot, alarm) else nullcontext():
+            result = robot.run(program) if isinstance(program, Action) else program(robot)
+        finished = True
+    except MatchOver:
+        robot.note("match over: everything off")
+    finally:
+        robot.stop()
+    steps = tuple(
+        StepTime(each.name, each.begin - begin, each.end - begin, each.ended) for each in robot.steps[known:]
+    )
+    robot.note(f"match ends after {robot.time - begin:.2f} s")
+    return MatchReport(robot.time - begin, finished, steps, result)
+
+
+def _real(robot: Robot, alarm: bool | None) -> bool:
+    """Whether the robot's seconds are the wall's: not in simulation and not in a replay."""
+    if alarm is not None:
+        return alarm
+    simulated = robot.inputs is None or robot.inputs.device is SIMULATOR
+    return robot.config.controller.port in REAL and not simulated and not hasattr(robot.port, "trace")

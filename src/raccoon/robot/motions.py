@@ -1,0 +1,292 @@
+"""Motions: straight, turn, arc, pivot and plain driving, each an action that keeps to its path.
+
+Each motion starts from where the one before it was meant to end (`robot.plan`), not from where it did end, so
+a small error is made good by the next motion instead of adding to it.
+
+Every motion to a goal takes `tolerance` (how near the goal it may end; robot.toml's `[motion]` when None)
+and `timeout` (s; twice its profile and 2 s when None), gives a `MotionResult`, and raises MotionTimeout
+saying why when it cannot get there: stalled (with the motor port), saturated (with the speed that is
+missing), slipping.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import TrackingGains, line_command, slewed, turn_command
+from raccoon.control.profile import ProfileState, profile
+from raccoon.control.voltage import VoltageScaling
+from raccoon.model.pose import Pose
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.pacing import (
+    LAG_LIMIT,
+    LAG_LIMIT_TURN,
+    MotionResult,
+    Pace,
+    at_rest,
+    check_finite,
+    check_limits,
+    finish,
+)
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+__all__ = ["MotionResult", "arc", "drive", "motors", "pivot", "straight", "turn", "turn_to"]
+
+GAINS = TrackingGains()
+# A plan further than this from the estimate is not continued: somebody moved the robot.
+PLAN_REACH = 0.05
+PLAN_REACH_HEADING = 0.3
+
+
+def straight(
+    distance: float,
+    speed: float | None = None,
+    *,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive `distance` m straight (negative: backwards), ending at rest on the mark.
+
+    speed: m/s, the highest on the way; robot.toml's `motion.speed` when None. tolerance: m.
+    """
+    check_finite(distance=distance)
+    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        motion = robot.config.motion
+        start = robot.plan
+        wanted = motion.speed if speed is None else speed
+        top = robot.drive.planned_speed(wanted, motion.acceleration)
+        near = motion.distance_tolerance if tolerance is None else tolerance
+        walk = profile(distance, top, motion.acceleration, motion.jerk)
+        pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
+        for state in pace.states(lambda: start.offset_of(robot.estimate.x, robot.estimate.y)[0]):
+            along, across = start.offset_of(robot.estimate.x, robot.estimate.y)
+            off = robot.estimate.heading - start.heading
+            if pace.finished and at_rest(robot) and abs(distance - along) <= near:
+                break
+            velocity, turn_rate = line_command(state, along, across, off, GAINS)
+            robot.drive.velocity(velocity, turn_rate, state.acceleration)
+            yield
+        return finish(robot, start.ahead(distance), pace)
+
+    return Action(f"straight {distance:g} m", steps)
+
+
+def turn(
+    angle: float,
+    rate: float | None = None,
+    *,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Turn on the spot by `angle` rad (left is positive), ending at rest.
+
+    rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. tolerance: rad.
+    """
+    check_finite(angle=angle)
+    check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
+    return Action(
+        f"turn {math.degrees(angle):g} deg", lambda robot: turning(robot, angle, rate, tolerance, timeout)
+    )
+
+
+def turn_to(
+    heading: float,
+    rate: float | None = None,
+    *,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started."""
+    check_finite(heading=heading)
+    check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        angle = math.remainder(heading - robot.plan.heading, math.tau)
+        return (yield from turning(robot, angle, rate, tolerance, timeout))
+
+    return Action(f"turn to {math.degrees(heading):g} deg", steps)
+
+
+def turning(
+    robot: Robot,
+    angle: float,
+    rate: float | None = None,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Steps[MotionResult]:
+    """The steps of a turn on the spot."""
+    motion = robot.config.motion
+    start = robot.plan
+    wanted = motion.turn_rate if rate is None else rate
+    top = robot.drive.planned_turn_rate(wanted, motion.turn_acceleration)
+    near = motion.heading_tolerance if tolerance is None else tolerance
+    walk = profile(angle, top, motion.turn_acceleration, motion.turn_jerk)
+    pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted)
+    for state in pace.states(lambda: robot.estimate.heading - start.heading):
+        turned = robot.estimate.heading - start.heading
+        if pace.finished and at_rest(robot) and abs(angle - turned) <= near:
+            break
+        robot.drive.velocity(0.0, turn_command(state, turned, GAINS), 0.0, state.acceleration)
+        yield
+    return finish(robot, start.turned(angle), pace)
+
+
+def arc(
+    radius: float,
+    angle: float,
+    speed: float | None = None,
+    *,
+    backwards: bool = False,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive along a circle of `radius` m through `angle` rad (left is positive), ending at rest.
+
+    The centre is on the side it turns to (on the other one where it drives backwards). speed: m/s of the
+    outer wheel, the highest on the way. tolerance: m of the way.
+    """
+    check_finite(angle=angle)
+    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+    if not 0.0 < radius < math.inf:
+        raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
+    signed = math.copysign(radius, -angle if backwards else angle)
+    return Action(
+        f"arc {radius:g} m {math.degrees(angle):g} deg",
+        lambda robot: _arc(robot, signed, angle, speed, tolerance, timeout),
+    )
+
+
+def pivot(
+    angle: float,
+    wheel: str,
+    speed: float | None = None,
+    *,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Turn by `angle` rad (left is positive) about one wheel, which stands still: "left" or "right".
+
+    speed: m/s of the other wheel, the highest on the way. tolerance: m of the robot's middle.
+    """
+    check_finite(angle=angle)
+    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+    if wheel not in ("left", "right"):
+        raise ValueError(f"wheel is {wheel!r}: allowed are 'left' and 'right'")
+    side = 1.0 if wheel == "left" else -1.0
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        signed = side * robot.drive.half_track
+        return (yield from _arc(robot, signed, angle, speed, tolerance, timeout))
+
+    return Action(f"pivot {math.degrees(angle):g} deg about the {wheel} wheel", steps)
+
+
+def _arc(
+    robot: Robot,
+    signed: float,
+    angle: float,
+    speed: float | None,
+    tolerance: float | None,
+    timeout: float | None,
+) -> Steps[MotionResult]:
+    """Around a centre `signed` m to the left; the way is signed * angle, negative backwards."""
+    motion = robot.config.motion
+    start = robot.plan
+    outer = 1.0 + robot.drive.half_track / abs(signed)  # the outer wheel keeps the limit
+    wanted = (motion.speed if speed is None else speed) / outer
+    top = robot.drive.planned_speed(wanted, motion.acceleration, outer)
+    near = motion.distance_tolerance if tolerance is None else tolerance
+    pace = Pace(
+        robot,
+        profile(signed * angle, top, motion.acceleration, motion.jerk),
+        LAG_LIMIT,
+        timeout,
+        top / wanted,
+    )
+
+    def travelled() -> float:
+        return signed * (robot.estimate.heading - start.heading)
+
+    for state in pace.states(travelled):
+        along = travelled()
+        here = start.along_arc(signed, along / signed)
+        _, across = here.offset_of(robot.estimate.x, robot.estimate.y)
+        if pace.finished and at_rest(robot) and abs(signed * angle - along) <= near:
+            break
+        velocity, turn_rate = line_command(state, along, across, 0.0, GAINS)
+        robot.drive.velocity(
+            velocity, turn_rate + velocity / signed, state.acceleration, state.acceleration / signed
+        )
+        yield
+    return finish(robot, start.along_arc(signed, angle), pace)
+
+
+def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
+    """Drive at `speed` m/s and `turn_rate` rad/s until ended from outside (`.until`, `.timeout`, `race`).
+
+    Without a turn rate the heading of the plan is held.
+    """
+    check_finite(speed=speed, turn_rate=turn_rate)
+
+    def steps(robot: Robot) -> Steps[None]:
+        motion = robot.config.motion
+        start = robot.plan
+        velocity = robot.estimate.velocity
+        rate = robot.estimate.turn_rate
+        top = math.copysign(robot.drive.planned_speed(abs(speed), motion.acceleration), speed)
+        try:
+            while True:
+                velocity = slewed(velocity, top, motion.acceleration * robot.dt)
+                rate = slewed(rate, turn_rate, motion.turn_acceleration * robot.dt)
+                held = 0.0
+                if turn_rate == 0.0:
+                    _, across = start.offset_of(robot.estimate.x, robot.estimate.y)
+                    off = robot.estimate.heading - start.heading
+                    state = ProfileState(0.0, velocity, 0.0)
+                    _, held = line_command(state, 0.0, across, off, GAINS)
+                robot.drive.velocity(velocity, rate + held)
+                yield
+        finally:
+            robot.drive.stop()
+            here = robot.estimate
+            robot.plan = Pose(here.x, here.y, start.heading if turn_rate == 0.0 else here.heading)
+
+    return Action(f"drive {speed:g} m/s", steps)
+
+
+def motors(left: float, right: float, *, tuned_at: float | None = None) -> Action[None]:
+    """Put plain duties (-1..1) on the wheels until ended from outside: no control at all, as a comparison.
+
+    tuned_at: V of the battery that the duties were found on; they are scaled by it over the present voltage.
+    What the present battery cannot give is noted in the recording, with the speed that is missing.
+    """
+    for name, duty in (("left", left), ("right", right)):
+        if not -1.0 <= duty <= 1.0:
+            raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+    scaling = None if tuned_at is None else VoltageScaling(tuned_at)
+
+    def steps(robot: Robot) -> Steps[None]:
+        told = False
+        try:
+            while True:
+                duties = left, right
+                if scaling is not None:
+                    scaled = [scaling.scaled(duty, robot.battery_voltage) for duty in duties]
+                    duties = scaled[0].duty, scaled[1].duty
+                    missing = max(each.missing for each in scaled)
+                    if missing > 0.0 and not told:
+                        told = True
+                        speed = robot.drive.speed_of(missing * max(abs(left), abs(right)) * scaling.reference)
+                        robot.note(f"voltage scaling: {100.0 * missing:.0f} % missing, {speed:.3f} m/s")
+                robot.drive.duties(*duties)
+                yield
+        finally:
+            robot.drive.stop()
+            robot.replan()
+
+    return Action(f"motors {left:g} {right:g}", steps)

@@ -1,0 +1,95 @@
+"""From a robot.toml to a robot that is ready to run, on hardware, in simulation or from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from raccoon.core.config import RobotConfig, load_robot
+from raccoon.core.errors import ConfigError, TraceError
+from raccoon.core.port import Port
+from raccoon.robot.loop import stopped_on_exit
+from raccoon.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from raccoon.trace.format import Trace
+
+T = TypeVar("T")
+
+
+@contextmanager
+def open_robot(
+    config: RobotConfig | str | Path = "robot.toml",
+    *,
+    port: Port | None = None,
+    record: str | Path | None = None,
+    seed: int | None = None,
+) -> Iterator[Robot]:
+    """A robot for a `with` block; its motors stop however the block is left, SIGTERM and Ctrl-C included.
+
+    config: a robot.toml or a configuration. port: handed in by tests; otherwise robot.toml's
+    `controller.port` is opened, and nothing else: there is no falling back to the simulator. record: where to
+    record the run. seed: of the simulator. Raises ConfigError, HardwareError, FileNotFoundError.
+    """
+    settings = config if isinstance(config, RobotConfig) else load_robot(config)
+    opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
+    if record is not None:
+        from raccoon.trace.record import RecordingPort
+
+        opened = RecordingPort(opened, record, config=settings, seed=seed)
+    with stopped_on_exit(opened.close):
+        robot = Robot(opened, settings)
+        with stopped_on_exit(robot.close):
+            yield robot
+
+
+def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
+    """The port that robot.toml's `controller.port` names."""
+    kind = config.controller.port
+    if kind == "sim":
+        from raccoon.sim.parameters import Parameters
+        from raccoon.sim.port import SimPort
+
+        return SimPort(
+            Parameters.from_robot(config), robot=config, seed=seed, rate_hz=config.controller.rate_hz
+        )
+    if kind in ("wombat", "wombat-raccoon"):
+        from raccoon.hal.wombat.port import open_wombat
+
+        return open_wombat(kind, rate_hz=config.controller.rate_hz)
+    if kind == "create":
+        from raccoon.hal.create.port import open_create
+
+        return open_create()
+    if kind in ("emulator", "emulator-raccoon"):
+        from raccoon.robot.emulated import open_emulated
+
+        return open_emulated(config, "stock" if kind == "emulator" else 21, seed=seed)
+    raise ConfigError(f"controller.port = {kind!r}: there is no such port")
+
+
+def replay(
+    trace: Trace | str | Path,
+    program: Callable[[Robot], T],
+    *,
+    config: RobotConfig | None = None,
+    tolerance: float = 0.0,
+    check: bool = True,
+) -> T:
+    """Run `program` on a recording of itself and return its result.
+
+    Every command and estimate is compared with the recorded ones: ReplayDiverged names the tick and the field
+    of the first that differs (tolerance: relative; 0 is exact, 1e-9 suits a recording of another machine).
+    check=False ignores them. config: the recording's own where None. The program must use the robot alone,
+    no clock and no random numbers.
+    """
+    from raccoon.trace.replay import ReplayPort
+
+    port = ReplayPort(trace, check=check, tolerance=tolerance)
+    settings = config or port.trace.header.config
+    if settings is None:
+        raise TraceError("the recording does not say its robot.toml: pass config=")
+    with Robot(port, settings) as robot:
+        return program(robot)

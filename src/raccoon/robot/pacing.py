@@ -1,0 +1,147 @@
+"""What all motions share: walking a profile in time, limits, how a motion ends and what it says then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from raccoon.control.profile import Profile, ProfileState
+from raccoon.core.errors import MotionTimeout
+from raccoon.model.pose import Pose
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+# The profile waits for a robot that falls this far behind it, instead of running away.
+LAG_LIMIT = 0.02
+LAG_LIMIT_TURN = 0.15
+# Fast enough to end on the mark, slow enough that the wheels stop within a tick or two.
+REST_SPEED = 0.02
+REST_RATE = 0.12
+# S that a wheel may be driven without turning before the motion gives up.
+STALL_PATIENCE = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class MotionResult:
+    """Where a motion ended against its goal.
+
+    along, across: m beyond the goal and left of the path. heading: rad left of the goal's heading.
+    duration: s. std: m, of the position as the odometry sees it. saturated: the battery could not give all.
+    heading_std: rad. missing_speed: m/s that a saturated wheel was short of, at the worst moment.
+    planned: share of the speed that was asked for which the weakest battery of the match allows (1: all).
+    """
+
+    along: float
+    across: float
+    heading: float
+    duration: float
+    std: float
+    saturated: bool
+    heading_std: float = 0.0
+    missing_speed: float = 0.0
+    planned: float = 1.0
+
+
+class Pace:
+    """Walks a profile in time, waiting for a robot that cannot keep up.
+
+    lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up; twice the profile and
+    2 s where it is None. planned: see MotionResult.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        profile: Profile,
+        lag_limit: float,
+        timeout: float | None = None,
+        planned: float = 1.0,
+    ) -> None:
+        self._robot = robot
+        self.profile = profile
+        self.planned = planned
+        self._lag_limit = lag_limit
+        self._allowed = 2.0 * profile.duration + 2.0 if timeout is None else timeout
+        self._time = 0.0
+        self._stalled = 0.0
+        self.begin = robot.time
+        self.saturated = False
+        self.missing_speed = 0.0
+        self.finished = False
+        """True once the profile has ended; the robot may still be closing in."""
+
+    def states(self, progress: Callable[[], float]) -> Iterator[ProfileState]:
+        """One state a tick; raises MotionTimeout when it takes too long or a wheel does not turn."""
+        robot, profile = self._robot, self.profile
+        sign = -1.0 if profile.distance < 0.0 else 1.0
+        try:
+            while True:
+                state = profile.at(self._time)
+                yield state
+                self._watch()
+                # A robot that is ahead is not waited for: the profile has to end for it to come back.
+                if sign * (state.position - progress()) < self._lag_limit:
+                    self._time += robot.dt
+                self.finished = self._time >= profile.duration
+                if robot.time - self.begin > self._allowed or self._stalled > STALL_PATIENCE:
+                    raise MotionTimeout(self._explain(progress()))
+        finally:
+            robot.drive.stop()
+
+    def _watch(self) -> None:
+        wheels, robot = self._robot.drive.wheels, self._robot
+        self.saturated = self.saturated or wheels.saturated
+        self.missing_speed = max(self.missing_speed, robot.drive.missing_speed)
+        self._stalled = self._stalled + robot.dt if wheels.stalled else 0.0
+
+    def _explain(self, progress: float) -> str:
+        seconds = self._robot.time - self.begin
+        way = f"{progress:.3f} of {self.profile.distance:.3f}"
+        return f"motion not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
+
+
+def reason(robot: Robot) -> str:
+    """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says."""
+    said = (robot.drive.complaint(), *robot.estimate.reasons, *robot.drive.oddities())
+    return "; ".join(said)
+
+
+def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
+    """Stop, make `goal` the place the next motion starts from, and say where the robot is against it."""
+    robot.drive.stop()
+    robot.plan = goal
+    here = robot.estimate
+    along, across = goal.offset_of(here.x, here.y)
+    return MotionResult(
+        along,
+        across,
+        here.heading - goal.heading,
+        robot.time - pace.begin,
+        math.hypot(here.x_std, here.y_std),
+        pace.saturated,
+        here.heading_std,
+        pace.missing_speed,
+        pace.planned,
+    )
+
+
+def at_rest(robot: Robot) -> bool:
+    """Slow enough that stopping now is stopping here."""
+    return abs(robot.estimate.velocity) < REST_SPEED and abs(robot.estimate.turn_rate) < REST_RATE
+
+
+def check_finite(**values: float) -> None:
+    """Raise ValueError naming the first value that is not finite."""
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{name} is {value}: it must be a finite number")
+
+
+def check_limits(**values: float | None) -> None:
+    """Raise ValueError naming the first limit that is not None and not above 0."""
+    for name, value in values.items():
+        if value is not None and not 0.0 < value < math.inf:
+            raise ValueError(f"{name} is {value}: it must be above 0 (the sign belongs to the distance)")

@@ -1,0 +1,128 @@
+"""Motions to places of the field: drive to a pose, follow a path.
+
+Places are in the field frame: x ahead of where the robot started, y to its left (docs/quantities.md). As
+motions.py says, each takes `tolerance` and `timeout`, gives a MotionResult and raises MotionTimeout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import TrackingGains, line_command
+from raccoon.control.path import Path, Point
+from raccoon.control.profile import profile
+from raccoon.model.pose import Pose
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.motions import straight, turning
+from raccoon.robot.pacing import LAG_LIMIT, MotionResult, Pace, at_rest, check_finite, check_limits, finish
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+GAINS = TrackingGains()
+# Nearer than this the way to the place has no direction worth turning to.
+HERE = 0.005
+
+
+def drive_to(
+    x: float,
+    y: float,
+    heading: float | None = None,
+    speed: float | None = None,
+    *,
+    backwards: bool = False,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive to the place (x, y) m of the field: turn towards it, drive straight, turn to `heading` rad.
+
+    heading: None keeps the one it arrives with. backwards: with its back first. speed: m/s on the way.
+    tolerance: m of the straight part. timeout: s of each of the three parts. The result is against the pose
+    that was asked for.
+    """
+    check_finite(x=x, y=y, heading=0.0 if heading is None else heading)
+    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        begin = robot.time
+        start = robot.plan
+        distance = math.hypot(x - start.x, y - start.y)
+        saturated = False
+        if distance > HERE:
+            bearing = math.atan2(y - start.y, x - start.x) + (math.pi if backwards else 0.0)
+            angle = math.remainder(bearing - start.heading, math.tau)
+            saturated |= (yield from turning(robot, angle, timeout=timeout)).saturated
+            way = straight(-distance if backwards else distance, speed, tolerance=tolerance, timeout=timeout)
+            saturated |= (yield from way.start(robot)).saturated
+        if heading is not None:
+            angle = math.remainder(heading - robot.plan.heading, math.tau)
+            saturated |= (yield from turning(robot, angle, timeout=timeout)).saturated
+        goal = Pose(x, y, robot.plan.heading)
+        here = robot.estimate
+        along, across = goal.offset_of(here.x, here.y)
+        std = math.hypot(here.x_std, here.y_std)
+        off = here.heading - goal.heading
+        return MotionResult(along, across, off, robot.time - begin, std, saturated, here.heading_std)
+
+    return Action(f"drive to ({x:g}, {y:g})", steps)
+
+
+def follow_path(
+    points: Sequence[Point],
+    speed: float | None = None,
+    *,
+    rounding: float = 0.10,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive forwards through `points` (x, y) m of the field without stopping, from where the robot is.
+
+    The first piece leads from the robot's place to the first point; it turns on the spot where that lies
+    aside. rounding: m, radius of the arcs that round the corners. speed: m/s of the faster wheel, the
+    highest on the way. tolerance: m along the path at its end. Raises ValueError for points that are no path.
+    """
+    check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
+    if len(points) > 1:
+        Path(points, rounding)  # what is wrong with the points is said before anything moves
+    elif not points:
+        raise ValueError("points is empty: a path needs at least 1 point")
+    check_finite(**{f"points[{i}]": x + y for i, (x, y) in enumerate(points)})
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        here = robot.plan
+        path = Path([(here.x, here.y), *points], rounding)
+        angle = math.remainder(path.start.heading - here.heading, math.tau)
+        if abs(angle) > robot.config.motion.heading_tolerance:
+            yield from turning(robot, angle)
+        return (yield from _follow(robot, path, speed, tolerance, timeout))
+
+    return Action(f"follow a path of {len(points)} points", steps)
+
+
+def _follow(
+    robot: Robot, path: Path, speed: float | None, tolerance: float | None, timeout: float | None
+) -> Steps[MotionResult]:
+    motion = robot.config.motion
+    turns = round((robot.plan.heading - path.start.heading) / math.tau) * math.tau
+    outer = 1.0 + robot.drive.half_track * path.sharpest_curvature
+    wanted = (motion.speed if speed is None else speed) / outer
+    top = robot.drive.planned_speed(wanted, motion.acceleration, outer)
+    near = motion.distance_tolerance if tolerance is None else tolerance
+    walk = profile(path.length, top, motion.acceleration, motion.jerk)
+    pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
+    progress = [0.0]
+    for state in pace.states(lambda: progress[0]):
+        here = robot.estimate
+        along = progress[0] = path.nearest(here.x, here.y, progress[0])
+        place = path.at(along)
+        _, across = place.pose.offset_of(here.x, here.y)
+        if pace.finished and at_rest(robot) and abs(path.length - along) <= near:
+            break
+        off = math.remainder(here.heading - place.pose.heading, math.tau)
+        velocity, turn_rate = line_command(state, along, across, off, GAINS)
+        robot.drive.velocity(velocity, turn_rate + velocity * place.curvature, state.acceleration)
+        yield
+    end = path.end
+    return finish(robot, Pose(end.x, end.y, end.heading + turns), pace)

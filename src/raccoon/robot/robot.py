@@ -1,0 +1,272 @@
+"""The robot: joins a port, the estimators and the drive, and owns the loop.
+
+One tick is `port.read() -> estimate -> decide -> port.write()`; a recording port around the real one does the
+recording. Nothing here reads a clock, a file or a random number: time comes with the readings.
+"""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar, runtime_checkable
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.port import Port
+from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.estimate.battery import BatteryVoltage
+from raccoon.estimate.battery_state import PackState
+from raccoon.model.pose import Pose
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.deadline import MatchOver
+from raccoon.robot.drive import Drive
+from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
+from raccoon.robot.sensors import TophatSensor
+
+if TYPE_CHECKING:
+    from raccoon.estimate.drive_estimate import DriveEstimate
+    from raccoon.robot.match import StepTime
+
+T = TypeVar("T")
+
+
+@runtime_checkable
+class Annotated(Protocol):
+    """A port that takes what the robot believes: a recording keeps it, a replay checks it."""
+
+    def annotate(self, name: str, values: tuple[float, ...]) -> None:
+        """Numbers of this cycle under a name."""
+        ...
+
+    def event(self, text: str) -> None:
+        """A remark of this cycle."""
+        ...
+
+
+class Robot:
+    """A robot behind `port`, described by `config`. Use it as a context: leaving it stops the motors.
+
+    Everything that moves goes through `run`. Whatever ends it (the action's own end, an error, Ctrl-C), the
+    motors are stopped before `run` is left. Not thread-safe: one program, one thread.
+    """
+
+    def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
+        from raccoon.estimate.odometry import Odometry
+
+        self.config = RobotConfig() if config is None else config
+        self.port = port
+        self.odometry = Odometry(self.config)
+        self.drive = Drive(self.config)
+        self.battery = BatteryVoltage()
+        battery = self.config.model.battery.internal_resistance
+        self.pack = PackState(
+            self.config.battery.chemistry, self.config.battery.cells, battery.value, max(battery.std, 0.05)
+        )
+        self.tophats = {name: TophatSensor(name, each) for name, each in self.config.tophats.items()}
+        self.ticks = 0
+        """Cycles so far."""
+        self.dt = 0.0
+        """S between the last two readings."""
+        self.inputs: Inputs | None = None
+        self.deadline: float | None = None
+        """S, time of a reading after which nothing runs any more: the end of a match."""
+        self.steps: list[StepTime] = []
+        """Every timed step so far."""
+        self._outputs = STOP
+        self._background: list[Steps[Any]] = []
+        self._plan: Pose | None = None
+        self._closed = False
+        self._running: str | None = None
+        self._notes: Annotated | None = port if isinstance(port, Annotated) else None
+
+    # -- the loop -----------------------------------------------------------------------------------------
+
+    def run(self, action: Action[T]) -> T:
+        """Do an action to its end and return its result. The motors are stopped however it ends."""
+        if self._closed:
+            raise HardwareError("the robot is closed: open it again to run something")
+        if self._running is not None:
+            raise RuntimeError(
+                f"run({action.name}) inside run({self._running}): compose actions with seq, parallel or then"
+            )
+        self._running = action.name
+        body = action.start(self)
+        try:
+            while True:
+                self._sense()
+                try:
+                    next(body)
+                except StopIteration as end:
+                    self._act()
+                    result: T = end.value
+                    return result
+                self._act()
+        except BaseException:
+            self._halt()
+            raise
+        finally:
+            self._running = None
+            body.close()
+
+    def tick(self) -> Inputs:
+        """One cycle with whatever runs in the background and nothing else; the readings of it."""
+        self._sense()
+        self._act()
+        assert self.inputs is not None
+        return self.inputs
+
+    def add_background(self, action: Action[Any]) -> None:
+        """Let `action` run beside everything that follows."""
+        self._background.append(action.start(self))
+
+    def _sense(self) -> None:
+        inputs = self.port.read()
+        self.dt = 0.0 if self.inputs is None else inputs.time - self.inputs.time
+        self.inputs = inputs
+        self.ticks += 1
+        if self.deadline is not None and inputs.time >= self.deadline:
+            raise MatchOver(f"the match ended at {self.deadline:.2f} s")
+        estimate = self.odometry.update(inputs, self._outputs)
+        self.drive.know(inputs.device)
+        self.battery.update(inputs.time, inputs.battery_voltage)
+        if self.battery.voltage is not None:
+            drawn = self.drive.current(estimate.left_speed, estimate.right_speed, self.battery.voltage)
+            self.pack.update(inputs.time, inputs.battery_voltage, drawn)
+        for sensor in self.tophats.values():
+            sensor.update(inputs)
+        if self._notes is not None:
+            self._notes.annotate("drive", _numbers(estimate))
+
+    def _act(self) -> None:
+        for body in tuple(self._background):
+            try:
+                next(body)
+            except StopIteration:
+                self._background.remove(body)
+        self._outputs = self.drive.outputs(self.estimate, self.dt, self.battery.voltage)
+        self.port.write(self._outputs)
+
+    # -- stopping -----------------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """Motors off now."""
+        self.drive.stop()
+        self._outputs = STOP
+        self.port.write(STOP)
+
+    def _halt(self) -> None:
+        """Motors off on the way out of an error, which must not be hidden by a second one."""
+        self._end_background()
+        self.drive.stop()
+        self._outputs = STOP
+        try:
+            self.port.write(STOP)
+        except (OSError, ValueError, AssertionError):
+            self.close()
+
+    def close(self) -> None:
+        """Motors off, port released. May be called twice."""
+        if self._closed:
+            return
+        self._closed = True
+        self._end_background()
+        self.port.close()
+
+    def _end_background(self) -> None:
+        for body in self._background:
+            body.close()
+        self._background.clear()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # -- what the robot knows -----------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """S, of the last reading."""
+        return 0.0 if self.inputs is None else self.inputs.time
+
+    @property
+    def estimate(self) -> DriveEstimate:
+        """Pose, velocity and their standard deviations as of the last reading."""
+        return self.odometry.estimate
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot believes it is."""
+        here = self.odometry.estimate
+        return Pose(here.x, here.y, here.heading)
+
+    @property
+    def plan(self) -> Pose:
+        """Where the last motion was meant to end: the next one starts from there.
+
+        A plan that is far from the estimate (the robot was moved or blocked) is given up for the estimate.
+        """
+        here = self.pose
+        if self._plan is None:
+            self._plan = here
+        ahead, aside = self._plan.offset_of(here.x, here.y)
+        off = abs(here.heading - self._plan.heading)
+        if max(abs(ahead), abs(aside)) > PLAN_REACH or off > PLAN_REACH_HEADING:
+            self._plan = here
+        return self._plan
+
+    @plan.setter
+    def plan(self, pose: Pose) -> None:
+        self._plan = pose
+
+    def replan(self) -> None:
+        """Forget the plan: the next motion starts from the estimate."""
+        self._plan = None
+
+    @property
+    def battery_voltage(self) -> float | None:
+        """V under the present load, filtered; None before the first reading."""
+        return self.battery.voltage
+
+    def tophat(self, name: str) -> TophatSensor:
+        """The tophat called `name` in robot.toml; ConfigError where there is none."""
+        try:
+            return self.tophats[name]
+        except KeyError:
+            known = ", ".join(self.tophats) or "none"
+            raise ConfigError(f"there is no tophat {name!r} in robot.toml; there is {known}") from None
+
+    def analog(self, port: int) -> float | None:
+        """Counts of an analog port, None where it gave nothing."""
+        return None if self.inputs is None else self.inputs.analog[port]
+
+    def digital(self, port: int) -> bool | None:
+        """True where the digital port is closed (pressed)."""
+        return None if self.inputs is None else self.inputs.digital[port]
+
+    @property
+    def outputs(self) -> Outputs:
+        """The last command."""
+        return self._outputs
+
+    def note(self, text: str) -> None:
+        """Write a remark into the recording, where there is one."""
+        if self._notes is not None:
+            self._notes.event(text)
+
+
+def _numbers(estimate: DriveEstimate) -> tuple[float, ...]:
+    """What a replay must reproduce: pose, velocities and their standard deviations."""
+    return (
+        estimate.x,
+        estimate.y,
+        estimate.heading,
+        estimate.velocity,
+        estimate.turn_rate,
+        estimate.gyro_bias,
+        estimate.x_std,
+        estimate.y_std,
+        estimate.heading_std,
+    )

@@ -1,0 +1,68 @@
+"""How the controller makes words of what it measures, and how noisy that is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+from raccoon.core.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Habits of the controller that are neither the robot's nor an effect's.
+
+    median: back-EMF passes a median of its last three samples first. coast_share: part of the time in which
+    a motor is unpowered so that its back-EMF can be measured. slots: motors are sampled one after the other
+    in each cycle, port 0 a quarter of it after the start and port 3 at its end; otherwise all at its end.
+    battery_time_constant: s, of the battery reading's filter. cycle: s between two back-EMF samples.
+
+    The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
+    firmware does.
+    """
+
+    median: bool = False
+    slots: bool = False
+    coast_share: float = 0.0
+    battery_time_constant: float = 0.0
+    cycle: float = 0.005
+
+    def __post_init__(self) -> None:
+        for name, low, high in (("coast_share", 0.0, 0.9), ("battery_time_constant", 0.0, 5.0)):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ConfigError(f"chain: {name} is {value}: allowed are numbers from {low} to {high}")
+        if not 0.001 <= self.cycle <= 0.1:
+            raise ConfigError(f"chain: cycle is {self.cycle} s: allowed are numbers from 0.001 to 0.1")
+
+    @classmethod
+    def firmware(cls) -> Chain:
+        """RaccoonOS: median of three, slots of a quarter cycle, 500 us of coasting in each 5 ms."""
+        return cls(median=True, slots=True, coast_share=0.1, battery_time_constant=0.02)
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """Standard deviations of what a recording scatters by, one robot at rest and moving.
+
+    bemf: counts of one sample before the filter. gyro: rad/s a reading. gyro_bias: rad/s, drawn once.
+    accel: m/s2 a reading. battery, analog: counts a reading.
+    """
+
+    bemf: float = 6.0
+    gyro: float = 0.001
+    gyro_bias: float = math.radians(0.005)
+    accel: float = 0.03
+    battery: float = 1.5
+    analog: float = 1.5
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ConfigError(f"noise: {each.name} is {value}: allowed are numbers from 0")
+
+    @classmethod
+    def none(cls) -> Noise:
+        """A robot whose sensors scatter by nothing."""
+        return cls(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

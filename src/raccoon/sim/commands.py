@@ -1,0 +1,93 @@
+"""Recorded commands, as the plant takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Commands:
+    """One command a row: given at time[i], in force until time[i + 1]. Arrays of one length n.
+
+    time: s, rising. left, right: duty -1..1, positive drives the wheel forward. closed_left, closed_right: 1
+    where the motor is connected (driven, or braked at duty 0), 0 where it coasts.
+    """
+
+    time: Floats
+    left: Floats
+    right: Floats
+    closed_left: Floats
+    closed_right: Floats
+
+    @classmethod
+    def of_wheels(
+        cls, time: ArrayLike, left: ArrayLike, right: ArrayLike, brake: ArrayLike = True
+    ) -> Commands:
+        """Commands from duties of the wheels, forward positive.
+
+        brake: whether a motor is shorted where its duty is 0 (one value, or one a row, or (n, 2)). True is
+        the textbook motor, whose voltage is 0 then; the controller's default is to coast (False). Raises
+        ConfigError for numbers that are not finite, duties outside -1..1, times that do not rise and
+        lengths that differ.
+        """
+        moments = np.ascontiguousarray(time, dtype=np.float64)
+        _check_time(moments)
+        duties = [_duty(name, each, moments) for name, each in (("left", left), ("right", right))]
+        rows = np.asarray(brake, dtype=bool)
+        brakes = rows if rows.ndim == 2 else np.stack((rows, rows), axis=-1)
+        brakes = np.broadcast_to(brakes, (len(moments), 2))
+        closed = [
+            np.ascontiguousarray((duty != 0.0) | brakes[:, side], dtype=np.float64)
+            for side, duty in enumerate(duties)
+        ]
+        return cls(moments, *duties, *closed)
+
+    @classmethod
+    def of_ports(
+        cls, time: ArrayLike, duty: Mapping[int, ArrayLike], robot: RobotConfig, brake: ArrayLike = True
+    ) -> Commands:
+        """Commands from the board's duties by motor port, as recorded: wiring signs are taken away here."""
+        wheels = []
+        for side, port in (("left", robot.drive.left), ("right", robot.drive.right)):
+            if port not in duty:
+                raise ConfigError(f"duty: there is none for motor port {port}, the {side} wheel")
+            sign = -1.0 if robot.motor(port).inverted else 1.0
+            wheels.append(sign * np.asarray(duty[port], dtype=np.float64))
+        return cls.of_wheels(time, wheels[0], wheels[1], brake)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def rows(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """What the equations take."""
+        return self.left, self.right, self.closed_left, self.closed_right
+
+
+def _check_time(time: Floats) -> None:
+    if time.ndim != 1 or len(time) < 2:
+        raise ConfigError(f"time has the shape {time.shape}: it must be a row of at least 2 numbers")
+    bad = np.flatnonzero(~(np.diff(time) > 0.0) | ~np.isfinite(time[1:]))
+    if len(bad) or not np.isfinite(time[0]):
+        row = int(bad[0]) + 1 if len(bad) else 0
+        raise ConfigError(f"time[{row}] is {time[row]} s: times must be finite and rise")
+
+
+def _duty(name: str, values: ArrayLike, time: Floats) -> Floats:
+    duty = np.ascontiguousarray(values, dtype=np.float64)
+    if duty.shape != time.shape:
+        raise ConfigError(f"{name} has the shape {duty.shape}: it must have that of time, {time.shape}")
+    bad = np.flatnonzero(~(np.abs(duty) <= 1.0))
+    if len(bad):
+        row = int(bad[0])
+        raise ConfigError(f"{name}[{row}] is {duty[row]}: allowed are duties from -1 to 1")
+    return duty

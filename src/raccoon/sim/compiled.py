@@ -1,0 +1,135 @@
+"""The equations compiled by numba where it is installed, and as they are where it is not.
+
+numba's cache looks at the file of a compiled function only, not at those it calls, so a changed equation
+would go unnoticed. So all functions are put into one generated module whose name is a digest of their text.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from raccoon.sim.lanes import lanes_text
+
+Advance = Callable[..., Any]
+_TEXTS = ("series.py", "equations.py", "sensing.py", "driver.py")
+_HEAD = """from __future__ import annotations
+
+from raccoon.sim.quantities import Circuit, Command, Plant, Rubbing, State
+
+NEVER = 1e30
+"""
+
+
+def has_numba() -> bool:
+    """Whether numba is installed."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def source(without: str | None = None) -> str:
+    """Text of all functions of the plant; `without` leaves out the terms of that effect."""
+    texts = [files("raccoon.sim").joinpath(name).read_text("utf-8") for name in _TEXTS]
+    functions = [_functions(_without(text, without) if without else text) for text in texts]
+    return "\n\n".join((_HEAD, *functions, lanes_text()))
+
+
+def _functions(text: str) -> str:
+    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    lines = text.split("\n")
+    return "\n\n\n".join("\n".join(lines[node.lineno - 1 : node.end_lineno]) for node in nodes)
+
+
+def _without(text: str, effect: str) -> str:
+    """A text less the statements that end with the effect's tag."""
+    lines: list[str | None] = list(text.split("\n"))
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Assign | ast.AugAssign) and node.end_lineno is not None:
+            last = lines[node.end_lineno - 1]
+            if last is not None and last.endswith(f"# effect: {effect}"):
+                lines[node.lineno - 1 : node.end_lineno] = [None] * (node.end_lineno - node.lineno + 1)
+    return "\n".join(line for line in lines if line is not None)
+
+
+def python_module(text: str) -> ModuleType:
+    """The functions of a text, not compiled."""
+    module = ModuleType("raccoon_plant")
+    exec(compile(text, "<plant>", "exec"), module.__dict__)
+    return module
+
+
+@cache
+def advance_one() -> Advance:
+    """`driver.advance`, compiled where numba is installed."""
+    from raccoon.sim import driver
+
+    if not has_numba():
+        return driver.advance
+    return _whole().advance  # type: ignore[no-any-return]
+
+
+@cache
+def advance_lanes() -> Advance:
+    """The form for many robots (see `lanes`)."""
+    return _whole().advance_lanes  # type: ignore[no-any-return]
+
+
+@cache
+def _whole() -> Any:
+    return compiled_module(source()) if has_numba() else python_module(source())
+
+
+def compiled_module(text: str) -> Any:
+    """A module with the functions of a text compiled (on first use), cached between runs where possible."""
+    import numba
+
+    module, cached = _module(text)
+    order = [node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    for name in order:
+        outer = name in ("advance", "advance_lanes")
+        function = getattr(module, name)
+        options = {"cache": cached, "nogil": True} if outer else {"forceinline": True}
+        setattr(module, name, numba.njit(error_model="numpy", **options)(function))
+    return module
+
+
+def _module(text: str) -> tuple[ModuleType, bool]:
+    """The module of a text, and whether it lies in a file beside which a cache can be kept."""
+    name = f"raccoon_plant_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    try:
+        path = _written(cache_folder() / f"{name}.py", text)
+    except OSError:
+        return python_module(text), False
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path}: cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module, True
+
+
+def cache_folder() -> Path:
+    """Where compiled plants are kept: RACCOON_CACHE, or raccoon in the user's cache folder."""
+    chosen = os.environ.get("RACCOON_CACHE")
+    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(chosen) if chosen else Path(base).expanduser() / "raccoon"
+
+
+def _written(path: Path, text: str) -> Path:
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(temporary, path)
+    return path

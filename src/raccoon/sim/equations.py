@@ -1,0 +1,246 @@
+"""The plant's equations: the one text from which single robots and lanes of many are made.
+
+Plain floats in and out, so that the same text runs as Python and compiled by numba, one robot at a time or
+many side by side. That asks for three habits: no branches that change what is computed (a choice is
+`a if c else b`), no division that can meet 0, no function that a vector unit does not have.
+
+A statement that ends with `# effect: ID` is the term of that effect. At the neutral value it changes nothing,
+not even the last bit: without the statement the plant gives the same numbers. docs/simulator.md derives the
+equations.
+"""
+
+from __future__ import annotations
+
+from raccoon.sim.quantities import Circuit, Command, Plant, Rubbing, State
+from raccoon.sim.series import decay, freed, rotated, within
+
+
+def substep(s: State, p: Plant, u: Command, h: float, per_h: float) -> State:
+    """The robot `h` seconds later; per_h: 1 / h.
+
+    Linear terms by the trapezoidal rule, dry friction as the exact solution of its inclusion for both wheels
+    together, the rest at the speeds expected in the middle of the step: second order, never unstable.
+    """
+    c = circuit(s, p, u, h)
+    left, right = frictions(s, p, c, h)
+    speed_left, speed_right = driven(s, p, c, left, right, h)
+    return moved(s, p, u, c, speed_left, speed_right, h, per_h)
+
+
+def expected(speed: float, acceleration: float, h: float) -> float:
+    """Speed in the middle of the step, as the last step lets expect."""
+    return speed + 0.5 * h * acceleration
+
+
+def circuit(s: State, p: Plant, u: Command, h: float) -> Circuit:
+    """Battery and windings at the expected speeds: the battery's sag couples the motors."""
+    left = expected(s.speed_left, s.acceleration_left, h)
+    right = expected(s.speed_right, s.acceleration_right, h)
+    wire_left = winding(u.closed_left, p.resistance_left, p.heating_left, s.heat_left)
+    wire_right = winding(u.closed_right, p.resistance_right, p.heating_right, s.heat_right)
+    source = p.open_circuit_voltage
+    source -= p.volts_per_coulomb * s.charge  # effect: battery.discharge
+    sag = p.internal_resistance
+    share = 1.0 / (1.0 + sag * (wire_left * u.left * u.left + wire_right * u.right * u.right))
+    fed_left = u.left * wire_left * p.back_emf_left * left
+    fed_right = u.right * wire_right * p.back_emf_right * right
+    bus = (source + sag * (fed_left + fed_right)) * share
+    current_left = wire_left * (u.left * bus - p.back_emf_left * left)
+    current_right = wire_right * (u.right * bus - p.back_emf_right * right)
+    held_left = 0.0
+    held_right = 0.0
+    held_left = beyond(current_left, p.limit_left)  # effect: motor.current_limit
+    held_right = beyond(current_right, p.limit_right)  # effect: motor.current_limit
+    wire_left = wire_left if held_left == 0.0 else 0.0  # effect: motor.current_limit
+    wire_right = wire_right if held_right == 0.0 else 0.0  # effect: motor.current_limit
+    current_left = current_left if held_left == 0.0 else held_left  # effect: motor.current_limit
+    current_right = current_right if held_right == 0.0 else held_right  # effect: motor.current_limit
+    share = 1.0 / (1.0 + sag * (wire_left * u.left * u.left + wire_right * u.right * u.right))
+    source -= sag * (u.left * held_left + u.right * held_right)
+    pull_left = p.back_emf_left * wire_left * u.left
+    pull_right = p.back_emf_right * wire_right * u.right
+    return Circuit(
+        source * share, sag * share, wire_left, wire_right, held_left, held_right,
+        pull_left, pull_right, current_left, current_right,
+    )  # fmt: skip
+
+
+def winding(closed: float, resistance: float, heating: float, heat: float) -> float:
+    """1/ohm of a winding that is connected for a share of the time."""
+    resistance *= 1.0 + heating * heat  # effect: motor.heating
+    return closed / resistance
+
+
+def beyond(current: float, limit: float) -> float:
+    """The limit's current, with its sign, where `current` is beyond it; else 0."""
+    over = limit if current > limit else 0.0
+    return -limit if current < -limit else over
+
+
+def frictions(s: State, p: Plant, c: Circuit, h: float) -> tuple[Rubbing, Rubbing]:
+    """Friction of the left and of the right wheel."""
+    left = expected(s.speed_left, s.acceleration_left, h)
+    right = expected(s.speed_right, s.acceleration_right, h)
+    return friction(
+        left, p.back_emf_left * c.current_left, p.coulomb_left, p.viscous_left, p.quadratic_left,
+        p.stiction_left, p.stiction_rate_left, p.load_left, p.asymmetry_left, p.viscous_asymmetry_left,
+    ), friction(
+        right, p.back_emf_right * c.current_right, p.coulomb_right, p.viscous_right, p.quadratic_right,
+        p.stiction_right, p.stiction_rate_right, p.load_right, p.asymmetry_right, p.viscous_asymmetry_right,
+    )  # fmt: skip
+
+
+def friction(
+    speed: float, moment: float, coulomb: float, viscous: float, quadratic: float,
+    stiction: float, stiction_rate: float, load: float, asymmetry: float, viscous_asymmetry: float,
+) -> Rubbing:  # fmt: skip
+    """Friction of a wheel at `speed` whose gear transmits `moment` (N m)."""
+    forward = coulomb
+    backward = coulomb
+    drag = viscous
+    lean = viscous_asymmetry if speed > 0.0 else -viscous_asymmetry
+    forward *= 1.0 + asymmetry  # effect: friction.direction_dependent
+    backward *= 1.0 - asymmetry  # effect: friction.direction_dependent
+    drag *= 1.0 + lean  # effect: friction.direction_dependent
+    ratio = speed * stiction_rate
+    more = 0.0
+    more += stiction * decay(ratio * ratio)  # effect: friction.stiction
+    more += load * abs(moment)  # effect: friction.load_dependent
+    drag += quadratic * abs(speed)  # effect: friction.quadratic
+    return Rubbing(forward + more, backward + more, drag)
+
+
+def driven(s: State, p: Plant, c: Circuit, left: Rubbing, right: Rubbing, h: float) -> tuple[float, float]:
+    """Wheel speeds at the end of the step.
+
+    M (w' - w) = h (drive + slope - D (w + w') / 2 - dry friction), written as A w' = push - h dry friction.
+    """
+    drive_left = c.pull_left * c.source + p.back_emf_left * c.held_left
+    drive_right = c.pull_right * c.source + p.back_emf_right * c.held_right
+    damp_left = p.back_emf_left * p.back_emf_left * c.wire_left - c.pull_left * c.pull_left * c.sag
+    damp_right = p.back_emf_right * p.back_emf_right * c.wire_right - c.pull_right * c.pull_right * c.sag
+    damp_both = -c.pull_left * c.pull_right * c.sag
+    damp_left += left.drag
+    damp_right += right.drag
+    turning = abs(
+        expected(s.speed_right, s.acceleration_right, h) - expected(s.speed_left, s.acceleration_left, h)
+    )
+    scrub = p.scrub / (turning if turning > 0.02 else 0.02)
+    damp_left += scrub  # effect: drive.turn_scrub
+    damp_right += scrub  # effect: drive.turn_scrub
+    damp_both -= scrub  # effect: drive.turn_scrub
+    slope = 0.0
+    slope += p.slope_x * s.heading_cos + p.slope_y * s.heading_sin  # effect: drive.slope
+    half = 0.5 * h
+    cross = p.inertia_other - half * damp_both
+    push_left = (p.inertia_own - half * damp_left) * s.speed_left + cross * s.speed_right
+    push_right = (p.inertia_own - half * damp_right) * s.speed_right + cross * s.speed_left
+    return settled(
+        p.inertia_own + half * damp_left,
+        p.inertia_own + half * damp_right,
+        p.inertia_other + half * damp_both,
+        push_left + h * (drive_left + slope),
+        push_right + h * (drive_right + slope),
+        Rubbing(h * left.forward, h * left.backward, 0.0),
+        Rubbing(h * right.forward, h * right.backward, 0.0),
+        s.speed_right + h * s.acceleration_right,
+    )
+
+
+def settled(
+    own_left: float, own_right: float, other: float, push_left: float, push_right: float,
+    left: Rubbing, right: Rubbing, guess: float,
+) -> tuple[float, float]:  # fmt: skip
+    """The speeds that solve A w = push - dry friction, where a wheel at rest takes any friction it needs.
+
+    Two sweeps from a guess of the right wheel's speed find which wheels move and where to; then the exact
+    solution for that case.
+    """
+    inverse_left = 1.0 / own_left
+    inverse_right = 1.0 / own_right
+    new_left = freed(push_left - other * guess, left.forward, left.backward) * inverse_left
+    new_right = freed(push_right - other * new_left, right.forward, right.backward) * inverse_right
+    new_left = freed(push_left - other * new_right, left.forward, left.backward) * inverse_left
+    new_right = freed(push_right - other * new_left, right.forward, right.backward) * inverse_right
+    net_left = push_left - (left.forward if new_left > 0.0 else -left.backward)
+    net_right = push_right - (right.forward if new_right > 0.0 else -right.backward)
+    inverse = 1.0 / (own_left * own_right - other * other)
+    both_left = (own_right * net_left - other * net_right) * inverse
+    both_right = (own_left * net_right - other * net_left) * inverse
+    exact_left = both_left if new_right != 0.0 else net_left * inverse_left
+    exact_right = both_right if new_left != 0.0 else net_right * inverse_right
+    return (
+        exact_left if exact_left * new_left > 0.0 else 0.0,
+        exact_right if exact_right * new_right > 0.0 else 0.0,
+    )
+
+
+def moved(
+    s: State, p: Plant, u: Command, c: Circuit, left: float, right: float, h: float, per_h: float
+) -> State:
+    """Pose, wheels, battery and windings after a step to the wheel speeds `left` and `right`."""
+    way_left, rim_left, play_left, cos_left, sin_left, gain_left = rolled(
+        s.speed_left, left, s.play_left, p.half_play_left, p.slip_left, s.wheel_cos_left, s.wheel_sin_left,
+        p.radius_left, p.runout_cos_left, p.runout_sin_left, h, per_h,
+    )  # fmt: skip
+    way_right, rim_right, play_right, cos_right, sin_right, gain_right = rolled(
+        s.speed_right, right, s.play_right, p.half_play_right, p.slip_right, s.wheel_cos_right,
+        s.wheel_sin_right, p.radius_right, p.runout_cos_right, p.runout_sin_right, h, per_h,
+    )  # fmt: skip
+    angle = (way_right - way_left) * p.per_track
+    heading_cos, heading_sin = rotated(s.heading_cos, s.heading_sin, angle)
+    # The chord of an arc is way * sin(a/2) / (a/2), along the middle heading, whose cosine is
+    # (cos + cos') / (2 cos(a/2)): together way * (cos + cos') / 2 * tan(a/2) / (a/2).
+    chord = 0.25 * (way_left + way_right) * (1.0 + angle * angle * (1.0 / 12.0))
+
+    # Currents in the middle of the step feed heat and charge; the voltage at its end is what a reading finds.
+    middle_left = 0.5 * (s.speed_left + left)
+    middle_right = 0.5 * (s.speed_right + right)
+    bus = c.source + c.sag * (c.pull_left * middle_left + c.pull_right * middle_right)
+    current_left = c.wire_left * (u.left * bus - p.back_emf_left * middle_left) + c.held_left
+    current_right = c.wire_right * (u.right * bus - p.back_emf_right * middle_right) + c.held_right
+    return State(
+        s.time + h, left, right, gain_left, gain_right, play_left, play_right,
+        0.5 * (rim_left + rim_right), (rim_right - rim_left) * p.per_track,
+        cos_left, sin_left, cos_right, sin_right,
+        s.x + chord * (s.heading_cos + heading_cos), s.y + chord * (s.heading_sin + heading_sin),
+        s.heading + angle, heading_cos, heading_sin,
+        warmed(s.heat_left, current_left, h * p.heating_rate_left),
+        warmed(s.heat_right, current_right, h * p.heating_rate_right),
+        s.charge + h * (u.left * current_left + u.right * current_right), current_left, current_right,
+        c.source + c.sag * (c.pull_left * left + c.pull_right * right),
+        sampled(s.speed_left, left, u.sample_left, s.sampled_left),
+        sampled(s.speed_right, right, u.sample_right, s.sampled_right),
+        s.recent_left, s.recent_right, s.older_left, s.older_right, s.filtered_left, s.filtered_right,
+        s.bemf_left, s.bemf_right, s.position_left, s.position_right, s.battery,
+    )  # fmt: skip
+
+
+def rolled(
+    before: float, after: float, play: float, half_play: float, slip: float, cosine: float, sine: float,
+    radius: float, runout_cos: float, runout_sin: float, h: float, per_h: float,
+) -> tuple[float, float, float, float, float, float]:  # fmt: skip
+    """One wheel in a step: way (m), rim speed (m/s), play, cosine and sine of its angle, acceleration."""
+    turn = 0.5 * h * (before + after)
+    # A wheel that stops within a step gives no slope that would hold in the next one.
+    gain = (after - before) * per_h if after != 0.0 else 0.0
+    rim = after
+    taken = 0.0
+    taken = within(play + turn, half_play) - play  # effect: drive.backlash
+    turn -= taken
+    rim -= taken * per_h
+    cosine, sine = rotated(cosine, sine, turn)
+    turn -= slip * (after - before)  # effect: drive.wheel_slip
+    rim -= slip * gain  # effect: drive.wheel_slip
+    radius *= 1.0 + runout_cos * cosine + runout_sin * sine  # effect: drive.wheel_eccentricity
+    return radius * turn, radius * rim, play + taken, cosine, sine, gain
+
+
+def warmed(heat: float, current: float, share: float) -> float:
+    """Squared current as the winding's temperature follows it; share: step over time constant."""
+    return heat + share * (1.0 - 0.5 * share) * (current * current - heat)
+
+
+def sampled(before: float, after: float, place: float, last: float) -> float:
+    """Speed at `place` of a step (1 is its end); the last sample where the step has none (0)."""
+    return after - (1.0 - place) * (after - before) if place > 0.0 else last

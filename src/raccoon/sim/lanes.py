@@ -1,0 +1,138 @@
+"""The text that runs the plant's equations for many robots side by side.
+
+All numbers of BLOCK robots lie in one flat array, row by row: the fields of `State`, those of `Plant`, then
+the orders. An inner loop over the robots loads, computes with the very functions a single robot uses, and
+stores; compiled, a vector unit does several robots at once.
+"""
+
+from __future__ import annotations
+
+from raccoon.sim.quantities import Circuit, Plant, Rubbing, State
+
+BLOCK = 32  # robots: their numbers stay in the fastest cache
+STRIDE = 36  # from row to row: not a power of two, or rows would crowd into the same cache sets
+STATE_ROWS = len(State._fields)
+PLANT_ROWS = len(Plant._fields)
+OLDER_ROW = STATE_ROWS + PLANT_ROWS
+NEWER_ROW, ORDER_ROW, CHANGE_ROW = OLDER_ROW + 4, OLDER_ROW + 8, OLDER_ROW + 12
+CIRCUIT_ROW = CHANGE_ROW + 1
+RUBBING_ROW = CIRCUIT_ROW + len(Circuit._fields)
+SPEED_ROW = RUBBING_ROW + 2 * len(Rubbing._fields)
+ROWS = SPEED_ROW + 2
+_FIRST_SENSED = State._fields.index("recent_left")  # fields before it change in a step, the others in a cycle
+
+
+def lanes_text() -> str:
+    """Source of `advance_lanes`, which brings count <= BLOCK robots from times[begin] to times[end].
+
+    Its arguments: a is the flat array, the others are as in `driver.advance`, except that noise[i]
+    has a column a robot and out[i, r, first + k] gets the field of robot k < count.
+    """
+    return _TEXT.format(
+        block=BLOCK,
+        stride=STRIDE,
+        change=_cell(CHANGE_ROW),
+        latency=_cell(STATE_ROWS + Plant._fields.index("latency")),
+        store_now=_stores(ORDER_ROW, "order", 12),
+        store_older=_stores(OLDER_ROW, "older", 12),
+        store_newer=_stores(NEWER_ROW, "newer", 12),
+        store_order=_stores(ORDER_ROW, "order", 20),
+        older=_cells(OLDER_ROW, 4),
+        newer=_cells(NEWER_ROW, 4),
+        order=_cells(ORDER_ROW, 4),
+        circuit=_cells(CIRCUIT_ROW, len(Circuit._fields)),
+        rubbing_left=_cells(RUBBING_ROW, 3),
+        rubbing_right=_cells(RUBBING_ROW + 3, 3),
+        speeds=_cells(SPEED_ROW, 2),
+        store_circuit=_stores(CIRCUIT_ROW, "c", 20, len(Circuit._fields)),
+        store_rubbing="\n".join(
+            (_stores(RUBBING_ROW, "rubbing[0]", 20, 3), _stores(RUBBING_ROW + 3, "rubbing[1]", 20, 3))
+        ),
+        store_speeds=_stores(SPEED_ROW, "speeds", 20, 2),
+        state=_cells(0, STATE_ROWS),
+        plant=_cells(STATE_ROWS, PLANT_ROWS),
+        store_step=_fields(0, _FIRST_SENSED, 20),
+        store_cycle=_fields(_FIRST_SENSED, STATE_ROWS, 16),
+    )
+
+
+def _cell(row: int) -> str:
+    return f"a[{row * STRIDE} + k]"
+
+
+def _cells(row: int, count: int) -> str:
+    return ", ".join(_cell(each) for each in range(row, row + count))
+
+
+def _stores(row: int, name: str, indent: int, count: int = 4) -> str:
+    return "\n".join(f"{' ' * indent}{_cell(row + i)} = {name}[{i}]" for i in range(count))
+
+
+def _fields(begin: int, end: int, indent: int) -> str:
+    names = State._fields
+    return "\n".join(f"{' ' * indent}{_cell(row)} = n.{names[row]}" for row in range(begin, end))
+
+
+_TEXT = """
+def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, noise, kept, out, first, count):
+    turn = 0
+    late = False
+    for k in range({block}):
+        late = late or {latency} > 0.0
+    for row in range(begin, end):
+        dt = times[row + 1] - times[row]
+        cycles = cycle_count(dt, cycle)
+        steps = step_count(dt / cycles, longest_step)
+        h = dt / (cycles * steps)
+        per_h = 1.0 / h
+        now = order_of(commands, row)
+        for k in range(0 if late else {block}):
+            p = Plant({plant})
+            order = effective(p, now)
+{store_now}
+        for k in range({block} if late else 0):
+            p = Plant({plant})
+            index = in_force(times, row, p.latency)
+            older = effective(p, order_of(commands, index))
+            newer = effective(p, order_of(commands, index + 1 if index < row else row))
+{store_older}
+{store_newer}
+            {change} = change_time(times, row, index, p.latency)
+        for each in range(cycles):
+            for step in range(steps):
+                for k in range({block} if late else 0):
+                    share = within_unit({change} * per_h - (each * steps + step))
+                    order = mixed(({older}), ({newer}), share)
+{store_order}
+                left = sample_place(slots[0], steps, step)
+                right = sample_place(slots[1], steps, step)
+                for k in range({block}):
+                    s = State({state})
+                    p = Plant({plant})
+                    c = circuit(s, p, command(({order}), left, right), h)
+{store_circuit}
+                    rubbing = frictions(s, p, c, h)
+{store_rubbing}
+                for k in range({block}):
+                    s = State({state})
+                    p = Plant({plant})
+                    c = Circuit({circuit})
+                    speeds = driven(s, p, c, Rubbing({rubbing_left}), Rubbing({rubbing_right}), h)
+{store_speeds}
+                for k in range({block}):
+                    s = State({state})
+                    p = Plant({plant})
+                    c = Circuit({circuit})
+                    n = moved(s, p, command(({order}), left, right), c, {speeds}, h, per_h)
+{store_step}
+            draw = turn % noise.shape[1]
+            for k in range({block}):
+                s = State({state})
+                p = Plant({plant})
+                n = sensed(s, p, dt / cycles, noise[0, draw, k], noise[1, draw, k])
+{store_cycle}
+            turn += 1
+        for channel in range(len(kept)):
+            for k in range(count):
+                out[channel, row - begin, first + k] = a[kept[channel] * {stride} + k]
+"""

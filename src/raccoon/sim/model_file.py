@@ -1,0 +1,131 @@
+"""`model.toml`: a simulated robot on disk. The keys of robot.toml, `[chain]`, and one `[[effect]]` each.
+
+[[effect]]
+id = "drive.wheel_radius"
+where = "left"
+parameters = { factor = 1.02 }
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.core.errors import ConfigError
+from raccoon.core.schema import Measured, refuse_unknown
+from raccoon.sim.chain import Chain
+from raccoon.sim.parameters import Parameters
+
+
+def load_model(path: str | Path) -> Parameters:
+    """Read a `model.toml`. Raises ConfigError naming file, key, value and what is allowed."""
+    path = Path(path)
+    try:
+        return parse_model(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not a TOML file: {error}") from error
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+
+
+def parse_model(table: Mapping[str, Any]) -> Parameters:
+    """Make a simulated robot from the tables of a `model.toml`. Raises ConfigError."""
+    rest = dict(table)
+    chain = rest.pop("chain", {})
+    effects = rest.pop("effect", [])
+    known = tuple(each.name for each in fields(Chain))
+    if not isinstance(chain, Mapping):
+        raise ConfigError(f"chain = {chain!r}: it must be a table")
+    refuse_unknown(chain, known, "chain")
+    if not isinstance(effects, list):
+        raise ConfigError("effect: write [[effect]], one for each effect")
+    parameters = Parameters(robot=parse_robot(rest), chain=Chain(**chain))
+    for number, entry in enumerate(effects, start=1):
+        try:
+            parameters = _with_entry(parameters, entry)
+        except ConfigError as error:
+            raise ConfigError(f"effect number {number}: {error}") from None
+    return parameters
+
+
+def _with_entry(parameters: Parameters, entry: Mapping[str, Any]) -> Parameters:
+    refuse_unknown(entry, ("id", "where", "parameters"), "")
+    if not isinstance(entry.get("id"), str):
+        raise ConfigError('it has no id: write id = "..."')
+    values = entry.get("parameters", {})
+    if not isinstance(values, Mapping):
+        raise ConfigError(f"parameters = {values!r}: write {{ name = value }}")
+    for name, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ConfigError(f"{entry['id']}: {name} = {value!r}: it must be a number")
+    where = entry.get("where")
+    return parameters.with_effect(entry["id"], None if where is None else str(where), **values)
+
+
+def save_model(parameters: Parameters, path: str | Path) -> None:
+    """Write a `model.toml`: a temporary file first, then renamed."""
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(model_text(parameters))
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def model_text(parameters: Parameters) -> str:
+    """The text of a `model.toml`."""
+    lines = [f"name = {_shown(parameters.robot.name)}"]
+    for name, section in _sections(parameters.robot):
+        lines += ["", f"[{name}]", *_entries(section)]
+    lines += ["", "[chain]", *_entries(parameters.chain)]
+    for (effect, where), values in parameters.effects.items():
+        lines += ["", "[[effect]]", f"id = {_shown(effect)}"]
+        if where is not None:
+            lines.append(f"where = {_shown(where)}")
+        inside = ", ".join(f"{name} = {_shown(value)}" for name, value in values.items())
+        lines.append(f"parameters = {{ {inside} }}")
+    return "\n".join(lines) + "\n"
+
+
+def _sections(robot: RobotConfig) -> Iterator[tuple[str, Any]]:
+    named = {"motors": "motor", "tophats": "tophat"}
+    for each in fields(robot):
+        value = getattr(robot, each.name)
+        if isinstance(value, Mapping):
+            for key, section in value.items():
+                yield f"{named[each.name]}.{key}", section
+        elif each.name == "model":
+            for part in fields(value):
+                side = f"motor.{part.name}" if part.name in ("left", "right") else part.name
+                yield f"model.{side}", getattr(value, part.name)
+        elif is_dataclass(value):
+            yield each.name, value
+
+
+def _entries(section: Any) -> list[str]:
+    values = ((each.name, getattr(section, each.name)) for each in fields(section))
+    return [f"{name} = {_shown(value)}" for name, value in values if value is not None]
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, Measured):
+        return f"{{ {', '.join(_entries(value))} }}"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_shown(each) for each in value)}]"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, date):
+        return value.isoformat()
+    if isinstance(value, str):
+        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    return repr(value)

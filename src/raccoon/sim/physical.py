@@ -1,0 +1,174 @@
+"""From parameters as people know them to the numbers of the equations."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, MOTOR_PORTS
+from raccoon.sim.parameters import SIDES, Parameters
+from raccoon.sim.quantities import Plant, State
+
+Numbers = tuple[float, ...]
+
+
+def plant_numbers(parameters: Parameters) -> Plant:
+    """The plant of a robot: nominal values and effects multiplied out, signs of wiring taken away."""
+    sides = _Sides(parameters)
+    return Plant._make(
+        (
+            *_motor_numbers(parameters, sides),
+            *_friction_numbers(sides),
+            *_chassis_numbers(parameters, sides),
+            *_controller_numbers(parameters, sides),
+        )
+    )
+
+
+def _motor_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
+    value = parameters.value
+    return (
+        value("battery.open_circuit_voltage", "voltage"),
+        value("battery.internal_resistance", "resistance"),
+        value("battery.discharge", "volts_per_coulomb"),
+        *sides.resistance(),
+        *sides.back_emf(),
+        *sides.of("motor.heating", "gain"),
+        *(1.0 / each for each in sides.of("motor.heating", "time_constant")),
+        *sides.of("motor.current_limit", "limit"),
+    )
+
+
+def _friction_numbers(sides: _Sides) -> Numbers:
+    return (
+        *sides.of("friction.coulomb", "torque"),
+        *sides.of("friction.viscous", "coefficient"),
+        *sides.of("friction.stiction", "torque"),
+        *(1.0 / each for each in sides.of("friction.stiction", "speed")),
+        *sides.of("friction.load_dependent", "coefficient"),
+        *sides.of("friction.direction_dependent", "asymmetry"),
+        *sides.of("friction.direction_dependent", "viscous_asymmetry"),
+        *sides.of("friction.quadratic", "coefficient"),
+    )
+
+
+def _chassis_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
+    value = parameters.value
+    drive = parameters.robot.model.drive
+    inertia = value("drive.inertia", "factor")
+    straight, turn = drive.inertia_straight.value * inertia, drive.inertia_turn.value * inertia
+    runout = sides.of("drive.wheel_eccentricity", "amplitude")
+    phase = sides.of("drive.wheel_eccentricity", "phase")
+    return (
+        *(0.5 * each for each in sides.of("drive.backlash", "angle")),
+        *sides.of("drive.wheel_slip", "time"),
+        value("drive.turn_scrub", "torque"),
+        *(drive.wheel_radius.value * each for each in sides.of("drive.wheel_radius", "factor")),
+        # amplitude * sin(angle + phase), by the cosine and the sine of the wheel's angle
+        *(size * math.sin(at) for size, at in zip(runout, phase, strict=True)),
+        *(size * math.cos(at) for size, at in zip(runout, phase, strict=True)),
+        1.0 / (drive.track_width.value * value("drive.track_width", "factor")),
+        0.5 * (straight + turn),
+        0.5 * (straight - turn),
+        value("drive.slope", "along_x"),
+        value("drive.slope", "along_y"),
+    )
+
+
+def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
+    chain = parameters.chain
+    back_emf, scale = sides.back_emf(), sides.of("bemf.scale", "factor")
+    signs, offset = wiring_signs(parameters), sides.of("bemf.offset", "counts")
+    return (
+        *sides.of("actuation.deadband", "duty"),
+        parameters.value("actuation.latency", "seconds"),
+        1.0 - chain.coast_share,
+        *(k * factor / BEMF_VOLTS_PER_COUNT for k, factor in zip(back_emf, scale, strict=True)),
+        *(sign * counts for sign, counts in zip(signs, offset, strict=True)),
+        *sides.of("bemf.dead_zone", "counts"),
+        *(filter_rate(each) for each in sides.of("bemf.filter_lag", "time_constant")),
+        filter_rate(chain.battery_time_constant),
+        1.0 if chain.median else 0.0,
+    )
+
+
+def filter_rate(time_constant: float) -> float:
+    """1/s; for a filter that passes everything, so much that it keeps nothing."""
+    return 1.0 / time_constant if time_constant > 0.0 else 1e30
+
+
+class _Sides:
+    """Left and right values of a parameter."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+
+    def of(self, effect: str, name: str) -> tuple[float, float]:
+        value = self._parameters.value
+        return value(effect, name, "left"), value(effect, name, "right")
+
+    def resistance(self) -> tuple[float, float]:
+        model = self._parameters.robot.model
+        left, right = self.of("motor.armature_resistance", "factor")
+        return model.left.armature_resistance.value * left, model.right.armature_resistance.value * right
+
+    def back_emf(self) -> tuple[float, float]:
+        model = self._parameters.robot.model
+        left, right = self.of("motor.back_emf_constant", "factor")
+        return model.left.back_emf_constant.value * left, model.right.back_emf_constant.value * right
+
+
+def safe_step(plants: NDArray[np.float64]) -> float:
+    """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant.
+
+    plants: (robots, fields of Plant). The time constant is that of a stiff battery, J / (K^2 / R + B), with
+    the smaller of the two inertias; a battery's resistance only makes it longer. Raises ConfigError where it
+    is below 0.1 ms, which no drive train has.
+    """
+    at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
+    inertia = at["inertia_own"] - np.abs(at["inertia_other"])
+    damping = [
+        at[f"back_emf_{side}"] ** 2 / at[f"resistance_{side}"] + at[f"viscous_{side}"] for side in SIDES
+    ]
+    shortest = float(np.min(inertia / np.maximum(*damping)))
+    if shortest < 1e-4:
+        raise ConfigError(
+            f"the robot's mechanical time constant is {shortest} s: allowed are 0.0001 s and more"
+        )
+    return 0.5 * shortest
+
+
+def sample_slots(parameters: Parameters) -> tuple[float, float]:
+    """Where in the controller's cycle the left and the right motor are sampled (1 is its end)."""
+    if not parameters.chain.slots:
+        return 1.0, 1.0
+    drive = parameters.robot.drive
+    return (drive.left + 1) / MOTOR_PORTS, (drive.right + 1) / MOTOR_PORTS
+
+
+def wiring_signs(parameters: Parameters) -> tuple[float, float]:
+    """-1 for a side whose motor turns the wheel backwards on positive duty."""
+    robot = parameters.robot
+    left, right = robot.motor(robot.drive.left), robot.motor(robot.drive.right)
+    return -1.0 if left.inverted else 1.0, -1.0 if right.inverted else 1.0
+
+
+def state_at_rest(plant: Plant) -> State:
+    """Standing at the origin, winding cold, battery rested, filters settled."""
+    zeros = dict.fromkeys(State._fields, 0.0)
+    settled = {
+        "bus": plant.open_circuit_voltage,
+        "battery": plant.open_circuit_voltage,
+        "heading_cos": 1.0,
+        "wheel_cos_left": 1.0,
+        "wheel_cos_right": 1.0,
+    }
+    for side in ("left", "right"):
+        offset = float(getattr(plant, f"offset_{side}"))
+        settled.update(dict.fromkeys((f"recent_{side}", f"older_{side}", f"filtered_{side}"), offset))
+        dead = abs(offset) <= float(getattr(plant, f"dead_zone_{side}"))
+        settled[f"bemf_{side}"] = 0.0 if dead else offset
+    return State(**{**zeros, **settled})

@@ -1,0 +1,144 @@
+"""The simulated robot behind a port: commands down, raw words up, one controller cycle a read."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.readings import (
+    DIGITAL_PORTS,
+    MOTOR_PORTS,
+    SIMULATOR,
+    STOP,
+    Inputs,
+    Outputs,
+    Truth,
+    Words,
+)
+from raccoon.sim.chain import Noise
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.physical import plant_numbers, safe_step, sample_slots, wiring_signs
+from raccoon.sim.robot import SimulatedRobot, bridges
+from raccoon.sim.tophats import Tophat
+from raccoon.sim.words import Converter, Imu, Scatter
+from raccoon.sim.world import World
+
+
+class SimPort:
+    """A Port whose robot is the plant.
+
+    A read lets one period pass under the last written command; the first one shows the robot at time 0, at
+    rest. `write` and `read` after `close` raise HardwareError.
+
+    parameters: the plant. world: by default the Botball-size table. robot: whose ports, wiring and sensors
+    the words are for, by default that of the parameters. start: pose in the world (m, m, rad). truth: whether
+    Inputs.truth says where the robot is. noise: False for sensors that scatter by nothing, or how much.
+    imu_rate_hz: how often a new IMU reading comes. physics_step: s, no step of the plant is longer.
+    body_radius: m, of the disc that bumps into walls. The same seed gives the same run.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        world: World | None = None,
+        *,
+        robot: RobotConfig | None = None,
+        seed: int = 0,
+        rate_hz: float = 200.0,
+        start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        truth: bool = True,
+        noise: bool | Noise = True,
+        imu_rate_hz: float = 200.0,
+        physics_step: float = 0.0025,
+        body_radius: float = 0.09,
+    ) -> None:
+        _check("rate_hz", rate_hz, 10.0, 1000.0)
+        _check("imu_rate_hz", imu_rate_hz, 1.0, 1000.0)
+        _check("physics_step", physics_step, 1e-5, 0.005)
+        _check("body_radius", body_radius, 0.0, 1.0)
+        if not all(math.isfinite(each) for each in start):
+            raise ConfigError(f"start is {start}: allowed are finite numbers")
+        config = robot or parameters.robot
+        self._world = World.default() if world is None else world
+        self._noise = noise if isinstance(noise, Noise) else Noise() if noise else Noise.none()
+        self._scatter = Scatter(np.random.default_rng(seed))
+        plant = plant_numbers(parameters)
+        self._robot = SimulatedRobot(
+            plant,
+            self._world,
+            period=1.0 / rate_hz,
+            cycle=parameters.chain.cycle,
+            slots=sample_slots(parameters),
+            longest_step=min(physics_step, safe_step(np.array([plant]))),
+            start=start,
+            body_radius=body_radius,
+        )
+        self._ports = config.drive.left, config.drive.right
+        self._signs = wiring_signs(parameters)
+        self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz)
+        tophats = [Tophat(each, parameters) for each in config.tophats.values()]
+        self._converter = Converter(tophats, self._noise, self._scatter)
+        self._cycles = max(1, round(1.0 / rate_hz / parameters.chain.cycle))
+        self._truth = truth
+        self._outputs = STOP
+        self._rate_hz = rate_hz
+        self._cycle = -1
+        self._closed = False
+
+    def read(self) -> Inputs:
+        """The next cycle. Raises HardwareError after close."""
+        if self._closed:
+            raise HardwareError("the simulated robot is closed")
+        if self._cycle >= 0:
+            duty, closed = bridges(self._outputs, self._ports, self._signs)
+            self._robot.step(duty, closed, self._bemf_noise())
+        self._cycle += 1
+        return self._inputs()
+
+    def write(self, outputs: Outputs) -> None:
+        """Command motors until the next write. Raises HardwareError after close."""
+        if self._closed:
+            raise HardwareError("the simulated robot is closed: it takes no commands")
+        self._outputs = outputs
+
+    def close(self) -> None:
+        """Motors off."""
+        self._outputs = STOP
+        self._closed = True
+
+    def _bemf_noise(self) -> list[list[float]]:
+        sd, draw = self._noise.bemf, self._scatter.next
+        return [[sd * draw() for _ in range(self._cycles)] for _ in range(2)]
+
+    def _inputs(self) -> Inputs:
+        state = self._robot.state
+        pose = self._robot.pose
+        heading = math.cos(pose[2]), math.sin(pose[2])
+        analog, surface = self._converter.analog(self._world, pose, heading, state.time)
+        imu = self._imu.read(state)
+        return Inputs(
+            time=self._cycle / self._rate_hz,
+            device=SIMULATOR,
+            bemf=self._motor_words(state.bemf_left, state.bemf_right),
+            position=self._motor_words(state.position_left, state.position_right),
+            gyro=imu[0] if imu else None,
+            accel=imu[1] if imu else None,
+            analog=analog,
+            digital=(False,) * DIGITAL_PORTS,
+            battery=self._converter.battery(state.battery),
+            truth=Truth(*pose, surface) if self._truth else None,
+        )
+
+    def _motor_words(self, left: float, right: float) -> Words:
+        words: list[float | None] = [0] * MOTOR_PORTS
+        words[self._ports[0]] = int(self._signs[0] * left)
+        words[self._ports[1]] = int(self._signs[1] * right)
+        return tuple(words)
+
+
+def _check(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ConfigError(f"{name} is {value}: allowed are numbers from {low} to {high}")

@@ -1,0 +1,154 @@
+"""The words of the plant's equations: state, numbers of the robot, command of one step."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class State(NamedTuple):
+    """One robot at one moment. SI; wheel quantities forward positive; pose in the frame of the start pose."""
+
+    time: float
+    speed_left: float  # rad/s, motor side at the wheel shaft
+    speed_right: float
+    acceleration_left: float
+    acceleration_right: float
+    play_left: float  # rad, where the gear is in its backlash
+    play_right: float
+    forward_speed: float  # m/s, of the robot
+    yaw_rate: float  # rad/s
+    wheel_cos_left: float  # of the wheel's angle since the start
+    wheel_sin_left: float
+    wheel_cos_right: float
+    wheel_sin_right: float
+    x: float
+    y: float
+    heading: float
+    heading_cos: float
+    heading_sin: float
+    heat_left: float  # A2, squared current as the winding's temperature follows it
+    heat_right: float
+    charge: float  # C, drawn from the battery
+    current_left: float  # A, in the middle of the last step
+    current_right: float
+    bus: float  # V, at the drivers
+    sampled_left: float  # rad/s, when the controller last looked
+    sampled_right: float
+    recent_left: float  # counts, the last two raw samples
+    recent_right: float
+    older_left: float
+    older_right: float
+    filtered_left: float  # counts
+    filtered_right: float
+    bemf_left: float  # counts as reported
+    bemf_right: float
+    position_left: float  # counts * s
+    position_right: float
+    battery: float  # V as reported
+
+
+class Plant(NamedTuple):
+    """The numbers of one robot, ready for the equations."""
+
+    open_circuit_voltage: float
+    internal_resistance: float
+    volts_per_coulomb: float
+    resistance_left: float
+    resistance_right: float
+    back_emf_left: float
+    back_emf_right: float
+    heating_left: float
+    heating_right: float
+    heating_rate_left: float  # 1/s
+    heating_rate_right: float
+    limit_left: float
+    limit_right: float
+    coulomb_left: float
+    coulomb_right: float
+    viscous_left: float
+    viscous_right: float
+    stiction_left: float
+    stiction_right: float
+    stiction_rate_left: float  # s/rad
+    stiction_rate_right: float
+    load_left: float
+    load_right: float
+    asymmetry_left: float
+    asymmetry_right: float
+    viscous_asymmetry_left: float
+    viscous_asymmetry_right: float
+    quadratic_left: float
+    quadratic_right: float
+    half_play_left: float
+    half_play_right: float
+    slip_left: float
+    slip_right: float
+    scrub: float
+    radius_left: float
+    radius_right: float
+    runout_cos_left: float
+    runout_cos_right: float
+    runout_sin_left: float
+    runout_sin_right: float
+    per_track: float  # 1/m
+    inertia_own: float  # kg m2: torque on a wheel for its own acceleration, and for the other wheel's
+    inertia_other: float
+    slope_x: float
+    slope_y: float
+    deadband_left: float
+    deadband_right: float
+    latency: float
+    closed_share: float
+    counts_left: float  # counts a rad/s
+    counts_right: float
+    offset_left: float
+    offset_right: float
+    dead_zone_left: float
+    dead_zone_right: float
+    filter_rate_left: float  # 1/s
+    filter_rate_right: float
+    battery_rate: float
+    median: float
+
+
+class Command(NamedTuple):
+    """What the drivers get in one step, and whether the controller samples a motor in it.
+
+    closed: share of the step in which the motor is connected. sample: where in the step its back-EMF is
+    sampled (1 is the end); 0 where it is not.
+    """
+
+    left: float
+    right: float
+    closed_left: float
+    closed_right: float
+    sample_left: float
+    sample_right: float
+
+
+class Circuit(NamedTuple):
+    """Battery and windings in one step, with currents linear in the speeds.
+
+    wire: 1/ohm of a connected winding, 0 where its current is held by a limit. held: A, that current. source
+    and sag: the voltage at the drivers is source + sag * (pull . speeds), in V and ohm. pull: A a volt at the
+    drivers, seen from the shaft (N m a volt). current: A expected in the middle of the step.
+    """
+
+    source: float
+    sag: float
+    wire_left: float
+    wire_right: float
+    held_left: float
+    held_right: float
+    pull_left: float
+    pull_right: float
+    current_left: float
+    current_right: float
+
+
+class Rubbing(NamedTuple):
+    """Friction of one wheel: dry against forward and backward motion (N m), drag (N m s/rad)."""
+
+    forward: float
+    backward: float
+    drag: float

@@ -1,0 +1,112 @@
+"""The plant as a robot in a world: one controller cycle at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from raccoon.core.readings import Outputs
+from raccoon.sim.collision import Obstacles
+from raccoon.sim.compiled import advance_one, has_numba
+from raccoon.sim.physical import state_at_rest
+from raccoon.sim.quantities import Plant, State
+from raccoon.sim.world import World
+
+Noise = Sequence[Sequence[float]]
+
+
+class SimulatedRobot:
+    """Steps the plant by one period a call, remembers commands for their latency, minds walls and ramps.
+
+    start: pose in the world. body_radius: m, of the disc that bumps into things.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        world: World,
+        *,
+        period: float,
+        cycle: float,
+        slots: tuple[float, float],
+        longest_step: float,
+        start: tuple[float, float, float],
+        body_radius: float,
+    ) -> None:
+        self.state: State = state_at_rest(plant)
+        self._level_plant = self._plant = plant
+        self._world = world
+        self._period = period
+        self._cycle = cycle
+        self._slots = slots
+        self._longest_step = longest_step
+        self._obstacles = Obstacles(world, body_radius)
+        self._start_x, self._start_y, self._start_heading = start
+        self._cos, self._sin = math.cos(start[2]), math.sin(start[2])
+        rows = 1 + (math.ceil(plant.latency / period) + 1 if plant.latency > 0.0 else 0)
+        self._rows = rows
+        array: Any = np.array if has_numba() else list
+        self._past = tuple(array([0.0] * rows) for _ in range(4))
+        self._noise = tuple(array([0.0] * max(1, round(period / cycle))) for _ in range(2))
+        self._times = array([(row + 1 - rows) * period for row in range(rows + 1)])
+        self._kept = np.zeros(0, dtype=np.int64) if has_numba() else ()
+        self._out = np.zeros((0, 1))
+        self._advance = advance_one()
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """x, y in m and heading in rad (unwrapped), in the world."""
+        s = self.state
+        return (
+            self._start_x + self._cos * s.x - self._sin * s.y,
+            self._start_y + self._sin * s.x + self._cos * s.y,
+            self._start_heading + s.heading,
+        )
+
+    def step(self, duty: tuple[float, float], closed: tuple[bool, bool], noise: Noise) -> None:
+        """One period under a command. closed: whether a motor is connected. noise: counts, left and right."""
+        for past, value in zip(self._past, (*duty, *closed), strict=True):
+            if self._rows > 1:
+                past[:-1] = past[1:]
+            past[-1] = value
+        for ours, draws in zip(self._noise, noise, strict=True):
+            for index, draw in enumerate(draws):
+                ours[index] = draw
+        self.state = self._advance(
+            self.state, self._plant, self._past, self._times,
+            self._rows - 1, self._rows, self._cycle, self._longest_step, self._slots,
+            self._noise, self._kept, self._out,
+        )  # fmt: skip
+        self._meet_the_world()
+
+    def _meet_the_world(self) -> None:
+        x, y, _ = self.pose
+        free_x, free_y = self._obstacles.pushed_out(x, y)
+        if (free_x, free_y) != (x, y):
+            dx, dy = free_x - self._start_x, free_y - self._start_y
+            self.state = self.state._replace(
+                x=self._cos * dx + self._sin * dy, y=self._cos * dy - self._sin * dx
+            )
+        if self._world.ramps:
+            along_x, along_y = self._world.slope(free_x, free_y)
+            self._plant = self._level_plant._replace(
+                slope_x=self._level_plant.slope_x + self._cos * along_x + self._sin * along_y,
+                slope_y=self._level_plant.slope_y + self._cos * along_y - self._sin * along_x,
+            )
+
+
+def bridges(outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]) -> Any:
+    """Duties that turn the wheels forward, and whether each motor is connected, from the board's outputs.
+
+    A motor is connected while it has a duty or brakes (then its winding is shorted); otherwise it coasts.
+    """
+    left, right = ports
+    duty = (signs[0] * outputs.duty[left], signs[1] * outputs.duty[right])
+    closed = (
+        outputs.duty[left] != 0.0 or outputs.brake[left],
+        outputs.duty[right] != 0.0 or outputs.brake[right],
+    )
+    return duty, closed

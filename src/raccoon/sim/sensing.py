@@ -1,0 +1,53 @@
+"""The controller's cycle, and what it makes of a command: part of the plant's one text (see equations)."""
+
+from __future__ import annotations
+
+from raccoon.sim.quantities import Plant, State
+from raccoon.sim.series import decay, middle_of
+
+
+def duty_at_motor(duty: float, deadband: float) -> float:
+    """Share of the battery voltage that a command gives: nothing up to the deadband, everything at 1."""
+    size = abs(duty)
+    size = (size - deadband if size > deadband else 0.0) / (1.0 - deadband)  # effect: actuation.deadband
+    return size if duty >= 0.0 else -size
+
+
+def filtered(raw: float, recent: float, older: float, before: float, keep: float, median: float) -> float:
+    """The controller's back-EMF filter: median of three (where it has one), then exponential."""
+    return before * keep + (1.0 - keep) * (raw + median * (middle_of(raw, recent, older) - raw))
+
+
+def reported(counts: float, dead_zone: float) -> float:
+    """Filtered counts as the controller reports them."""
+    counts *= 1.0 if abs(counts) > dead_zone else 0.0  # effect: bemf.dead_zone
+    return counts
+
+
+def sensed(s: State, p: Plant, dt: float, noise_left: float, noise_right: float) -> State:
+    """The controller's cycle: back-EMF words, counters and battery word from what it sampled.
+
+    dt: s since the last cycle. noise: counts on the raw samples.
+    """
+    raw_left = p.counts_left * s.sampled_left + p.offset_left + noise_left
+    raw_right = p.counts_right * s.sampled_right + p.offset_right + noise_right
+    keep_left = decay(dt * p.filter_rate_left)
+    keep_right = decay(dt * p.filter_rate_right)
+    filtered_left = filtered(raw_left, s.recent_left, s.older_left, s.filtered_left, keep_left, p.median)
+    filtered_right = filtered(
+        raw_right, s.recent_right, s.older_right, s.filtered_right, keep_right, p.median
+    )
+    bemf_left = reported(filtered_left, p.dead_zone_left)
+    bemf_right = reported(filtered_right, p.dead_zone_right)
+    keep = decay(dt * p.battery_rate)
+    return State(
+        s.time, s.speed_left, s.speed_right, s.acceleration_left, s.acceleration_right,
+        s.play_left, s.play_right, s.forward_speed, s.yaw_rate,
+        s.wheel_cos_left, s.wheel_sin_left, s.wheel_cos_right, s.wheel_sin_right,
+        s.x, s.y, s.heading, s.heading_cos, s.heading_sin,
+        s.heat_left, s.heat_right, s.charge, s.current_left, s.current_right, s.bus,
+        s.sampled_left, s.sampled_right, raw_left, raw_right, s.recent_left, s.recent_right,
+        filtered_left, filtered_right, bemf_left, bemf_right,
+        s.position_left + bemf_left * dt, s.position_right + bemf_right * dt,
+        s.battery * keep + (1.0 - keep) * s.bus,
+    )  # fmt: skip

@@ -1,0 +1,54 @@
+"""Small functions of the plant's equations that a vector unit can do: polynomials and choices, no calls."""
+
+from __future__ import annotations
+
+
+def decay(x: float) -> float:
+    """exp(-x) for x >= 0 to 1e-13: the Taylor series of x / 256, squared eight times; 0 from 36 on."""
+    y = x * (1.0 / 256.0) if x < 36.0 else 0.0
+    series = y * (1.0 / 120.0 - y * (1.0 / 720.0))
+    series = 1.0 - y * (1.0 - y * (1.0 / 2.0 - y * (1.0 / 6.0 - y * (1.0 / 24.0 - series))))
+    series *= series
+    series *= series
+    series *= series
+    series *= series
+    series *= series
+    series *= series
+    series *= series
+    series *= series
+    return series if x < 36.0 else 0.0
+
+
+def rotated(cosine: float, sine: float, angle: float) -> tuple[float, float]:
+    """Cosine and sine after turning on by a small angle (below 0.1 rad: to the last bits)."""
+    a = angle * angle
+    s = angle * (1.0 - a * (1.0 / 6.0 - a * (1.0 / 120.0 - a * (1.0 / 5040.0))))
+    c = 1.0 - a * (1.0 / 2.0 - a * (1.0 / 24.0 - a * (1.0 / 720.0 - a * (1.0 / 40320.0))))
+    return cosine * c - sine * s, sine * c + cosine * s
+
+
+def within(value: float, half: float) -> float:
+    """`value`, but no further than `half` from 0."""
+    value = value if value < half else half
+    return value if value > -half else -half
+
+
+def within_unit(share: float) -> float:
+    """`share` held between 0 and 1."""
+    share = share if share > 0.0 else 0.0
+    return share if share < 1.0 else 1.0
+
+
+def freed(push: float, forward: float, backward: float) -> float:
+    """What is left of a push after dry friction: 0 inside -backward..forward (it sticks)."""
+    ahead = push - forward if push > forward else 0.0
+    astern = push + backward if push < -backward else 0.0
+    return ahead + astern
+
+
+def middle_of(first: float, second: float, third: float) -> float:
+    """The median of three."""
+    low = first if first < second else second
+    high = second if first < second else first
+    upper = high if high < third else third
+    return low if low > upper else upper

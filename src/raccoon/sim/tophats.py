@@ -1,0 +1,66 @@
+"""What the simulated tophats read over a world."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.config import TophatConfig
+from raccoon.model.reflectance import Optics, fit, spot_radius
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.world import World
+
+GENERATION = "new"
+
+
+class Tophat:
+    """One sensor with its effects.
+
+    The reading is factor * counts + offset, where counts follow the reflectance model at the sensor's height.
+    """
+
+    def __init__(self, config: TophatConfig, parameters: Parameters) -> None:
+        where = str(config.analog)
+        self.port = config.analog
+        self.noise_sd = parameters.value("tophat.noise", "sd", where)
+        self._forward, self._left = config.forward, config.left
+        height = parameters.value("tophat.height", "height", where)
+        self._optics: Optics = fit(GENERATION).at(height)
+        self._spot = spot_radius(height)
+        self._factor = parameters.value("tophat.gain", "factor", where)
+        self._offset = parameters.value("tophat.ambient_light", "offset", where)
+        self._floor = (self._counts(0.0, 0.0), self._counts(1.0, 0.0))
+        # Where the distance to a line was last measured, and how much of it is certain not to be used up.
+        self._x = self._y = 0.0
+        self._slack = -1.0
+        self._black = False
+
+    def read(
+        self, world: World, x: float, y: float, cosine: float, sine: float, time: float
+    ) -> tuple[float, bool]:
+        """Counts (not rounded, not limited) and whether the floor under it is black, for a robot's pose."""
+        at_x = x + self._forward * cosine - self._left * sine
+        at_y = y + self._forward * sine + self._left * cosine
+        # A distance changes by no more than the way driven, so far from an edge it need not be measured.
+        if math.hypot(at_x - self._x, at_y - self._y) < self._slack:
+            dark = 1.0 if self._black else 0.0
+        else:
+            distance = world.line_distance(at_x, at_y)
+            dark = darkness(distance, self._spot)
+            self._x, self._y = at_x, at_y
+            self._slack, self._black = abs(distance) - self._spot, distance < 0.0
+        if not world.lights and dark in (0.0, 1.0):
+            return self._floor[int(dark)], self._black
+        return self._counts(dark, world.ambient(at_x, at_y, time)), self._black
+
+    def _counts(self, dark: float, ambient: float) -> float:
+        return self._factor * self._optics.counts(dark, ambient) + self._offset
+
+
+def darkness(distance: float, radius: float) -> float:
+    """Share of a spot that lies beyond a straight edge `distance` m from its middle (negative: past it)."""
+    t = distance / radius
+    if t >= 1.0:
+        return 0.0
+    if t <= -1.0:
+        return 1.0
+    return (math.acos(t) - t * math.sqrt(1.0 - t * t)) / math.pi

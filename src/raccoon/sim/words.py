@@ -1,0 +1,132 @@
+"""From what is true to what a controller says: words of the analog converter and the IMU."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from raccoon.core.readings import ANALOG_PORTS, SIMULATOR, Flags, Vector, Words
+from raccoon.model.imu import gyro_reading, specific_force, word
+from raccoon.sim.chain import Noise
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.quantities import State
+from raccoon.sim.tophats import Tophat
+from raccoon.sim.world import World
+
+
+class Scatter:
+    """Normal random numbers from one generator, drawn many at a time."""
+
+    def __init__(self, random: np.random.Generator) -> None:
+        self._random = random
+        self._stock: list[float] = []
+
+    def next(self) -> float:
+        """The next number, of standard deviation 1."""
+        try:
+            return self._stock.pop()
+        except IndexError:
+            self._stock = self._random.standard_normal(1024).tolist()
+            return self._stock.pop()
+
+
+class Imu:
+    """Gyro and accelerometer with their effects, at their own rate."""
+
+    def __init__(self, parameters: Parameters, noise: Noise, scatter: Scatter, rate_hz: float) -> None:
+        value = parameters.value
+        self._scale = value("imu.gyro_scale", "factor") * parameters.robot.model.imu.gyro_scale.value
+        self._bias = value("imu.gyro_bias", "rate") + noise.gyro_bias * scatter.next()
+        self._drift = value("imu.gyro_drift", "rate_per_second")
+        self._latency = value("imu.latency", "seconds")
+        self._noise, self._scatter = noise, scatter
+        self._period = 1.0 / rate_hz
+        self._due = 0.0
+        self._past: deque[tuple[float, float]] = deque()
+        self._speed = self._speed_time = 0.0
+
+    def read(self, state: State) -> tuple[Vector, Vector] | None:
+        """Words of gyro and accelerometer, or None where there is nothing new."""
+        rate = self._delayed(state.time, state.yaw_rate)
+        if state.time < self._due - 1e-9:
+            return None
+        self._due += self._period
+        elapsed = state.time - self._speed_time
+        change = (state.forward_speed - self._speed) / elapsed if elapsed > 0.0 else 0.0
+        self._speed, self._speed_time = state.forward_speed, state.time
+        gyro = gyro_reading(rate, self._scale, self._bias, self._drift, state.time)
+        force = specific_force(change, state.forward_speed, state.yaw_rate)
+        return self._gyro_words(gyro), self._accel_words(force)
+
+    def _gyro_words(self, rate: float) -> Vector:
+        x, y, z = (self._noise.gyro * self._scatter.next() + each for each in (0.0, 0.0, rate))
+        scale = SIMULATOR.gyro_rad_s
+        return word(x, scale), word(y, scale), word(z, scale)
+
+    def _accel_words(self, force: Vector) -> Vector:
+        x, y, z = (self._noise.accel * self._scatter.next() + each for each in force)
+        scale = SIMULATOR.accel_m_s2
+        return word(x, scale), word(y, scale), word(z, scale)
+
+    def _delayed(self, time: float, rate: float) -> float:
+        if self._latency == 0.0:
+            return rate
+        past = self._past
+        past.append((time, rate))
+        wanted = time - self._latency
+        while len(past) > 2 and past[1][0] <= wanted:
+            past.popleft()
+        (first_time, first), (second_time, second) = past[0], past[min(1, len(past) - 1)]
+        if wanted <= first_time:
+            return first
+        return first + (second - first) * (wanted - first_time) / (second_time - first_time)
+
+
+FULL_SCALE = SIMULATOR.analog_full_scale
+
+
+class Converter:
+    """The 12-bit converter: battery and analog ports."""
+
+    def __init__(self, tophats: list[Tophat], noise: Noise, scatter: Scatter) -> None:
+        self._tophats = tophats
+        self._noise, self._scatter = noise, scatter
+        # An analog port with nothing plugged in floats somewhere in its range, and one a cycle moves.
+        wired = {each.port for each in tophats}
+        self._floating = [port for port in range(ANALOG_PORTS) if port not in wired]
+        self._levels = {port: 2000.0 + 400.0 * noise_of(noise, scatter) for port in self._floating}
+        self._words: list[float | None] = [None] * ANALOG_PORTS
+        for port, level in self._levels.items():
+            self._words[port] = self._word(level, 0.0)
+        self._cycle = 0
+
+    def battery(self, voltage: float) -> int:
+        """Counts for the reported battery voltage."""
+        return self._word(voltage / SIMULATOR.battery_volts, self._noise.battery)
+
+    def analog(
+        self, world: World, pose: tuple[float, float, float], heading: tuple[float, float], time: float
+    ) -> tuple[Words, Flags]:
+        """Counts of every port, and whether the floor under each tophat is black (None: no tophat)."""
+        words = self._words
+        if self._floating:
+            port = self._floating[self._cycle % len(self._floating)]
+            words[port] = self._word(self._levels[port], 5.0 * self._noise.analog)
+            self._cycle += 1
+        surface: list[bool | None] = [None] * ANALOG_PORTS
+        for tophat in self._tophats:
+            counts, black = tophat.read(world, pose[0], pose[1], *heading, time)
+            words[tophat.port] = self._word(counts, math.hypot(self._noise.analog, tophat.noise_sd))
+            surface[tophat.port] = black
+        return tuple(words), tuple(surface)
+
+    def _word(self, counts: float, sd: float) -> int:
+        noisy = math.floor(counts + sd * self._scatter.next() + 0.5) if sd else math.floor(counts + 0.5)
+        return 0 if noisy < 0 else noisy if noisy <= FULL_SCALE else FULL_SCALE
+
+
+def noise_of(noise: Noise, scatter: Scatter) -> float:
+    """A random number where there is noise at all."""
+    return scatter.next() if noise.analog else 0.0

@@ -1,0 +1,168 @@
+"""One simulated match of a program: everything about it follows from one seed."""
+
+from __future__ import annotations
+
+import io
+import math
+from contextlib import redirect_stdout
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.core.port import Port
+from raccoon.sweep.factors import LIGHT, Factor, robot_with
+from raccoon.sweep.program import Mission, Program
+from raccoon.sweep.watch import MatchOver, WatchedPort, wall_limit
+
+Row = dict[str, Any]
+"""One match: run, seed, status, reason, seconds, x, y, heading, position_error, heading_error, and the value
+of every factor."""
+OK, FAILED, CRASHED = "ok", "failed", "crashed"
+SETTLE = 0.5
+"""S after the program's end until the robot stands."""
+MAX_REASON = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """What all matches of a sweep share.
+
+    within, within_angle: m and rad that a match may end from where the nominal robot ends. seconds: of a
+    match. real_seconds: that computing it may take. end: pose (m, m, rad) of the nominal robot, None where
+    the end does not count.
+    """
+
+    program: Program
+    robot: RobotConfig
+    factors: tuple[Factor, ...]
+    within: float = 0.05
+    within_angle: float = math.radians(10.0)
+    seconds: float = 120.0
+    real_seconds: float = 300.0
+    end: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("within", "within_angle", "seconds", "real_seconds"):
+            if not getattr(self, name) > 0.0:
+                raise ConfigError(f"{name} is {getattr(self, name)}: it must be above 0")
+        names = [factor.name for factor in self.factors]
+        for name in names:
+            if names.count(name) > 1:
+                raise ConfigError(f"{name} is varied twice")
+
+    def values(self, seed: int) -> dict[str, float]:
+        """The drawn value of every factor."""
+        import numpy as np
+
+        random = np.random.default_rng(seed)
+        return {factor.name: factor.draw(random) for factor in self.factors}
+
+
+def seed_of(sweep_seed: int, run: int) -> int:
+    """Seed of one match: 63 bits that differ from match to match and from sweep to sweep."""
+    import numpy as np
+
+    words = np.random.SeedSequence(sweep_seed, spawn_key=(run,)).generate_state(2, np.uint32)
+    return (int(words[0]) << 32 | int(words[1])) >> 1
+
+
+def columns(match: Match) -> tuple[str, ...]:
+    """Names of a row's values in their order."""
+    fixed = ("run", "seed", "status", "reason", "seconds", "x", "y", "heading")
+    return (*fixed, "position_error", "heading_error", *(factor.name for factor in match.factors))
+
+
+def nominal_end(match: Match) -> tuple[float, float, float]:
+    """Where the program ends on the robot as robot.toml describes it.
+
+    Raises ConfigError where it fails even there, as a sweep of it would say nothing.
+    """
+    row = _play(replace(match, factors=(), end=None), {}, seed=0, record=None)
+    if row["status"] != OK:
+        raise ConfigError(f"{match.program.name} fails on the nominal robot already: {row['reason']}")
+    return row["x"], row["y"], row["heading"]
+
+
+def play(match: Match, run: int, seed: int, record: str | Path | None = None) -> Row:
+    """Play a match. record: where its trace goes, None for nowhere. Passes on no error of the program."""
+    values = match.values(seed)
+    return {"run": run, "seed": seed, **_play(match, values, seed, record), **values}
+
+
+def crashed(match: Match, run: int, seed: int) -> Row:
+    """The row of a match that took its whole process down."""
+    nothing = dict.fromkeys(("seconds", "x", "y", "heading", "position_error", "heading_error"), math.nan)
+    reason = {"status": CRASHED, "reason": "the process ended"}
+    return {"run": run, "seed": seed, **reason, **nothing, **match.values(seed)}
+
+
+def _play(match: Match, values: dict[str, float], seed: int, record: str | Path | None) -> Row:
+    port = WatchedPort(_simulated(match, values, seed), match.seconds)
+    reason = ""
+    try:
+        with wall_limit(match.real_seconds), redirect_stdout(io.StringIO()):
+            mission = match.program.mission()
+            reason = _drive(match, mission, port, record, seed)
+    except MatchOver as over:
+        reason = str(over)
+    except (Exception, SystemExit) as error:
+        reason = f"{type(error).__name__}: {error}"
+    return _row(match, port, reason[:MAX_REASON])
+
+
+def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
+    from raccoon.sim.port import SimPort
+    from raccoon.sim.world import Box, Light, World
+
+    world = World.default()
+    if LIGHT in values:
+        everywhere = Box((-math.inf, -math.inf), (math.inf, math.inf))
+        world = replace(world, lights=(*world.lights, Light(everywhere, values[LIGHT])))
+    return SimPort(
+        robot_with(match.robot, match.factors, values),
+        world,
+        robot=match.robot,
+        seed=seed,
+        rate_hz=match.robot.controller.rate_hz,
+    )
+
+
+def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
+    """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
+    from raccoon.robot.actions import wait
+    from raccoon.robot.opening import open_robot
+
+    with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
+        try:
+            done = mission(robot)
+        finally:
+            port.limit = math.inf
+            robot.stop()
+            robot.run(wait(SETTLE))
+    return "mission returned False" if done is False else ""
+
+
+def _row(match: Match, port: WatchedPort, reason: str) -> Row:
+    x, y, heading = (math.nan,) * 3
+    if port.truth is not None:
+        x, y, heading = port.truth.x, port.truth.y, port.truth.heading
+    position_error, heading_error = math.nan, math.nan
+    if match.end is not None:
+        position_error = math.hypot(x - match.end[0], y - match.end[1])
+        heading_error = abs(math.remainder(heading - match.end[2], math.tau))
+        if not reason and not position_error <= match.within:
+            reason = f"ended more than {match.within:g} m off"
+        elif not reason and not heading_error <= match.within_angle:
+            reason = f"ended more than {math.degrees(match.within_angle):g} deg turned"
+    return {
+        "status": FAILED if reason else OK,
+        "reason": reason,
+        "seconds": port.time,
+        "x": x,
+        "y": y,
+        "heading": heading,
+        "position_error": position_error,
+        "heading_error": heading_error,
+    }

@@ -1,0 +1,58 @@
+"""A team's program as text: it reaches workers that do not have its file, and starts afresh each time."""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from raccoon.core.errors import ConfigError
+from raccoon.robot.actions import Action
+from raccoon.robot.robot import Robot
+
+Mission = Callable[[Robot], Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A program file. folder: where it may import its own modules from."""
+
+    name: str
+    text: str
+    folder: str
+
+    @classmethod
+    def read(cls, path: str | Path) -> Program:
+        """Raises ConfigError where there is no such file or it is no text."""
+        path = Path(path)
+        try:
+            return cls(path.name, path.read_text(encoding="utf-8"), str(path.resolve().parent))
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"{path}: not a program that can be read: {error}") from None
+
+    @property
+    def digest(self) -> str:
+        """Changes with every letter of the program."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    def mission(self) -> Mission:
+        """Run the program's text and give its `mission(robot)`, or a function that runs its action `mission`.
+
+        Whatever the text raises comes through. Raises ConfigError where it defines no mission.
+        """
+        module = ModuleType(self.name.removesuffix(".py"))
+        module.__file__ = str(Path(self.folder) / self.name)
+        if self.folder not in sys.path:
+            sys.path.insert(0, self.folder)
+        exec(compile(self.text, module.__file__, "exec"), module.__dict__)
+        mission = getattr(module, "mission", None)
+        if isinstance(mission, Action):
+            return lambda robot: robot.run(mission)
+        if not callable(mission):
+            raise ConfigError(f"{self.name}: it must define mission(robot), or an action named mission")
+        found: Mission = mission
+        return found

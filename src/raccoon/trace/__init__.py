@@ -1,0 +1,1 @@
+"""Recordings: written while driving, read back, and played through a port."""

@@ -1,0 +1,179 @@
+"""From raw words to columns and back.
+
+Every conversion is a product with a scale of the device, so a column that goes through `SI_WORDS`, whose
+scales are 1, comes back unchanged.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import (
+    ANALOG_PORTS,
+    DIGITAL_PORTS,
+    MOTOR_PORTS,
+    SERVO_PORTS,
+    SI_WORDS,
+    Fault,
+    Inputs,
+    Outputs,
+    Truth,
+    Vector,
+)
+from raccoon.trace.encode import Values
+from raccoon.trace.format import Event, Tick, Trace
+from raccoon.trace.header import Header
+from raccoon.trace.recording import Recording
+
+Row = dict[str, float]
+_AXES = ("x", "y", "z")
+
+
+def recording_of(trace: Trace) -> Recording:
+    """The columns of a trace. Estimates become columns `estimate.NAME.0` ..., blank where not finite.
+
+    Raises TraceError where the worth of a position tick changes on the way: no single device describes it.
+    """
+    rows = [tick_row(tick) for tick in trace.ticks]
+    names = dict.fromkeys(name for row in rows for name in row) | {"t": None}
+    columns = {name: np.array([row.get(name, np.nan) for row in rows], np.float64) for name in names}
+    scales = {tick.inputs.device.position_counts_seconds for tick in trace.ticks} or {1.0}
+    if len(scales) > 1:
+        raise TraceError(f"position ticks change their worth on the way: {sorted(scales)} counts seconds")
+    device = replace(SI_WORDS, position_counts_seconds=scales.pop())
+    events = [Event(max(event.tick, 0), event.text) for event in trace.events] if rows else []
+    problems = [] if trace.damage is None else [str(trace.damage)]
+    return Recording(columns, events, device, problems)
+
+
+def tick_row(tick: Tick) -> Row:
+    """What a cycle holds, by column name, in SI."""
+    row = _reading_row(tick.inputs)
+    if tick.outputs is not None:
+        row |= _command_row(tick.outputs)
+    for name, values in tick.estimates.items():
+        finite = tuple([value if math.isfinite(value) else None for value in values])
+        row |= _numbered(f"estimate.{name}.{{}}", finite)
+    return row
+
+
+def _reading_row(inputs: Inputs) -> Row:
+    device = inputs.device
+    row = {name: float(value) for name, value in (inputs.extra or {}).items()}
+    row["t"] = float(inputs.time)
+    row |= _numbered("motor.{}.bemf", inputs.bemf)
+    row |= _numbered("motor.{}.position", inputs.position)
+    for name, vector, scale in (
+        ("gyro", inputs.gyro, device.gyro_rad_s),
+        ("accel", inputs.accel, device.accel_m_s2),
+    ):
+        if vector is not None:
+            row |= {f"imu.{name}.{axis}": word * scale for axis, word in zip(_AXES, vector, strict=True)}
+    row |= _numbered("analog.{}", inputs.analog)
+    row |= _numbered("digital.{}", inputs.digital)
+    if inputs.battery_voltage is not None:
+        row["battery.voltage"] = inputs.battery_voltage
+    row |= {f"fault.{fault}": 1.0 for fault in inputs.faults}
+    if inputs.truth is not None:
+        truth = inputs.truth
+        row |= {"truth.x": truth.x, "truth.y": truth.y, "truth.heading": truth.heading}
+        row |= _numbered("truth.surface.{}", truth.surface)
+    return row
+
+
+def _command_row(outputs: Outputs) -> Row:
+    row = _numbered("motor.{}.duty", outputs.duty)
+    if any(outputs.brake):
+        row |= _numbered("motor.{}.brake", outputs.brake)
+    return row | _numbered("servo.{}.pulse_us", outputs.servo_us)
+
+
+def _numbered(pattern: str, words: Values | tuple[float | None, ...]) -> Row:
+    return {pattern.format(number): float(word) for number, word in enumerate(words) if word is not None}
+
+
+def trace_of(recording: Recording) -> Trace:
+    """A recording as a trace, so that a port can play it."""
+    ticks = [Tick(inputs, commands) for inputs, commands in cycles_of(recording)]
+    return Trace(Header("recording"), ticks, list(recording.events))
+
+
+def inputs_of(recording: Recording) -> Iterator[Inputs]:
+    """The readings of each row, in the words of the recording's device."""
+    return (inputs for inputs, _ in cycles_of(recording))
+
+
+def cycles_of(recording: Recording) -> Iterator[tuple[Inputs, tuple[Outputs, ...]]]:
+    """Readings and command of each row.
+
+    A gyro or accelerometer axis that has no column is 0; a row that lacks one of the existing axes has no
+    reading. Columns without a place in `Inputs` go to its `extra`.
+    Raises ValueError for a duty outside -1..1.
+    """
+    names = list(recording.columns)
+    for values in zip(*(recording.columns[name].tolist() for name in names), strict=True):
+        # NaN is the only number that differs from itself.
+        row = {name: value for name, value in zip(names, values, strict=True) if value == value}
+        commands = _take_commands(row)
+        yield _take_inputs(row, recording), commands
+
+
+def _take_inputs(row: Row, recording: Recording) -> Inputs:
+    """Readings of a row; what is used is taken out of it."""
+    digital = _take(row, "digital.{}", DIGITAL_PORTS)
+    return Inputs(
+        time=row.pop("t"),
+        device=recording.device,
+        bemf=_take(row, "motor.{}.bemf", MOTOR_PORTS),
+        position=_take(row, "motor.{}.position", MOTOR_PORTS),
+        gyro=_take_vector(row, "gyro", recording),
+        accel=_take_vector(row, "accel", recording),
+        analog=_take(row, "analog.{}", ANALOG_PORTS),
+        digital=tuple([None if value is None else value != 0.0 for value in digital]),
+        battery=row.pop("battery.voltage", None),
+        faults=tuple([fault for fault in Fault if row.pop(f"fault.{fault}", 0.0) != 0.0]),
+        truth=_take_truth(row),
+        extra=row or None,
+    )
+
+
+def _take(row: Row, pattern: str, ports: int) -> tuple[float | None, ...]:
+    return tuple([row.pop(pattern.format(port), None) for port in range(ports)])
+
+
+def _take_vector(row: Row, name: str, recording: Recording) -> Vector | None:
+    axes = [f"imu.{name}.{axis}" for axis in _AXES]
+    known = [axis for axis in axes if axis in recording.columns]
+    if not known or any(axis not in row for axis in known):
+        return None
+    x, y, z = (row.pop(axis, 0.0) for axis in axes)
+    return x, y, z
+
+
+def _take_truth(row: Row) -> Truth | None:
+    surface = _take(row, "truth.surface.{}", ANALOG_PORTS)
+    if not {"truth.x", "truth.y", "truth.heading"} <= row.keys():
+        return None
+    black = tuple([None if value is None else value != 0.0 for value in surface])
+    x, y, heading = (row.pop(f"truth.{name}") for name in ("x", "y", "heading"))
+    return Truth(x, y, heading, black if any(value is not None for value in black) else ())
+
+
+def _take_commands(row: Row) -> tuple[Outputs, ...]:
+    duty = _take(row, "motor.{}.duty", MOTOR_PORTS)
+    brake = _take(row, "motor.{}.brake", MOTOR_PORTS)
+    servo = _take(row, "servo.{}.pulse_us", SERVO_PORTS)
+    if all(word is None for word in (*duty, *servo)):
+        return ()
+    return (
+        Outputs(
+            duty=tuple([value or 0.0 for value in duty]),
+            brake=tuple([bool(value) for value in brake]),
+            servo_us=tuple([None if value is None else int(value) for value in servo]),
+        ),
+    )

@@ -1,0 +1,201 @@
+"""The CSV interchange format: one row a sample, blank where a sensor gave nothing new (docs/trace-format.md).
+
+Numbers are written in the shortest form that reads back as the same float. Columns this library does not
+know are kept.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+import re
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from raccoon.core.errors import TraceError
+from raccoon.trace.format import Event
+from raccoon.trace.recording import Recording
+
+MAX_BYTES = 1 << 30
+MAX_LINE = 1 << 20
+MAX_CELLS = 50_000_000
+MAX_PROBLEMS = 1000
+EVENT = "event"
+_SURFACE = re.compile(r"truth\.surface\.\d+")
+_COLORS = {"black": 1.0, "white": 0.0}
+_FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
+_DUTY = re.compile(r"motor\.\d+\.duty")
+_ORDER = ("t", "motor", "servo", "battery", "imu", "analog", "digital", "truth")
+
+
+def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
+    """Read a recording from CSV.
+
+    strict: raise TraceError at the first bad row or value, naming line, column and value. Otherwise a bad
+    value is left blank, a bad row left out, and each is listed in `Recording.problems`. A file that has no
+    usable header, is too large or is wrong almost everywhere is refused in any case.
+    """
+    path = Path(path)
+    try:
+        if path.stat().st_size > MAX_BYTES:
+            raise TraceError(f"the file has more than {MAX_BYTES} bytes")
+        with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
+            return _Reader(file, strict).recording()
+    except (TraceError, csv.Error) as error:
+        raise TraceError(f"{path}: {error}") from None
+
+
+class _Reader:
+    def __init__(self, file: IO[str], strict: bool) -> None:
+        self._rows = csv.reader(_bounded_lines(file), strict=True)
+        self._strict = strict
+        self._problems: list[str] = []
+        self._events: list[Event] = []
+        self._count = 0
+
+    def recording(self) -> Recording:
+        names = _header(next(self._rows, []))
+        columns = {name: array("d") for name in names if name != EVENT}
+        last = -math.inf
+        for cells in self._whole_rows():
+            row = self._row(names, cells, last)
+            if row is not None:
+                last = row["t"]
+                self._keep(row, columns)
+        return Recording(
+            {name: np.array(column, np.float64) for name, column in columns.items()},
+            self._events,
+            problems=self._problems,
+        )
+
+    def _whole_rows(self) -> Iterator[list[str]]:
+        try:
+            yield from self._rows
+        except csv.Error as error:  # a quotation mark that is never closed: the file is cut off
+            self._report(str(error))
+
+    def _row(self, names: list[str], cells: list[str], last: float) -> dict[str, float] | None:
+        if not cells:
+            return None  # an empty line
+        if len(cells) != len(names):
+            self._report(f"{len(cells)} values where the header names {len(names)} columns")
+            return None
+        text = ""
+        row: dict[str, float] = {}
+        for name, cell in zip(names, cells, strict=True):
+            if name == EVENT:
+                text = cell
+            else:
+                row[name] = self._value(name, cell)
+        if not row["t"] >= last:
+            self._report(f"column t: {cells[names.index('t')]!r}: allowed are numbers that do not go back")
+            return None
+        if text:
+            self._events.append(Event(self._count, text))
+        return row
+
+    def _value(self, name: str, cell: str) -> float:
+        if not cell:
+            return math.nan
+        value, allowed = _parse(name, cell)
+        if value is None:
+            self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed} and blank")
+            return math.nan
+        return value
+
+    def _keep(self, row: dict[str, float], columns: dict[str, array[float]]) -> None:
+        self._count += 1
+        if self._count * len(columns) > MAX_CELLS:
+            raise TraceError(f"more than {MAX_CELLS} values")
+        for name, value in row.items():
+            columns[name].append(value)
+
+    def _report(self, problem: str) -> None:
+        said = f"line {self._rows.line_num}, {problem}"
+        if self._strict:
+            raise TraceError(said)
+        self._problems.append(said)
+        if len(self._problems) > MAX_PROBLEMS:
+            raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}")
+
+
+def _bounded_lines(file: IO[str]) -> Iterator[str]:
+    while line := file.readline(MAX_LINE):
+        if len(line) == MAX_LINE:
+            raise TraceError(f"a line is longer than {MAX_LINE} characters")
+        yield line
+
+
+def _header(names: list[str]) -> list[str]:
+    names = [name.strip() for name in names]
+    if "t" not in names:
+        raise TraceError(f"line 1: there is no column t in the header {','.join(names)[:80]!r}")
+    for name in names:
+        if not name or names.count(name) > 1:
+            raise TraceError(f"line 1: column name {name!r} is empty or there twice")
+    return names
+
+
+def _parse(name: str, cell: str) -> tuple[float | None, str]:
+    """Value of a cell, None where it is not allowed, and what is."""
+    if _SURFACE.fullmatch(name) and cell.strip() in _COLORS:
+        return _COLORS[cell.strip()], ""
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    # Python reads 1_000 as a number; a file that holds it means something else.
+    ok = math.isfinite(value) and "_" not in cell
+    if _SURFACE.fullmatch(name):
+        return (value if ok and value in (0.0, 1.0) else None), "black, white"
+    if _FLAG.fullmatch(name):
+        return (value if ok and value in (0.0, 1.0) else None), "0, 1"
+    if _DUTY.fullmatch(name):
+        return (value if ok and -1.0 <= value <= 1.0 else None), "numbers from -1 to 1"
+    return (value if ok else None), "finite numbers"
+
+
+def write_csv(recording: Recording, path: str | Path) -> None:
+    """Write a recording as CSV; the file appears whole or not at all. NaN is written as blank.
+
+    Raises TraceError for an infinite value, which the format has no word for.
+    """
+    path = Path(path)
+    part = path.with_name(path.name + ".part")
+    names = sorted(recording.columns, key=_rank)
+    events: dict[int, str] = {}
+    for event in recording.events:
+        events[event.tick] = f"{events[event.tick]}; {event.text}" if event.tick in events else event.text
+    try:
+        with part.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(names + [EVENT] * bool(events))
+            for row, cells in enumerate(zip(*(_cells(recording, name) for name in names), strict=True)):
+                writer.writerow([*cells, events.get(row, "")] if events else cells)
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _rank(name: str) -> tuple[int, list[tuple[int, str]]]:
+    """t first, then the order of the format, numbers counted as numbers."""
+    parts = name.split(".")
+    group = _ORDER.index(parts[0]) if parts[0] in _ORDER else len(_ORDER)
+    return group, [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
+
+
+def _cells(recording: Recording, name: str) -> list[str]:
+    column = recording[name]
+    if np.isinf(column).any():
+        row = int(np.flatnonzero(np.isinf(column))[0])
+        raise TraceError(
+            f"column {name}, row {row}: {float(column[row])}: allowed are finite numbers and NaN"
+        )
+    if _SURFACE.fullmatch(name):
+        return ["" if value != value else "black" if value else "white" for value in column.tolist()]
+    return ["" if value != value else repr(value).removesuffix(".0") for value in column.tolist()]

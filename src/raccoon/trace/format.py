@@ -1,0 +1,173 @@
+"""Traces in memory, and reading them from a file that nobody vouches for.
+
+A trace is JSON Lines, gzipped when it is finished (docs/trace-format.md). It is read up to the first damage;
+`Trace.damage` says where that is and what is wrong.
+"""
+
+from __future__ import annotations
+
+import gzip
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any, cast
+
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import Device, Inputs, Outputs
+from raccoon.trace.decode import parse_cycle, parse_device, parse_line
+from raccoon.trace.encode import Values
+from raccoon.trace.header import Header, parse_header
+
+MAX_LINE_BYTES = 1 << 20
+MAX_BYTES = 1 << 30
+MAX_TICKS = 1_000_000
+"""83 minutes at 200 Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One cycle: what was read, what was commanded and what was estimated in it.
+
+    commands: in the order they were written; mostly one. estimates: by name.
+    """
+
+    inputs: Inputs
+    commands: tuple[Outputs, ...] = ()
+    estimates: dict[str, Values] = field(default_factory=dict)
+
+    @property
+    def outputs(self) -> Outputs | None:
+        """The command that held until the next cycle; None where the program wrote nothing."""
+        return self.commands[-1] if self.commands else None
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something said during a run. tick: number of the cycle, -1 before the first."""
+
+    tick: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """Where a recording stops being one: line of the file (1 first), number of the first lost cycle, why."""
+
+    line: int
+    tick: int
+    reason: str
+
+    def __str__(self) -> str:
+        return f"line {self.line}, tick {self.tick}: {self.reason}"
+
+
+@dataclass(slots=True)
+class Trace:
+    """A recording. opening: commands that were given before the first cycle."""
+
+    header: Header
+    ticks: list[Tick] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+    opening: tuple[Outputs, ...] = ()
+    damage: Damage | None = None
+
+
+def read_trace(path: str | Path, *, max_bytes: int = MAX_BYTES, max_ticks: int = MAX_TICKS) -> Trace:
+    """Read a recording, gzipped or not, up to its end or its first damage.
+
+    max_bytes bounds what a file may grow to when unpacked, max_ticks how many cycles are kept.
+    Raises TraceError where there is not even a header; FileNotFoundError where there is no file.
+    """
+    path = Path(path)
+    with path.open("rb") as raw:
+        packed = raw.read(2) == b"\x1f\x8b"
+        raw.seek(0)
+        stream = cast(IO[bytes], gzip.GzipFile(fileobj=raw)) if packed else raw
+        try:
+            return _Reader(stream, max_bytes, max_ticks).trace()
+        except TraceError as error:
+            raise TraceError(f"{path}: {error}") from None
+
+
+class _Reader:
+    """Lines to a trace, with count of where it is."""
+
+    def __init__(self, stream: IO[bytes], max_bytes: int, max_ticks: int) -> None:
+        self._stream = stream
+        self._max_bytes = max_bytes
+        self._max_ticks = max_ticks
+        self._line = 0
+        self._device: Device | None = None
+
+    def trace(self) -> Trace:
+        lines = self._lines()
+        try:
+            trace = Trace(parse_header(parse_line(next(lines, b"{}"))))
+        except TraceError as error:
+            raise TraceError(f"line {max(self._line, 1)}: {error}") from None
+        try:
+            for line in lines:
+                if (end := self._take(parse_line(line), trace)) is not None:
+                    trace.damage = end.damage
+                    return trace
+            raise TraceError("the recording was not closed: it has no last line")
+        except TraceError as error:
+            trace.damage = Damage(self._line, len(trace.ticks), str(error))
+            return trace
+
+    def _lines(self) -> Iterator[bytes]:
+        total = 0
+        while line := self._next_line():
+            self._line += 1
+            total += len(line)
+            if len(line) > MAX_LINE_BYTES:
+                raise TraceError(f"the line is longer than {MAX_LINE_BYTES} bytes")
+            if total > self._max_bytes:
+                raise TraceError(f"the recording is longer than {self._max_bytes} bytes")
+            if not line.endswith(b"\n"):
+                raise TraceError("the file is cut off in this line")
+            yield line
+
+    def _next_line(self) -> bytes:
+        try:
+            return self._stream.readline(MAX_LINE_BYTES + 1)
+        except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+            self._line += 1
+            raise TraceError(f"the packed file is damaged: {error}") from None
+
+    def _take(self, table: dict[str, Any], trace: Trace) -> _End | None:
+        if "end" in table:
+            return self._end(table, len(trace.ticks))
+        if "device" in table:
+            self._device = parse_device(table["device"])
+            return None
+        self._cycle(table, trace)
+        return None
+
+    def _cycle(self, table: dict[str, Any], trace: Trace) -> None:
+        cycle = parse_cycle(table, self._device)
+        number = len(trace.ticks)
+        if cycle.inputs is None:
+            if number:
+                raise TraceError("t is missing")
+            trace.opening += cycle.commands
+            trace.events += [Event(-1, text) for text in cycle.events]
+            return
+        if number >= self._max_ticks:
+            raise TraceError(f"more than {self._max_ticks} cycles")
+        if number and cycle.inputs.time < trace.ticks[-1].inputs.time:
+            raise TraceError(f"t is {cycle.inputs.time}: it goes back from {trace.ticks[-1].inputs.time}")
+        trace.ticks.append(Tick(cycle.inputs, cycle.commands, dict(cycle.estimates)))
+        trace.events += [Event(number, text) for text in cycle.events]
+
+    def _end(self, table: dict[str, Any], ticks: int) -> _End:
+        if table["end"] != ticks:
+            raise TraceError(f"the last line counts {table['end']!r} cycles and there are {ticks}")
+        failure = table.get("failure")
+        return _End(None if failure is None else Damage(self._line, ticks, str(failure)))
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    damage: Damage | None

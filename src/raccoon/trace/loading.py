@@ -1,0 +1,84 @@
+"""Any recording this library can read, by path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.trace.columns import recording_of
+from raccoon.trace.csv import read_csv
+from raccoon.trace.foreign import fleet_steps, motor_steps, optiodom
+from raccoon.trace.format import Trace, read_trace
+from raccoon.trace.recording import Recording
+
+TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One recorded run. robot: as the recording describes it, None where it does not.
+
+    trace: the raw words, where the recording is a trace.
+    """
+
+    name: str
+    recording: Recording
+    robot: RobotConfig | None = None
+    trace: Trace | None = None
+
+
+def load_runs(path: str | Path) -> list[Run]:
+    """The runs in a trace, a CSV or MCAP file, an OptiOdom run or session, or a folder of any of these.
+
+    Doubtful values are blank and listed in `Recording.problems`. Raises TraceError where there is nothing
+    that can be read, FileNotFoundError where there is no such path.
+    """
+    path = Path(path)
+    if not path.is_dir():
+        return [load_run(path)]
+    runs = [run for file in _recordings(path) for run in load_runs(file)]
+    if not runs:
+        raise TraceError(f"{path}: there is no recording in this folder")
+    return runs
+
+
+def _recordings(folder: Path) -> Iterator[Path]:
+    for path in sorted(folder.iterdir()):
+        if path.is_dir() or _is_recording(path):
+            yield path
+
+
+def _is_recording(path: Path) -> bool:
+    if path.name == optiodom.METADATA:
+        return False
+    return path.name.endswith((*TRACE_ENDINGS, ".csv", ".mcap"))
+
+
+def load_run(path: str | Path) -> Run:
+    """One run, of whatever kind its name and first line say. Raises as `load_runs`."""
+    path = Path(path)
+    if path.name.endswith(TRACE_ENDINGS):
+        trace = read_trace(path)
+        return Run(path.name, recording_of(trace), trace.header.config, trace)
+    if path.suffix == ".mcap":
+        from raccoon.trace.mcap import read_mcap
+
+        return Run(path.name, read_mcap(path))
+    return _load_csv(path)
+
+
+def _load_csv(path: Path) -> Run:
+    with path.open("rb") as file:
+        names = tuple(file.readline(10_000).decode("utf-8-sig", "replace").strip().split(","))
+    if names == motor_steps.HEADER:
+        return Run(path.name, motor_steps.read_motor_steps(path))
+    if names == fleet_steps.HEADER:
+        return Run(path.name, fleet_steps.read_fleet_steps(path))
+    metadata = path.with_name(optiodom.METADATA)
+    if "t" not in names and metadata.exists():
+        robot = optiodom.read_robot(metadata)
+        return Run(f"{path.parent.name}/{path.stem}", optiodom.read_run(path), robot)
+    return Run(path.name, read_csv(path, strict=False))

@@ -1,0 +1,91 @@
+"""A recording as columns: SI units, one array a channel, NaN where a sensor gave nothing new.
+
+This is the form that analysis and the CSV interchange format share; names and units are those of
+docs/trace-format.md. A trace keeps raw words and replays bit for bit; a recording is what the words mean.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import SI_WORDS, Device
+from raccoon.trace.format import Event
+
+Column = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Recording:
+    """Columns of equal length, `t` among them, by name.
+
+    events: remarks; their tick is the row. device: what a word of the recording is worth, SI_WORDS but for
+    the position counter, whose ticks differ between controllers. problems: what a reader had to leave out.
+    Raises TraceError where t is missing, not finite or goes back, or where lengths differ.
+    """
+
+    columns: dict[str, Column]
+    events: list[Event] = field(default_factory=list)
+    device: Device = SI_WORDS
+    problems: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if "t" not in self.columns:
+            raise TraceError(f"there is no column t; there are {_listed(self.columns)}")
+        self.columns = {name: np.asarray(column, np.float64) for name, column in self.columns.items()}
+        for name, column in self.columns.items():
+            if column.shape != (len(self),):
+                raise TraceError(f"column {name} has shape {column.shape}: it must be ({len(self)},) as t")
+        _check_time(self.columns["t"])
+
+    def __len__(self) -> int:
+        return len(self.columns["t"])
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.columns
+
+    def __getitem__(self, name: str) -> Column:
+        """A column. Raises TraceError naming it and those that exist."""
+        if name not in self.columns:
+            raise TraceError(f"there is no column {name}; there are {_listed(self.columns)}")
+        return self.columns[name]
+
+    @property
+    def has_truth(self) -> bool:
+        """Whether a reference system's pose is in it."""
+        return all(f"truth.{name}" in self.columns for name in ("x", "y", "heading"))
+
+    def ports(self, kind: str, channel: str | None = None) -> list[int]:
+        """Port numbers that have a column, such as ports("motor", "bemf") or ports("analog")."""
+        found = []
+        for name in self.columns:
+            match name.split("."):
+                case [first, number] if channel is None and first == kind and number.isdecimal():
+                    found.append(int(number))
+                case [first, number, last] if first == kind and last == channel and number.isdecimal():
+                    found.append(int(number))
+        return sorted(found)
+
+    def window(self, start: int, stop: int) -> Recording:
+        """Rows start to stop (not included) as a recording of its own."""
+        columns = {name: column[start:stop] for name, column in self.columns.items()}
+        events = [Event(each.tick - start, each.text) for each in self.events if start <= each.tick < stop]
+        return Recording(columns, events, self.device, list(self.problems))
+
+
+def _check_time(time: Column) -> None:
+    bad = np.flatnonzero(~np.isfinite(time))
+    if bad.size:
+        raise TraceError(f"row {bad[0]}: t is {float(time[bad[0]])}: it must be a finite number")
+    back = np.flatnonzero(np.diff(time) < 0.0)
+    if back.size:
+        row = int(back[0]) + 1
+        raise TraceError(f"row {row}: t is {float(time[row])}: it goes back from {float(time[row - 1])}")
+
+
+def _listed(columns: dict[str, Column]) -> str:
+    names = list(columns)
+    return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "") or "none"

@@ -1,0 +1,107 @@
+"""A port that plays a recording."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields
+from itertools import zip_longest
+from pathlib import Path
+
+from raccoon.core.errors import ReplayDiverged
+from raccoon.core.readings import Inputs, Outputs
+from raccoon.trace.format import Tick, Trace, read_trace
+
+_FIELD_NAMES = {"duty": "motor.{}.duty", "brake": "motor.{}.brake", "servo_us": "servo.{}.pulse_us"}
+
+
+class ReplayPort:
+    """Hands out the recorded cycles one by one, at once, and checks what is commanded in answer.
+
+    check: raise ReplayDiverged where a command or an estimate differs from the recorded one, naming cycle,
+    field and both values; False ignores commands and estimates, for a changed program over old readings.
+    tolerance: relative difference that counts as equal. 0 compares exactly, which holds on the machine that
+    recorded; across machines mathematics libraries differ in the last bits and 1e-9 is right.
+    """
+
+    def __init__(self, trace: Trace | str | Path, *, check: bool = True, tolerance: float = 0.0) -> None:
+        if not 0.0 <= tolerance < 1.0:
+            raise ValueError(f"tolerance is {tolerance}: allowed are numbers from 0 to below 1")
+        self.trace = trace if isinstance(trace, Trace) else read_trace(trace)
+        self._check = check
+        self._tolerance = tolerance
+        self._tick = -1
+        self._written = 0
+        self._recorded: Tick | None = None
+
+    def read(self) -> Inputs:
+        """Next recorded cycle. Raises EOFError after the last, ReplayDiverged where a command is missing."""
+        self._check_count()
+        if self._tick + 1 >= len(self.trace.ticks):
+            raise EOFError(self._ending())
+        self._tick += 1
+        self._written = 0
+        self._recorded = self.trace.ticks[self._tick]
+        return self._recorded.inputs
+
+    def write(self, outputs: Outputs) -> None:
+        """Compare a command with the recorded one of this cycle. Raises ReplayDiverged."""
+        if not self._check:
+            return
+        number = self._written
+        self._written += 1
+        commands = self._commands()
+        if number >= len(commands):
+            if self._tick == len(self.trace.ticks) - 1 and not commands:
+                return  # the recording was stopped between reading and writing
+            raise ReplayDiverged(self._tick, "command", None, outputs)
+        self._compare(commands[number], outputs)
+
+    def annotate(self, name: str, values: Sequence[float]) -> None:
+        """What a recording port records, this one checks: see `check_annotation`."""
+        if self._check:
+            self.check_annotation(name, values)
+
+    def check_annotation(self, name: str, values: Sequence[float]) -> None:
+        """Compare an estimate with the recorded one of this cycle. Raises ReplayDiverged."""
+        recorded = {} if self._recorded is None else self._recorded.estimates
+        if name not in recorded:
+            raise ReplayDiverged(self._tick, name, None, tuple(values))
+        for index, (old, new) in enumerate(zip_longest(recorded[name], values)):
+            if not self._same(old, new):
+                raise ReplayDiverged(self._tick, f"{name}[{index}]", old, new)
+
+    def event(self, text: str) -> None:
+        """Remarks are for people and not compared."""
+
+    def close(self) -> None:
+        """Nothing to switch off. May be called twice."""
+
+    def _commands(self) -> tuple[Outputs, ...]:
+        return self.trace.opening if self._recorded is None else self._recorded.commands
+
+    def _check_count(self) -> None:
+        """A cycle that was recorded with a command and is left without one has diverged, too."""
+        commands = self._commands()
+        if self._check and self._written < len(commands):
+            raise ReplayDiverged(self._tick, "command", commands[self._written], None)
+
+    def _compare(self, recorded: Outputs, replayed: Outputs) -> None:
+        for field in fields(Outputs):
+            pairs = zip_longest(getattr(recorded, field.name), getattr(replayed, field.name))
+            for port, (old, new) in enumerate(pairs):
+                if not self._same(old, new):
+                    raise ReplayDiverged(self._tick, _FIELD_NAMES[field.name].format(port), old, new)
+
+    def _same(self, old: float | None, new: float | None) -> bool:
+        if old is None or new is None:
+            return old is new
+        if old == new or (math.isnan(old) and math.isnan(new)):
+            return True
+        return math.isclose(old, new, rel_tol=self._tolerance)
+
+    def _ending(self) -> str:
+        count = len(self.trace.ticks)
+        if self.trace.damage is None:
+            return f"the recording has ended after {count} cycles"
+        return f"the recording is damaged after {count} cycles ({self.trace.damage})"

@@ -1,0 +1,129 @@
+"""Lines to disk without holding up the tick.
+
+A write to an SD card can stall for seconds and formatting a cycle takes longer than handing it over, so both
+happen in a thread that works while the tick waits for the next cycle. Every line reaches the operating system
+at once and the disk within a second: a killed process or a pulled battery costs the last moment, not the run.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import shutil
+import time
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from threading import Thread
+
+from raccoon.core.readings import Device
+from raccoon.trace.encode import Cycle, cycle_line, device_line, json_line
+
+WAITING_LIMIT = 20_000
+"""Cycles that may wait for a stalled disk (100 s at 200 Hz) before the recording is given up."""
+_BATCH = 256
+_SYNC_SECONDS = 1.0
+
+
+class TraceWriter:
+    """Writes cycles behind a header line to `plain` and packs the file into `packed` at the end.
+
+    failure: why the recording ended early, None while all is well. A recording that fails never disturbs the
+    run it records.
+    """
+
+    def __init__(self, plain: Path, packed: Path, header: str) -> None:
+        self.failure: str | None = None
+        self._plain = plain
+        self._packed = packed
+        self._file = plain.open("wb", buffering=0)
+        self._file.write(header.encode())
+        self._queue: SimpleQueue[Cycle | None] = SimpleQueue()
+        self._device: Device | None = None
+        self._ticks = 0
+        self._thread = Thread(target=self._work, name="trace writer", daemon=True)
+        self._thread.start()
+
+    def put(self, cycle: Cycle) -> None:
+        """Hand over a cycle; returns at once."""
+        if self.failure is None:
+            if self._queue.qsize() >= WAITING_LIMIT:
+                self.failure = f"the disk did not keep up: {WAITING_LIMIT} cycles were waiting"
+            self._queue.put(cycle)
+
+    def finish(self) -> None:
+        """Write what is waiting, pack the file and remove the plain one. Call once."""
+        self._queue.put(None)
+        self._thread.join()
+        try:
+            with self._file:
+                self._file.write(json_line({"end": self._ticks, "failure": self.failure}).encode())
+            pack(self._plain, self._packed)
+            self._plain.unlink()
+        except OSError as error:
+            self.failure = self.failure or str(error)
+
+    def _work(self) -> None:
+        synced = time.monotonic()
+        while batch := self._batch():
+            try:
+                self._write(batch)
+                if time.monotonic() - synced > _SYNC_SECONDS:
+                    os.fsync(self._file.fileno())
+                    synced = time.monotonic()
+            except (OSError, ValueError, TypeError) as error:
+                self.failure = str(error)
+                return
+
+    def _batch(self) -> list[Cycle]:
+        """All that waits, up to a bound; empty at the end."""
+        batch: list[Cycle] = []
+        item = self._queue.get()
+        while item is not None:
+            batch.append(item)
+            if len(batch) == _BATCH:
+                return batch
+            try:
+                item = self._queue.get_nowait()
+            except Empty:
+                return batch
+        if batch:
+            self._queue.put(None)
+        return batch
+
+    def _write(self, batch: list[Cycle]) -> None:
+        lines: list[str] = []
+        ticks = 0
+        try:
+            for cycle in batch:
+                lines += self._lines(cycle)
+                ticks += cycle.inputs is not None
+        finally:
+            _write_all(self._file.fileno(), "".join(lines).encode())
+            self._ticks += ticks
+
+    def _lines(self, cycle: Cycle) -> list[str]:
+        line = cycle_line(cycle)
+        if cycle.inputs is None or cycle.inputs.device is self._device:
+            return [line]
+        self._device = cycle.inputs.device
+        return [device_line(self._device), line]
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(descriptor, data) :]
+
+
+def pack(plain: Path, packed: Path) -> None:
+    """Gzip a file; the result appears whole or not at all, and equal content gives equal bytes."""
+    part = packed.with_name(packed.name + ".part")
+    try:
+        # Level 3 is within a few per cent of the default in less than half of the time.
+        with plain.open("rb") as source, part.open("wb") as raw:
+            with gzip.GzipFile(filename="", fileobj=raw, mode="wb", compresslevel=3, mtime=0) as target:
+                shutil.copyfileobj(source, target, 1 << 18)
+            raw.flush()
+            os.fsync(raw.fileno())
+        os.replace(part, packed)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,159 @@
+"""Recordings with known, hidden causes, made by the independent plant from a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from blind import drives
+from blind.hidden import Hidden
+from blind.plant import NEUTRAL, parameters, simulate
+
+Array = NDArray[np.float64]
+
+CYCLE = 0.005
+LEAD_IN = 1.0
+COAST_SHARE = 0.1
+BASE_SPREAD = {
+    "voc": 0.03, "rint": 0.005, "resistance_l": 0.03, "resistance_r": 0.03, "ke_l": 0.005, "ke_r": 0.005,
+    "coulomb": 0.005, "viscous": 0.0005, "inertia_straight": 0.0006, "inertia_turn": 0.0005,
+    "radius_l": 0.0001, "radius_r": 0.0001, "track": 0.0008, "bemf_offset_l": 1.0, "bemf_offset_r": 1.0,
+    "filter_tau": 0.0005, "gyro_bias": 0.0005, "gyro_scale": 0.001,
+}  # fmt: skip
+"""Standard deviations of robot.toml's defaults: how far a robot may be from its file without a cause."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How disturbed a recording is; medians, each drawn log-normally around its own."""
+
+    torque: float = 0.012
+    floor: float = 0.04
+    bemf_counts: float = 4.0
+    gyro: float = 0.009
+    battery: float = 0.02
+    drop_share: float = 0.004
+
+    def times(self, factor: float) -> Noise:
+        """All of it multiplied, dropped samples aside."""
+        return Noise(
+            factor * self.torque,
+            factor * self.floor,
+            factor * self.bemf_counts,
+            factor * self.gyro,
+            factor * self.battery,
+            self.drop_share,
+        )
+
+
+@dataclass(frozen=True)
+class Blind:
+    """A recording and what is hidden in it. columns: names of the CSV format, NaN where nothing is new.
+
+    robot: the plant's parameters, base draw and hidden causes together.
+    """
+
+    columns: Mapping[str, Array]
+    hidden: tuple[Hidden, ...]
+    robot: Mapping[str, float]
+    seed: int
+
+
+def _ou(rng: np.random.Generator, n: int, sd: float, tau: float) -> Array:
+    """Stationary Ornstein-Uhlenbeck noise of two wheels, one value a cycle."""
+    keep = float(np.exp(-CYCLE / tau))
+    steps = rng.standard_normal((n, 2)) * sd * np.sqrt(1.0 - keep**2)
+    steps[0] = rng.standard_normal(2) * sd
+    return np.asarray(lfilter([1.0], [1.0, -keep], steps, axis=0), float)
+
+
+def _base(rng: np.random.Generator) -> dict[str, float]:
+    return {name: NEUTRAL[name] + sd * float(rng.standard_normal()) for name, sd in BASE_SPREAD.items()}
+
+
+def _applied(base: Mapping[str, float], hidden: Sequence[Hidden]) -> dict[str, float]:
+    """The base robot with every hidden change added to its own, not to the nominal, value."""
+    merged = dict(base)
+    for each in hidden:
+        for name, value in each.plant.items():
+            if name in BASE_SPREAD and NEUTRAL[name] != 0.0:
+                merged[name] = merged[name] * value / NEUTRAL[name]
+            elif name in BASE_SPREAD:
+                merged[name] = merged[name] + value
+            else:
+                merged[name] = value
+    return merged
+
+
+def make(
+    seed: int,
+    hidden: Sequence[Hidden] = (),
+    drive: str = "exciting",
+    seconds: float = 40.0,
+    noise: Noise | None = None,
+    imu_rate: float | None = None,
+) -> Blind:
+    """Draw one robot and one drive and record it."""
+    rng = np.random.default_rng(seed)
+    noise = Noise() if noise is None else noise
+    commands = getattr(drives, drive)(rng, seconds)
+    lead = np.tile(rng.uniform(-0.5, 0.5, 2) * (rng.random() < 0.5), (int(LEAD_IN / CYCLE), 1))
+    duty = np.round(np.vstack([lead, commands]), 4)
+    n = len(duty)
+    cycles = np.concatenate([[0.0], np.cumsum(CYCLE + np.clip(rng.normal(0, 1e-4, n - 1), -4e-4, 4e-4))])
+    cycles -= cycles[len(lead)]
+    levels = np.exp(0.25 * rng.standard_normal(5))
+    base = _base(rng)
+    robot = _applied(base, hidden)
+    state = simulate(
+        parameters(robot),
+        cycles,
+        duty,
+        _ou(rng, n, noise.torque * levels[0], 0.15),
+        _ou(rng, n, noise.floor * levels[1], 4.0),
+        rng.standard_normal((n, 2)) * noise.bemf_counts * levels[2],
+        COAST_SHARE,
+    )
+    rate = imu_rate or float(rng.choice([50.0, 190.0]))
+    sensed = (noise.gyro * levels[3], noise.battery * levels[4], rate)
+    columns = _record(rng, cycles, duty, state, sensed, len(lead), noise.drop_share)
+    return Blind(columns, tuple(hidden), robot, seed)
+
+
+def _record(
+    rng: np.random.Generator,
+    cycles: Array,
+    duty: Array,
+    state: Array,
+    sensed: tuple[float, float, float],
+    lead: int,
+    drop_share: float,
+) -> dict[str, Array]:
+    gyro_noise, battery_noise, imu_rate = sensed
+    n = len(cycles)
+    gyro_word = np.pi / 180 / 16.4
+    gyro = np.round((state[:, 5] + gyro_noise * rng.standard_normal(n)) / gyro_word) * gyro_word
+    battery_word = 3.3 * 11 / 4096
+    battery = np.round((state[:, 4] + battery_noise * rng.standard_normal(n)) / battery_word) * battery_word
+    fresh = np.diff(np.floor(cycles * imu_rate), prepend=-np.inf) > 0
+    tick = np.arange(n)
+    columns = {
+        "t": cycles + rng.normal(0.0, 5e-5, n),
+        "motor.0.duty": duty[:, 0],
+        "motor.0.bemf": np.trunc(state[:, 0]),
+        "motor.0.position": np.trunc(state[:, 2]),
+        "motor.1.duty": duty[:, 1],
+        "motor.1.bemf": np.trunc(state[:, 1]),
+        "motor.1.position": np.trunc(state[:, 3]),
+        "battery.voltage": np.where(tick % 2 == 0, battery, np.nan),
+        "imu.gyro.z": np.where(fresh, gyro, np.nan),
+    }
+    keep = (rng.random(n) >= drop_share) & (tick >= lead) & (tick < n - 1)
+    burst = int(rng.integers(lead + 100, n - 100))
+    keep[burst : burst + 3] = False
+    keep[lead] = True
+    return {name: column[keep].copy() for name, column in columns.items()}

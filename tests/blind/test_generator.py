@@ -1,0 +1,59 @@
+"""The independent plant must be what it claims: deterministic, damaged like real recordings, physically
+sound."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blind.generator import Noise, make
+from blind.hidden import CAUSES, draw
+from blind.plant import NEUTRAL, parameters, simulate
+
+QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_the_same_seed_gives_the_same_recording() -> None:
+    one, two = make(7, seconds=5.0), make(7, seconds=5.0)
+    assert all(np.array_equal(one.columns[key], two.columns[key], equal_nan=True) for key in one.columns)
+
+
+def test_samples_are_missing_and_the_clock_jitters() -> None:
+    steps = np.diff(make(7, seconds=10.0).columns["t"])
+    assert steps.max() > 0.009
+    assert steps.std() > 5e-5
+
+
+def test_steady_back_emf_follows_the_textbook() -> None:
+    n = 600
+    times = 0.005 * np.arange(n, dtype=np.float64)
+    zeros = np.zeros((n, 2))
+    state = simulate(parameters({"rint": 0.0}), times, np.full((n, 2), 0.5), zeros, zeros, zeros, 0.0)
+    k, r = NEUTRAL["ke_l"], NEUTRAL["resistance_l"]
+    speed = (k * 0.5 * NEUTRAL["voc"] / r - NEUTRAL["coulomb"]) / (k * k / r + NEUTRAL["viscous"])
+    assert state[-2, 0] == pytest.approx(k * speed * 4096 / 3.3 * 2.2 / 9.0, rel=0.002)
+
+
+def test_below_breakaway_nothing_rolls() -> None:
+    n = 400
+    zeros = np.zeros((n, 2))
+    state = simulate(
+        parameters({}),
+        0.005 * np.arange(n, dtype=np.float64),
+        np.full((n, 2), 0.03),
+        zeros,
+        zeros,
+        zeros,
+        0.0,
+    )
+    assert abs(state[-2, 6]) < 1e-3
+
+
+@pytest.mark.parametrize("cause", sorted(CAUSES))
+def test_every_hidden_cause_changes_the_recording(cause: str) -> None:
+    hidden = draw(cause, np.random.default_rng(1))
+    clean, damaged = make(2, noise=QUIET, seconds=8.0), make(2, [hidden], noise=QUIET, seconds=8.0)
+    names = ("motor.0.bemf", "motor.1.bemf", "imu.gyro.z", "battery.voltage")
+    assert any(
+        not np.array_equal(clean.columns[each], damaged.columns[each], equal_nan=True) for each in names
+    )

@@ -1,0 +1,63 @@
+"""Causes hidden by an independent plant must be found; seeds are fixed, the benchmark draws fresh ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from blind.hidden import draw, draw_unknown
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.result import Diagnosis, Verdict
+
+
+def said_about(cause: str, seed: int) -> tuple[str, Diagnosis]:
+    hidden = draw(cause, np.random.default_rng(seed))
+    return hidden.name, diagnose(make(seed, [hidden], seconds=25.0).columns, RobotConfig())
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        "battery.internal_resistance",
+        "motor.back_emf_constant",
+        "friction.viscous",
+        "drive.backlash",
+        "actuation.latency",
+        "imu.gyro_drift",
+    ],
+)
+def test_a_single_hidden_cause_is_named_first(cause: str) -> None:
+    name, said = said_about(cause, 5)
+    assert said.causes, said.rejected
+    assert said.causes[0].name == name
+    assert said.causes[0].gain.heldout_rmse_after < said.causes[0].gain.heldout_rmse_before
+
+
+def test_the_parameter_lies_near_the_hidden_one() -> None:
+    hidden = draw("actuation.latency", np.random.default_rng(5))
+    said = diagnose(make(5, [hidden], seconds=25.0).columns, RobotConfig())
+    found = said.causes[0].parameters["seconds"]
+    assert found.value == pytest.approx(hidden.values["seconds"], rel=0.05)
+
+
+def test_a_clean_recording_is_adequate() -> None:
+    said = diagnose(make(3, seconds=25.0).columns, RobotConfig())
+    assert said.verdict is Verdict.ADEQUATE
+    assert said.causes == ()
+
+
+def test_structural_twins_are_reported_as_a_class() -> None:
+    hidden = draw("imu.gyro_scale", np.random.default_rng(5))
+    said = diagnose(make(5, [hidden], seconds=25.0).columns, RobotConfig())
+    first = said.causes[0]
+    assert {first.id, *first.confounded_with} >= {"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}
+    assert any("full turns" in each for each in said.suggested_manoeuvres)
+
+
+def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on() -> None:
+    hidden = draw_unknown("gyro_speed", np.random.default_rng(1))
+    said = diagnose(make(1, [hidden], seconds=40.0).columns, RobotConfig())
+    assert said.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
+    assert any("gyro" in each for each in said.unexplained.depends_on)

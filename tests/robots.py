@@ -1,0 +1,50 @@
+"""Simulated robots for the tests of motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from raccoon import Action, Robot, RobotConfig, open_robot, wait
+from raccoon.core.config import Measured, MotorConfig, TophatConfig
+from raccoon.core.port import Port
+from raccoon.core.readings import SIMULATOR, Truth
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.world import World
+
+# Both motors are calibrated, as before a match: motions are tested here, not the learning of scales.
+SCALE = Measured(SIMULATOR.bemf_volts / RobotConfig().model.left.back_emf_constant.value, 1e-6)
+CONFIG = RobotConfig(
+    motors={port: MotorConfig(radians_per_tick=SCALE) for port in (0, 1)},
+    tophats={"left": TophatConfig(0, 0.11, 0.03), "right": TophatConfig(1, 0.11, -0.03)},
+)
+
+
+def simulated(
+    seed: int = 1,
+    world: World | None = None,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    config: RobotConfig = CONFIG,
+    effects: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+) -> SimPort:
+    """The calibrated robot; effects by id, with @left or @right where it is one side's."""
+    parameters = Parameters.from_robot(config)
+    for name, values in effects.items():
+        effect, _, side = name.partition("@")
+        parameters = parameters.with_effect(effect, side or None, **values)
+    return SimPort(parameters, world or World.empty(), robot=config, seed=seed, start=start)
+
+
+def run(
+    action: Action[Any], port: Port | None = None, config: RobotConfig = CONFIG
+) -> tuple[Any, Truth, Robot]:
+    """Result, true end pose and the robot, after half a second of standing still at first."""
+    with open_robot(config, port=port or simulated()) as robot:
+        robot.run(wait(0.5))
+        result = robot.run(action)
+        robot.run(wait(0.3))
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        return result, robot.inputs.truth, robot

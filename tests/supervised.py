@@ -1,0 +1,87 @@
+"""Robot programs in processes of their own on an emulated Wombat behind a socket, to be killed."""
+
+from __future__ import annotations
+
+import select
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from bench_robot import BenchRobot
+from raccoon.hal.wombat.emulator import Emulator, Firmware
+from raccoon.hal.wombat.socket_link import serve_one
+
+PROGRAM = """
+import sys
+from raccoon.core.readings import Outputs
+from raccoon.hal.wombat.port import WombatPort
+from raccoon.hal.wombat.probe import probe
+from raccoon.core.clock import RealClock
+from raccoon.hal.wombat.socket_link import SocketLink
+from raccoon.hal.wombat.supervisor import Supervisor
+
+link = SocketLink(sys.argv[1])
+dialect = probe(link, RealClock())
+guard = Supervisor("unix:" + sys.argv[1], [dialect.stop()])
+port = WombatPort(link, dialect=dialect, guard=guard)
+for cycle in range(int(sys.argv[2])):
+    port.read()
+    port.write(Outputs(duty=(0.5, -0.5, 0.0, 0.0)))
+if len(sys.argv) > 3:
+    raise RuntimeError("a bug in the robot program")
+"""
+
+
+class SupervisedBench:
+    """An emulated Wombat behind a socket, and programs that drive it."""
+
+    def __init__(self, folder: Path, firmware: Firmware) -> None:
+        self.emulator = Emulator(BenchRobot(), firmware)
+        self.path = str(folder / "wombat")
+        self._listener = socket.socket(socket.AF_UNIX)
+        self._listener.bind(self.path)
+        self._listener.listen()
+        self._connections: list[socket.socket] = []
+        self.programs: list[subprocess.Popen[bytes]] = []
+
+    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
+        program = subprocess.Popen(
+            [sys.executable, "-c", PROGRAM, self.path, *arguments], stderr=subprocess.PIPE
+        )
+        self.programs.append(program)
+        return program
+
+    def serve(self, seconds: float) -> None:
+        """Answer whoever asks within this time, then let the firmware catch up."""
+        ready, _, _ = select.select([self._listener, *self._connections], [], [], seconds)
+        for each in ready:
+            if each is self._listener:
+                self._connections.append(self._listener.accept()[0])
+            elif not serve_one(each, self.emulator):
+                self._connections.remove(each)
+                each.close()
+        self.emulator.run()
+
+    def serve_until(self, running: bool, patience: float) -> float:
+        """Serve until the motors run or stand; returns the seconds it took, fails where it takes longer."""
+        start = time.monotonic()
+        while self.emulator.motors_running is not running:
+            waited = time.monotonic() - start
+            assert waited < patience, f"motors_running is still {not running} after {waited:.2f} s"
+            self.serve(0.01)
+        return time.monotonic() - start
+
+    def serve_program(self, program: subprocess.Popen[bytes]) -> None:
+        deadline = time.monotonic() + 20.0
+        while program.poll() is None:
+            assert time.monotonic() < deadline
+            self.serve(0.01)
+
+    def close(self) -> None:
+        for each in (*self._connections, self._listener):
+            each.close()
+        for program in self.programs:
+            program.kill()
+            program.communicate()

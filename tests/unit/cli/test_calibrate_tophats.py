@@ -1,0 +1,52 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.cli import main
+
+ROBOT = "[tophat.left]\nanalog = 0\n[tophat.right]\nanalog = 1\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A robot with two sensors and a drive: the left one crosses a line, the right one sees bare floor."""
+    rng = np.random.default_rng(0)
+    left = np.where((np.arange(500) // 12) == 20, 3800.0, 1270.0) + rng.normal(0, 5, 500)
+    right = rng.normal(1270, 5, 500)
+    rows = [f"{i / 200:.3f},{a:.0f},{b:.0f},6.7" for i, (a, b) in enumerate(zip(left, right, strict=True))]
+    header = "t,analog.0,analog.1,battery.voltage"
+    (tmp_path / "drive.csv").write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    (tmp_path / "robot.toml").write_text(ROBOT, encoding="utf-8")
+    return tmp_path
+
+
+def command(folder: Path, *words: str) -> int:
+    return main(["calibrate", "tophats", *words, "--store", str(folder / "tophats.json")])
+
+
+def test_stores_what_it_believes_and_shows_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    drive = [str(folder / "drive.csv"), "--robot", str(folder / "robot.toml"), "--set", "table"]
+    assert command(folder, *drive, "--write") == 1  # the right sensor saw one surface
+    told = capsys.readouterr().out
+    assert "one_surface" in told
+    assert command(folder, "--show") == 0
+    shown = capsys.readouterr().out
+    assert "left" in shown
+    assert "right" not in shown
+    assert "6.70 V" in shown
+    assert "new at 7 mm" in shown
+
+
+def test_without_write_nothing_is_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command(folder, str(folder / "drive.csv"), "--robot", str(folder / "robot.toml"))
+    assert "say --write" in capsys.readouterr().out
+    assert not (folder / "tophats.json").exists()
+    assert command(folder, "--show") == 1
+
+
+def test_what_is_missing_is_named(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert command(folder) == 2
+    assert "--show" in capsys.readouterr().err
+    assert command(folder, str(folder / "drive.csv")) == 2
+    assert "--robot" in capsys.readouterr().err

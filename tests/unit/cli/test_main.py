@@ -1,0 +1,64 @@
+"""The command line itself: help, version, mistakes, Ctrl-C."""
+
+from pathlib import Path
+
+import pytest
+
+from raccoon import __version__
+from raccoon.cli import main
+from raccoon.cli.main import COMMANDS
+
+
+def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert not end.value.code
+    shown = capsys.readouterr().out
+    assert all(name.replace("_", "-") in shown for name in COMMANDS)
+
+
+def test_commands_are_listed_in_order() -> None:
+    assert sorted(COMMANDS) == list(COMMANDS)
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--version"])
+    assert capsys.readouterr().out == f"raccoon {__version__}\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["demo", "--nonsense"]])
+def test_wrong_usage_is_status_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    assert "usage: raccoon" in capsys.readouterr().err
+
+
+def test_ctrl_c_is_status_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted(*_: object) -> int:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("raccoon.cli.init.run", interrupted)
+    assert main(["init", "-"]) == 130
+    assert capsys.readouterr().err == "raccoon init: interrupted\n"
+
+
+def test_init_writes_a_file_that_can_be_read_and_never_overwrites(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from raccoon import load_robot
+
+    path = tmp_path / "robot.toml"
+    assert main(["init", str(path)]) == 0
+    assert load_robot(path).name == "robot"
+    before = path.read_text(encoding="utf-8")
+    assert main(["init", str(path)]) == 2
+    assert "exists and is left as it is" in capsys.readouterr().err
+    assert path.read_text(encoding="utf-8") == before
+    assert [each.name for each in tmp_path.iterdir()] == ["robot.toml"]
+
+
+def test_bad_input_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["demo", "--jobs", "0"]) == 2
+    assert capsys.readouterr().err == "raccoon demo: --jobs 0: allowed are whole numbers from 1\n"

@@ -1,0 +1,52 @@
+"""`raccoon tune wheels` and `raccoon calibrate motors` on the simulator."""
+
+from pathlib import Path
+
+import pytest
+
+from raccoon.cli.main import main
+from raccoon.core.config import load_robot
+
+ROBOT = '[controller]\nport = "sim"\n'
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    path = tmp_path / "robot.toml"
+    path.write_text(ROBOT)
+    return path
+
+
+def test_wheels_are_identified_and_their_margins_shown(
+    robot: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["tune", "wheels", "--robot", str(robot)]) == 0
+    said = capsys.readouterr().out
+    assert "left wheel, motor port 0" in said
+    assert "margins       65 deg" in said
+    assert robot.read_text() == ROBOT
+
+
+def test_the_voltages_are_written_and_used(robot: Path) -> None:
+    assert main(["tune", "wheels", "--robot", str(robot), "--write"]) == 0
+    motor = load_robot(robot).motor(1)
+    assert motor.speed_voltage is not None
+    assert motor.speed_voltage.value == pytest.approx(1.0867, rel=0.02)
+    assert motor.speed_voltage.battery_voltage == pytest.approx(6.78, abs=0.05)
+    assert motor.static_voltage is not None
+    assert motor.static_voltage.value == pytest.approx(0.3, abs=0.05)
+
+
+def test_static_k_is_stored_with_date_voltage_and_deviation(robot: Path) -> None:
+    assert main(["calibrate", "motors", "--robot", str(robot), "--write"]) == 0
+    factor = load_robot(robot).motor(0).power_factor
+    assert factor.value == pytest.approx(1.0, abs=0.01)
+    assert factor.std > 0.0
+    assert factor.date is not None
+    assert factor.battery_voltage is not None
+
+
+def test_a_new_static_k_does_not_build_on_the_old_one(robot: Path) -> None:
+    robot.write_text(ROBOT + "[motor.0]\npower_factor = 0.8\n")
+    assert main(["calibrate", "motors", "--robot", str(robot), "--write"]) == 0
+    assert load_robot(robot).motor(0).power_factor.value == pytest.approx(1.0, abs=0.01)

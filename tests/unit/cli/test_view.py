@@ -1,0 +1,77 @@
+"""`raccoon view run`: a drive drawn over its table."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.cli.main import main
+from raccoon.cli.view.drive import drive_of
+from raccoon.core.errors import TraceError
+
+TABLES = Path(__file__).resolve().parents[3] / "examples" / "tables"
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A quarter of a circle to the left, radius 0.5 m, in 2 s."""
+    path = tmp_path / "drive.csv"
+    rows = ["t,truth.x,truth.y,truth.heading,event"]
+    for time in np.linspace(0.0, 2.0, 41):
+        heading = time * np.pi / 4
+        rows.append(f"{time},{0.5 * np.sin(heading)},{0.5 * (1 - np.cos(heading))},{heading},")
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("ending", ["svg", "png"])
+def test_it_draws_a_picture(recording: Path, tmp_path: Path, ending: str) -> None:
+    target = tmp_path / f"drive.{ending}"
+    table = str(TABLES / "workshop.toml")
+    assert main(["view", "run", str(recording), "-o", str(target), "--table", table]) == 0
+    beginning = target.read_bytes()[:200]
+    assert (b"<?xml" in beginning) if ending == "svg" else beginning.startswith(b"\x89PNG")
+    assert [each.name for each in tmp_path.glob(".*")] == []
+
+
+def test_the_same_drive_gives_the_same_picture(recording: Path, tmp_path: Path) -> None:
+    for name in ("one.svg", "two.svg"):
+        assert main(["view", "run", str(recording), "-o", str(tmp_path / name)]) == 0
+    assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
+
+
+def test_it_draws_an_animation(recording: Path, tmp_path: Path) -> None:
+    target = tmp_path / "drive.gif"
+    assert main(["view", "run", str(recording), "-o", str(target), "--no-table"]) == 0
+    assert target.read_bytes().startswith(b"GIF89a")
+
+
+def test_how_far_and_how_long(recording: Path) -> None:
+    drive = drive_of(recording)
+    assert drive.seconds == 2.0
+    assert drive.length == pytest.approx(0.5 * np.pi / 2, rel=1e-3)
+
+
+def test_it_can_be_moved_to_where_it_started(recording: Path) -> None:
+    path = drive_of(recording, (1.0, 0.2, 90.0)).best
+    assert (path.x[0], path.y[0]) == (1.0, 0.2)
+    assert path.x[-1] == pytest.approx(0.5)
+    assert path.y[-1] == pytest.approx(0.7)
+
+
+def test_a_recording_without_poses_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "blind.csv"
+    path.write_text("t,motor.0.duty\n0.0,0.1\n0.1,0.1\n", encoding="utf-8")
+    with pytest.raises(TraceError, match="nor estimates"):
+        drive_of(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [(["-o", "drive.pdf"], ".svg, .png, .gif"), (["--speed", "0"], "--speed is 0")],
+)
+def test_impossible_wishes_are_refused(
+    recording: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["view", "run", str(recording), *arguments]) == 2
+    assert message in capsys.readouterr().err

@@ -1,0 +1,59 @@
+"""The feedforward is the motor equation turned round."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from raccoon.control.feedforward import WheelModel, wheel_models
+from raccoon.core.config import RobotConfig
+from raccoon.model.paper import MOTORS, PaperMotor
+
+WHEEL = WheelModel(resistance=1.8, back_emf_constant=1.08, coulomb=0.18, viscous=0.004, inertia=0.02)
+
+
+@pytest.mark.parametrize("motor", MOTORS)
+def test_gives_the_papers_voltage_at_the_papers_speed(motor: PaperMotor) -> None:
+    wheel = WheelModel(motor.armature_resistance, motor.back_emf_constant, motor.friction_torque, 0.0, 0.02)
+    assert wheel.voltage(motor.speed) == pytest.approx(6.6, abs=2e-3)
+    assert wheel.top_speed(6.6) == pytest.approx(motor.speed, abs=2e-3)
+
+
+@given(st.floats(0.01, 10.0))
+def test_top_speed_inverts_the_voltage(speed: float) -> None:
+    assert WHEEL.top_speed(WHEEL.voltage(speed)) == pytest.approx(speed)
+
+
+@given(st.floats(-10.0, 10.0), st.floats(-50.0, 50.0))
+def test_is_odd(speed: float, acceleration: float) -> None:
+    assert WHEEL.voltage(-speed, -acceleration) == pytest.approx(-WHEEL.voltage(speed, acceleration))
+
+
+def test_rest_needs_nothing_and_starting_needs_friction() -> None:
+    assert WHEEL.voltage(0.0) == 0.0
+    assert WHEEL.voltage(0.0, 1e-9) == pytest.approx(1.8 / 1.08 * 0.18, rel=1e-6)
+    assert WHEEL.top_speed(0.1) == 0.0
+
+
+def test_voltage_makes_the_acceleration_it_was_asked_for() -> None:
+    voltage = WHEEL.voltage(3.0, 5.0)
+    current = (voltage - WHEEL.back_emf_constant * 3.0) / WHEEL.resistance
+    torque = WHEEL.back_emf_constant * current - WHEEL.viscous * 3.0 - WHEEL.coulomb
+    assert torque / WHEEL.inertia == pytest.approx(5.0)
+
+
+def test_time_constant_is_that_of_a_simulated_step() -> None:
+    frictionless = WheelModel(1.8, 1.08, 0.0, 0.004, 0.02)
+    speed, time = 0.0, 0.0
+    goal = frictionless.gain * 3.0
+    while speed < 0.632120558 * goal:
+        current = (3.0 - 1.08 * speed) / 1.8
+        speed += 1e-6 * (1.08 * current - 0.004 * speed) / 0.02
+        time += 1e-6
+    assert time == pytest.approx(frictionless.time_constant, rel=1e-3)
+
+
+def test_models_come_from_the_configuration() -> None:
+    left, right = wheel_models(RobotConfig())
+    assert left == right
+    assert left.back_emf_constant == 1.08
+    assert left.inertia == 0.020

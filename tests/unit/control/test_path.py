@@ -1,0 +1,52 @@
+"""Paths of straight pieces with rounded corners."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from raccoon.control.path import Path
+
+CORNER = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
+
+
+def test_a_corner_is_rounded_and_the_end_is_the_last_point() -> None:
+    path = Path(CORNER, rounding=0.2)
+    assert path.length == pytest.approx(0.8 + 0.2 * math.pi / 2.0 + 0.8)
+    assert (path.end.x, path.end.y) == pytest.approx((1.0, 1.0))
+    assert path.end.heading == pytest.approx(math.pi / 2.0)
+    assert path.sharpest_curvature == pytest.approx(5.0)
+    middle = path.at(0.8 + 0.1 * math.pi / 2.0)
+    assert middle.pose.heading == pytest.approx(math.pi / 4.0)
+    assert middle.curvature == pytest.approx(5.0)
+
+
+def test_a_rounding_that_does_not_fit_is_made_smaller() -> None:
+    path = Path([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.5, 0.1)], rounding=1.0)
+    assert path.sharpest_curvature == pytest.approx(20.0)
+    assert (path.end.x, path.end.y) == pytest.approx((0.5, 0.1))
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 0.3), st.floats(-0.5, 0.5)), min_size=2, max_size=6))
+def test_it_is_continuous_and_nearest_finds_its_own_points(bends: list[tuple[float, float]]) -> None:
+    points, x = [(0.0, 0.0)], 0.0
+    for ahead, y in bends:
+        x += ahead + 0.1
+        points.append((x, y))
+    path = Path(points, rounding=0.05)
+    before = path.at(0.0).pose
+    for step in range(1, 201):
+        way = path.length * step / 200.0
+        here = path.at(way).pose
+        assert math.dist((before.x, before.y), (here.x, here.y)) <= path.length / 200.0 + 1e-9
+        assert path.nearest(here.x, here.y, way - 0.002) == pytest.approx(way, abs=1e-3)
+        before = here
+    assert (before.x, before.y) == pytest.approx(points[-1], abs=1e-6)
+
+
+def test_nonsense_is_refused() -> None:
+    with pytest.raises(ValueError, match="1 different points"):
+        Path([(0.1, 0.1), (0.1, 0.1)])
+    with pytest.raises(ValueError, match="turns back at"):
+        Path([(0.0, 0.0), (1.0, 0.0), (0.0, 0.01)])

@@ -1,0 +1,86 @@
+"""Identifying wheels, and noticing the ones that are not as they should be, on motors stepped here."""
+
+import math
+
+import numpy as np
+import pytest
+
+from raccoon.control.feedforward import WheelModel
+from raccoon.control.identify import Windows, fit_voltages
+from raccoon.control.watch import WheelState, WheelWatch
+
+NOMINAL = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
+
+
+def motion(motor: WheelModel, seconds: float, seed: int = 0) -> list[tuple[float, float]]:
+    """(voltage, speed) a cycle of 5 ms of a motor that is driven up and down, always forwards."""
+    random = np.random.default_rng(seed)
+    speed, rows = 1.0, []
+    for cycle in range(int(seconds / 0.005)):
+        voltage = 3.5 + 2.0 * math.copysign(1.0, math.sin(cycle * 0.005 * 8.0))
+        for _ in range(5):
+            torque = motor.back_emf_constant * (voltage - motor.back_emf_constant * speed) / motor.resistance
+            speed += 1e-3 / motor.inertia * (torque - motor.viscous * speed - motor.coulomb)
+        rows.append((voltage, speed + 0.02 * random.standard_normal()))
+    return rows
+
+
+def watched(motor: WheelModel) -> WheelState:
+    watch = WheelWatch(NOMINAL)
+    for voltage, speed in motion(motor, 6.0):
+        watch.update(voltage, speed, 0.005)
+    return watch.state
+
+
+def test_the_voltages_of_a_motor_are_found() -> None:
+    windows, rows = Windows(), []
+    for voltage, speed in motion(NOMINAL, 6.0):
+        row = windows.add(voltage, speed, 0.005)
+        if row is not None:
+            rows.append(row)
+    found = fit_voltages(rows)
+    assert found.static == pytest.approx(NOMINAL.static_voltage, abs=0.05)
+    assert found.speed == pytest.approx(1.0 / NOMINAL.gain, rel=0.02)
+    assert found.acceleration == pytest.approx(NOMINAL.acceleration_voltage, rel=0.06)
+    assert found.speed_std < 0.02
+
+
+def test_data_that_cannot_tell_is_refused() -> None:
+    with pytest.raises(ValueError, match="at least 6 are needed"):
+        fit_voltages([((1.0, 2.0, 0.0), 3.0)] * 3)
+    with pytest.raises(ValueError, match="too much alike"):
+        fit_voltages([((1.0, 2.0, 0.0), 3.0)] * 20)
+
+
+def test_a_nominal_motor_is_not_odd() -> None:
+    state = watched(NOMINAL)
+    assert state.oddity == ""
+    assert state.speed_factor == pytest.approx(1.0, abs=0.05)
+
+
+def test_half_as_much_resistance_again_is_odd() -> None:
+    state = watched(WheelModel(2.7, 1.08, 0.18, 0.004, 0.02))
+    assert "voltage a load should" in state.oddity
+    assert state.load_factor == pytest.approx(1.5, abs=0.15)
+
+
+def test_a_weak_magnet_is_odd() -> None:
+    state = watched(WheelModel(1.8, 0.54, 0.18, 0.004, 0.02))
+    assert "K_E" in state.oddity
+    assert state.speed_factor == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_driven_wheel_that_stands_is_stalled_and_forgets_at_rest() -> None:
+    watch = WheelWatch(NOMINAL)
+    for _ in range(100):
+        watch.update(3.0, 0.01, 0.005)
+    assert watch.stalled
+    watch.rest()
+    assert not watch.stalled
+
+
+def test_too_little_voltage_to_move_is_no_stall() -> None:
+    watch = WheelWatch(NOMINAL)
+    for _ in range(1000):
+        watch.update(NOMINAL.static_voltage + 0.3, 0.0, 0.005)
+    assert not watch.stalled

@@ -1,0 +1,98 @@
+"""The two wheels together, on simulated motors written here."""
+
+import math
+
+import pytest
+
+from raccoon.control.feedforward import WheelModel
+from raccoon.control.tuning import speed_loop_gains
+from raccoon.control.wheels import REST, WheelLoop, WheelTarget
+from raccoon.model.paper import MOTORS
+
+NOMINAL = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
+
+
+def make_loop() -> WheelLoop:
+    return WheelLoop(NOMINAL, NOMINAL, speed_loop_gains(NOMINAL, 0.0225, 0.0075), 0.0225, 6.8)
+
+
+class Motor:
+    """A motor with Coulomb friction and the controller's speed filter, stepped at 1 kHz."""
+
+    def __init__(self, resistance: float, constant: float, coulomb: float) -> None:
+        self.resistance, self.constant, self.coulomb = resistance, constant, coulomb
+        self.speed = self.measured = 0.0
+
+    def advance(self, voltage: float) -> None:
+        for _ in range(5):
+            drive = self.constant * (voltage - self.constant * self.speed) / self.resistance
+            drive -= 0.004 * self.speed
+            if self.speed == 0.0 and abs(drive) <= self.coulomb:
+                continue
+            change = 1e-3 / 0.02 * (drive - math.copysign(self.coulomb, self.speed or drive))
+            self.speed = 0.0 if self.speed * (self.speed + change) < 0.0 else self.speed + change
+            self.measured += 1e-3 / 0.0225 * (self.speed - self.measured)
+
+
+def drive(left: Motor, right: Motor, battery: float, target: WheelTarget, seconds: float) -> list[float]:
+    loop, history = make_loop(), []
+    for _ in range(int(seconds / 0.005)):
+        duties = loop.step(target, left.measured, right.measured, 0.005, battery)
+        left.advance(duties[0] * battery)
+        right.advance(duties[1] * battery)
+        history.append(left.speed)
+    return history
+
+
+@pytest.mark.parametrize("battery", [5.8, 6.1, 6.6, 7.2])
+def test_unequal_motors_turn_alike_on_every_battery(battery: float) -> None:
+    left, right = (
+        Motor(MOTORS[i].armature_resistance, MOTORS[i].back_emf_constant, MOTORS[i].friction_torque)
+        for i in (0, 2)
+    )
+    history = drive(left, right, battery, WheelTarget(4.0, 4.0), 2.0)
+    assert left.speed == pytest.approx(4.0, abs=0.01)
+    assert right.speed == pytest.approx(4.0, abs=0.01)
+    assert max(history) < 4.0 * 1.08
+
+
+def test_a_nominal_motor_follows_a_step_without_overshoot() -> None:
+    history = drive(Motor(1.8, 1.08, 0.18), Motor(1.8, 1.08, 0.18), 6.8, WheelTarget(4.0, 4.0), 1.0)
+    assert max(history) < 4.0 * 1.05
+    settled = next(i for i, speed in enumerate(history) if abs(speed - 4.0) < 0.2)
+    assert settled * 0.005 <= 3 * NOMINAL.time_constant + 0.01
+
+
+def test_saturation_keeps_the_ratio_and_says_what_is_missing() -> None:
+    loop = make_loop()
+    wanted = WheelTarget(12.0, 6.0)
+    left, right = Motor(1.8, 1.08, 0.18), Motor(1.8, 1.08, 0.18)
+    for _ in range(400):
+        duties = loop.step(wanted, left.measured, right.measured, 0.005, 6.1)
+        left.advance(duties[0] * 6.1)
+        right.advance(duties[1] * 6.1)
+    assert left.speed / right.speed == pytest.approx(2.0, rel=0.01)
+    assert loop.saturated
+    assert loop.missing_speed == pytest.approx(12.0 - NOMINAL.top_speed(6.1))
+
+
+def test_rest_is_no_power_and_forgets() -> None:
+    loop = make_loop()
+    for _ in range(100):
+        loop.step(WheelTarget(3.0, 3.0), 0.0, 0.0, 0.005, 6.6)
+    assert loop.step(REST, 1.0, -1.0, 0.005, 6.6) == (0.0, 0.0)
+    first = loop.step(WheelTarget(3.0, 3.0), 0.0, 0.0, 0.0, 6.6)
+    assert first == make_loop().step(WheelTarget(3.0, 3.0), 0.0, 0.0, 0.0, 6.6)
+
+
+def test_a_missing_speed_leaves_the_feedforward() -> None:
+    duties = make_loop().step(WheelTarget(3.0, 3.0), None, None, 0.005, 6.0)
+    assert duties[0] == pytest.approx(NOMINAL.voltage(3.0) / 6.0)
+
+
+def test_an_absurd_battery_reading_is_not_used() -> None:
+    expected = NOMINAL.voltage(3.0) / 6.8
+    for reading in (None, 0.0, 0.5):
+        assert make_loop().step(WheelTarget(3.0, 3.0), None, None, 0.005, reading)[0] == pytest.approx(
+            expected
+        )

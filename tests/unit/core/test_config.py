@@ -1,0 +1,132 @@
+"""robot.toml is read, or refused with file, key, value and what is allowed."""
+
+from datetime import date
+from pathlib import Path
+
+import pytest
+
+from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig, load_robot, template
+from raccoon.core.errors import ConfigError
+
+EXAMPLE = """
+name = "drumbot"
+[controller]
+port = "wombat"
+[drive]
+left = 0
+right = 1
+[motor.0]
+inverted = false
+radians_per_tick = { value = 0.00388, std = 0.00004, date = 2026-03-01, battery_voltage = 6.7 }
+[tophat.front_left]
+analog = 0
+forward = 0.11
+left = 0.02
+[model.battery]
+open_circuit_voltage = { value = 6.8, std = 0.03 }
+internal_resistance = 0.05
+[model.motor]
+armature_resistance = { value = 1.8, std = 0.03 }
+[model.motor.left]
+back_emf_constant = 1.107
+"""
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "robot.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_documented_file_is_read(tmp_path: Path) -> None:
+    robot = load_robot(write(tmp_path, EXAMPLE))
+    assert robot.name == "drumbot"
+    assert robot.motor(0).radians_per_tick == Measured(0.00388, 0.00004, date(2026, 3, 1), 6.7)
+    assert robot.motor(3).radians_per_tick is None
+    assert robot.tophats["front_left"].left == 0.02
+    assert robot.model.left.back_emf_constant.value == 1.107
+    assert robot.model.right.back_emf_constant.value == 1.08
+    assert (
+        robot.model.left.armature_resistance == robot.model.right.armature_resistance == Measured(1.8, 0.03)
+    )
+
+
+def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
+    assert load_robot(write(tmp_path, "")) == RobotConfig()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("nam = 'x'", r"robot.toml: nam: there is no such key; allowed are name, controller"),
+        ("name = 3", r"name = 3: it must be a text"),
+        ("drive = 3", r"drive = 3: it must be a table"),
+        ("[drive]\nleft = 4", r"drive.left = 4: allowed are the ports 0 to 3"),
+        ("[drive]\nleft = true", r"drive.left = True: allowed are the ports"),
+        ("[drive]\nleft = 1", r"drive.left and drive.right are both motor port 1"),
+        ("[motor.4]\ninverted = true", r"motor.4: allowed are the ports 0 to 3"),
+        ("[motor.0]\ninverted = 1", r"motor.0.inverted = 1: allowed are true and false"),
+        ("[motor.0]\nradians_per_tick = 0", r"motor.0.radians_per_tick = 0: allowed are numbers above 0"),
+        ("[motor.0]\nradians_per_tick = {std = 1}", r"motor.0.radians_per_tick has no value"),
+        (
+            "[motor.0]\nradians_per_tick = {value = 1, date = 3}",
+            r"radians_per_tick.date = 3: it must be a date",
+        ),
+        ("[motor.0]\nradians_per_tick = {value = 1, std = -1}", r"radians_per_tick.std = -1: allowed are"),
+        ("[controller]\nport = 'ev3'", r"controller.port = 'ev3': allowed is wombat \| wombat-raccoon"),
+        ("[controller]\nrate_hz = nan", r"controller.rate_hz = nan: allowed are numbers from 10 to 1000"),
+        (
+            "[model.battery]\ninternal_resistance = -0.1",
+            r"internal_resistance = -0.1: allowed are numbers from 0",
+        ),
+        ("[model.drive]\ntrack_width = 0", r"model.drive.track_width = 0: allowed are numbers above 0"),
+        ("[model.drive]\ntrack_width = '16 cm'", r"track_width = '16 cm': allowed are numbers"),
+        ("[model.motor.left]\nback_emf = 1", r"model.motor.left.back_emf: there is no such key"),
+        (
+            "[tophat.a]\nanalog = 1\n[tophat.b]\nanalog = 1",
+            r"tophat.b.analog = 1: the port is taken by tophat.a",
+        ),
+        ("[tophat.a]\nanalog = 6", r"tophat.a.analog = 6: allowed are the ports 0 to 5"),
+        ("name = ", r"not a TOML file"),
+    ],
+)
+def test_every_bad_value_is_named(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        load_robot(write(tmp_path, text))
+
+
+def test_a_file_of_another_encoding_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_bytes(b"name = '\xff'")
+    with pytest.raises(ConfigError, match="not a TOML file"):
+        load_robot(path)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        load_robot(tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize(("value", "std"), [(float("nan"), 0.0), (1.0, -1.0), (1.0, float("inf"))])
+def test_a_measured_number_is_finite_with_a_real_std(value: float, std: float) -> None:
+    with pytest.raises(ConfigError):
+        Measured(value, std)
+
+
+def test_the_template_is_the_default_robot_and_names_every_key(tmp_path: Path) -> None:
+    text = template()
+    assert load_robot(write(tmp_path, text)) == RobotConfig(
+        motors={0: MotorConfig()}, tophats={"front": TophatConfig()}
+    )
+    switched_on = "\n".join(
+        line[2:] if line.startswith("# ") and "= " in line and "=  #" not in line else line
+        for line in text.splitlines()
+    )
+    robot = load_robot(write(tmp_path, switched_on))
+    assert robot.model == RobotConfig().model
+    assert robot.motion == RobotConfig().motion
+
+
+def test_the_page_shows_the_template() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "robot-toml.md").read_text(encoding="utf-8")
+    assert f"```toml\n{template()}```" in page

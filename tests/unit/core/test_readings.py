@@ -1,0 +1,36 @@
+"""The words that cross a port."""
+
+import math
+
+import pytest
+
+from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
+
+
+@pytest.mark.parametrize("duty", [1.01, -1.01, math.nan, math.inf])
+def test_impossible_duty_is_refused_with_port_and_value(duty: float) -> None:
+    with pytest.raises(ValueError, match=r"duty of motor 2 is .*allowed are numbers from -1 to 1"):
+        Outputs(duty=(0.0, 0.0, duty, 0.0))
+
+
+def test_impossible_pulse_is_refused() -> None:
+    with pytest.raises(ValueError, match="pulse of servo 1 is 2500 us"):
+        Outputs(servo_us=(None, 2500, None, None))
+
+
+def test_stop_is_everything_off() -> None:
+    assert STOP.duty == (0.0,) * 4
+    assert STOP.servo_us == (None,) * 4
+
+
+def test_conversions_follow_the_device() -> None:
+    inputs = Inputs(time=0.0, device=SIMULATOR, battery=748, gyro=(0, 0, 738))
+    # Worked reply of the stock firmware: 748 counts are 6.629 V by the divider, 738 are 45.0 deg/s.
+    assert inputs.battery_voltage == pytest.approx(6.629, abs=5e-4)
+    assert inputs.turn_rate == pytest.approx(math.radians(45.0), rel=1e-9)
+
+
+def test_absent_readings_stay_absent() -> None:
+    inputs = Inputs(time=0.0, device=SIMULATOR)
+    assert inputs.battery_voltage is None
+    assert inputs.turn_rate is None

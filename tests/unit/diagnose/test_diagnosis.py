@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from blind.hidden import draw
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.fleet import common_causes, fleet_report
+from raccoon.diagnose.hypotheses import base_coordinates, drive_causes, neutral_settings
+from raccoon.diagnose.report import terminal_report
+from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.diagnose.rollout import parameters_of
+from raccoon.diagnose.wording import explanation, manoeuvre_for
+from raccoon.sim.chain import Chain
+from raccoon.sim.effects import all_effects
+from raccoon.sim.parameters import Parameters
+
+ROBOT = RobotConfig()
+
+
+@pytest.fixture(scope="module")
+def sagging() -> Diagnosis:
+    hidden = draw("battery.internal_resistance", np.random.default_rng(8))
+    columns = dict(make(8, [hidden], seconds=16.0).columns)
+    return diagnose(columns, ROBOT)
+
+
+def test_the_json_has_the_contract_keys(sagging: Diagnosis, tmp_path: Path) -> None:
+    sagging.save_json(tmp_path / "out.json")
+    read = json.loads((tmp_path / "out.json").read_text())
+    assert list(read) == [
+        "verdict", "channels", "causes", "rejected", "unexplained", "suggested_manoeuvres", "seconds",
+    ]  # fmt: skip
+    assert set(read["causes"][0]) == {
+        "id", "where", "rank", "parameters", "gain", "probability", "confounded_with", "explanation",
+    }  # fmt: skip
+    assert set(read["causes"][0]["parameters"]["resistance"]) == {"value", "std", "unit", "nominal"}
+    assert set(read["channels"][0]) == {
+        "name", "unit", "rmse_before", "rmse_after", "noise_floor", "whiteness_p",
+    }  # fmt: skip
+
+
+def test_the_report_says_it_in_words(sagging: Diagnosis) -> None:
+    text = terminal_report(sagging)
+    assert "battery's resistance" in text
+    assert "ohm" in text
+
+
+def test_the_model_has_the_cause_and_survives_its_file(sagging: Diagnosis, tmp_path: Path) -> None:
+    assert sagging.model is not None
+    sagging.model.save(tmp_path / "model.toml")
+    again = Parameters.from_model_file(tmp_path / "model.toml")
+    found = sagging.causes[0].parameters["resistance"].value
+    assert again.value("battery.internal_resistance", "resistance") == pytest.approx(found)
+
+
+def test_every_drive_effect_is_a_cause_with_a_sentence_and_a_manoeuvre() -> None:
+    causes = {each.id for each in drive_causes()}
+    for effect in all_effects():
+        if effect.group == "tophat":
+            continue
+        assert effect.id in causes
+        assert manoeuvre_for(effect.id) is not None
+
+
+def test_neutral_coordinates_give_the_nominal_robot() -> None:
+    settings = neutral_settings(ROBOT)
+    for coordinate in base_coordinates(ROBOT):
+        coordinate.apply(settings, 0.0)
+    for cause in drive_causes():
+        if cause.joint is None:
+            cause.apply(settings, [0.0] * cause.size)
+    assert settings == pytest.approx(neutral_settings(ROBOT))
+    assert parameters_of(neutral_settings(ROBOT), neutral_settings(ROBOT), ROBOT, Chain()).effects == {}
+
+
+def test_a_fleet_tells_common_from_odd(sagging: Diagnosis) -> None:
+    clean = Diagnosis(Verdict.ADEQUATE, (), (), (), sagging.unexplained, (), 0.1)
+    results = {"one": sagging, "two": sagging, "three": clean}
+    causes = common_causes(results)
+    assert causes[0].name == "battery.internal_resistance"
+    assert causes[0].common
+    assert causes[0].recordings == ("one", "two")
+    assert "67 % (common)" in fleet_report(results, causes)
+
+
+def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:
+    values = sagging.causes[0].parameters
+    text = explanation("battery.internal_resistance", None, values)
+    assert f"{values['resistance'].value:.3f} ohm" in text

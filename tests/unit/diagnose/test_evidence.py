@@ -1,0 +1,78 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.evidence import Gram, cross_validated
+from raccoon.diagnose.noise import STEADY, fit_noise, whiteness
+
+
+def random_gram(seed: int, columns: int = 4, rows: int = 50) -> tuple[np.ndarray, np.ndarray, Gram]:
+    rng = np.random.default_rng(seed)
+    x, y = rng.standard_normal((rows, columns)), rng.standard_normal(rows)
+    return x, y, Gram.of(x, y)
+
+
+def test_log_evidence_is_that_of_the_gaussian_it_stands_for() -> None:
+    x, y, gram = random_gram(1)
+    covariance = np.eye(len(y)) + x @ x.T
+    _, logdet = np.linalg.slogdet(covariance)
+    direct = -0.5 * y @ np.linalg.solve(covariance, y) - 0.5 * logdet + 0.5 * y @ y
+    assert gram.solve()[1] == pytest.approx(direct)
+
+
+def test_eliminating_columns_changes_no_estimate() -> None:
+    _, _, gram = random_gram(2)
+    whole = gram.solve()[0]
+    assert gram.without(2).solve()[0] == pytest.approx(whole[2:])
+
+
+def test_evidence_of_a_set_is_that_of_its_parts_in_turn() -> None:
+    _, _, gram = random_gram(3)
+    first = gram.take([0, 1]).solve()[1]
+    assert first + gram.without(2).solve()[1] == pytest.approx(gram.solve()[1])
+
+
+def test_shifting_is_subtracting_a_prediction() -> None:
+    x, y, gram = random_gram(4)
+    held = np.array([0.3, 0.0, -1.0, 0.0])
+    shifted, direct = gram.shifted(held), Gram.of(x, y - x @ held)
+    assert shifted.projection == pytest.approx(direct.projection)
+    assert shifted.power == pytest.approx(direct.power)
+
+
+def test_cross_validation_prefers_a_column_that_matters_and_not_one_that_does_not() -> None:
+    rng = np.random.default_rng(5)
+    x = rng.standard_normal((400, 2))
+    y = 0.8 * x[:, 0] + rng.standard_normal(400)
+    blocks = [Gram.of(x[i : i + 50], y[i : i + 50]) for i in range(0, 400, 50)]
+    nothing, right, both = (cross_validated(blocks, columns) for columns in ([], [0], [0, 1]))
+    assert right > nothing + 20.0
+    assert both < right + 1.0
+
+
+def coloured(seed: int, n: int = 4000) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    shocks = rng.multivariate_normal([0.0, 0.0], [[1.0, 0.7], [0.7, 2.0]], n)
+    noise = np.zeros((n, 2))
+    for row in range(1, n):
+        noise[row] = np.array([[0.8, 0.1], [0.0, 0.6]]) @ noise[row - 1] + shocks[row]
+    return noise
+
+
+def test_whitened_noise_is_white_independent_and_of_unit_size() -> None:
+    noise = coloured(6)
+    regimes = np.full(len(noise), STEADY)
+    model = fit_noise(noise, 3, np.full(2, 1e-3), regimes)
+    white = model.whiten(noise)[5:]
+    assert np.cov(white.T) == pytest.approx(np.eye(2), abs=0.06)
+    assert whiteness(white).min() > 0.001
+    assert whiteness(noise).max() < 1e-6
+
+
+def test_a_bin_far_outside_counts_less() -> None:
+    noise = coloured(7)
+    noise[2000] += 60.0
+    model = fit_noise(noise, 3, np.full(2, 1e-3), np.full(len(noise), STEADY))
+    assert model.weights[2000] < 0.2
+    assert np.median(model.weights) == 1.0

@@ -1,0 +1,38 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.excitation import drive_and_record
+from raccoon.diagnose.experiment import manoeuvre
+from raccoon.diagnose.html import save_html
+from raccoon.diagnose.result import Verdict
+from raccoon.trace.loading import load_run
+
+ROBOT = RobotConfig()
+
+
+def test_a_manoeuvre_is_driven_in_the_simulator_and_recorded(tmp_path: Path) -> None:
+    robot = replace(ROBOT, controller=replace(ROBOT.controller, port="sim"))
+    duty = manoeuvre("spin")[:200]
+    drive_and_record(robot, duty, tmp_path / "run.jsonl.gz")
+    columns = load_run(tmp_path / "run.jsonl.gz").recording.columns
+    assert columns["t"][-1] - columns["t"][0] == pytest.approx(1.0, abs=0.02)
+    assert np.nanmax(columns["motor.1.duty"]) == pytest.approx(0.8)
+    assert np.nanmax(columns["motor.1.bemf"]) > 500.0
+
+
+def test_a_recording_of_the_own_simulator_is_adequate_and_reported(tmp_path: Path) -> None:
+    robot = replace(ROBOT, controller=replace(ROBOT.controller, port="sim"))
+    drive_and_record(robot, manoeuvre("steps"), tmp_path / "run.jsonl.gz")
+    said = diagnose(load_run(tmp_path / "run.jsonl.gz").recording.columns, robot)
+    assert said.verdict is Verdict.ADEQUATE
+    save_html(said, tmp_path / "run.html", title="run")
+    page = (tmp_path / "run.html").read_text()
+    assert "adequate" in page
+    assert "data:image/png;base64," in page

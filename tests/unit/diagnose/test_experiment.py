@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.diagnose.experiment import MANOEUVRES, advise, manoeuvre
+
+ROBOT = RobotConfig()
+
+
+@pytest.mark.parametrize("name", sorted(MANOEUVRES))
+def test_a_manoeuvre_is_a_legal_command(name: str) -> None:
+    duty = manoeuvre(name)
+    assert duty.shape[1] == 2
+    assert np.abs(duty).max() <= 1.0
+
+
+def test_standing_still_shows_a_gyro_bias_but_no_backlash() -> None:
+    bias = {each.manoeuvre: each.evidence for each in advise(ROBOT, "imu.gyro_bias")}
+    backlash = {each.manoeuvre: each.evidence for each in advise(ROBOT, "drive.backlash")}
+    assert bias["still"] > 20.0
+    assert backlash["still"] < 1.0
+
+
+def test_backlash_is_told_from_gyro_latency_by_turning() -> None:
+    best = advise(ROBOT, "drive.backlash", ["imu.latency"])[0]
+    assert best.manoeuvre in ("spin", "steps", "creep")
+
+
+def test_twins_cannot_be_told_apart_by_any_drive() -> None:
+    alone = advise(ROBOT, "imu.gyro_scale")[0].evidence
+    against = advise(ROBOT, "imu.gyro_scale", ["drive.track_width"])[0].evidence
+    assert against < 0.2 * alone
+
+
+def test_the_area_is_minded() -> None:
+    assert all(each.reach <= 0.3 for each in advise(ROBOT, "friction.viscous", within=0.3))
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(ConfigError, match="moon phase"):
+        advise(ROBOT, "moon phase")
+    with pytest.raises(ConfigError, match="pirouette"):
+        manoeuvre("pirouette")

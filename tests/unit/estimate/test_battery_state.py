@@ -1,0 +1,52 @@
+"""State of charge and internal resistance from sag, on a pack made here."""
+
+import numpy as np
+import pytest
+
+from raccoon.core.readings import Status
+from raccoon.estimate.battery_curves import CURVES, charge_at, voltage_at
+from raccoon.estimate.battery_state import PackState
+
+
+def drive(pack: PackState, chemistry: str, resistance: float, charge: float, seconds: float = 40.0) -> None:
+    random = np.random.default_rng(3)
+    for cycle in range(int(seconds * 100)):
+        current = 1.2 if (cycle // 150) % 2 else 0.1
+        voltage = 2.0 * voltage_at(chemistry, charge) - resistance * current
+        pack.update(cycle * 0.01, voltage + 0.013 * random.standard_normal(), current)
+
+
+@pytest.mark.parametrize("chemistry", sorted(CURVES))
+@pytest.mark.parametrize("resistance", [0.05, 0.15])
+def test_charge_and_resistance_are_found_within_their_deviations(chemistry: str, resistance: float) -> None:
+    pack = PackState(chemistry, 2.0)
+    drive(pack, chemistry, resistance, 0.35)
+    found = pack.estimate
+    assert found.status is Status.OK
+    assert found.internal_resistance == pytest.approx(resistance, abs=0.015)
+    assert abs(found.charge - 0.35) < max(0.05, 2.0 * found.charge_std)
+
+
+def test_without_a_change_of_load_the_resistance_stays_unsure() -> None:
+    pack = PackState("lipo", 2.0)
+    for cycle in range(500):
+        pack.update(cycle * 0.01, 7.6, 0.1)
+    assert pack.estimate.status is Status.UNCERTAIN
+    assert pack.estimate.internal_resistance_std > 0.03
+
+
+def test_before_any_reading_it_is_invalid() -> None:
+    assert PackState().estimate.status is Status.INVALID
+
+
+@pytest.mark.parametrize("chemistry", sorted(CURVES))
+def test_curves_rise_and_are_their_own_inverse(chemistry: str) -> None:
+    for charge in (0.0, 0.13, 0.5, 0.77, 1.0):
+        assert charge_at(chemistry, voltage_at(chemistry, charge)) == pytest.approx(charge, abs=1e-9)
+    assert charge_at(chemistry, 0.1) == 0.0
+    assert charge_at(chemistry, 9.0) == 1.0
+
+
+def test_an_unknown_chemistry_is_refused() -> None:
+    with pytest.raises(ValueError, match="chemistry is 'lead'"):
+        PackState("lead")

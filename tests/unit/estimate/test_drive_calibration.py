@@ -1,0 +1,109 @@
+"""A taped straight drive tells both motors' scale and offset, or is refused with what to do."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from drive_traces import Errors, Segment, drive
+from raccoon.core.config import MotorConfig, RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import Inputs, Words
+from raccoon.estimate.drive_calibration import calibrate_straight
+from raccoon.estimate.odometry import Odometry
+
+STRAIGHT: list[Segment] = [(1.0, 0.0, 0.0), (3.2, 0.2, 0.0), (1.0, 0.0, 0.0)]
+ODD = Errors(scale=(1.035, 0.965), offset_counts=(31.5, -54.9), gyro_bias=0.004)
+
+
+def recorded(segments: list[Segment], errors: Errors = ODD, **more: Any) -> tuple[list[Inputs], float]:
+    cycles = [inputs for inputs, _ in drive(segments, errors, **more)]
+    truth = cycles[-1].truth
+    assert truth is not None
+    return cycles, math.hypot(truth.x, truth.y)
+
+
+def negated(words: Words) -> Words:
+    """The left motor wired the other way."""
+    assert words[0] is not None
+    return (-words[0], *words[1:])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_scales_and_offsets_are_found_within_their_deviations(seed: int) -> None:
+    cycles, distance = recorded(STRAIGHT, seed=seed)
+    found = calibrate_straight(RobotConfig(), cycles, distance, distance_std=0.001)
+    nominal = cycles[0].device.bemf_volts / 1.08
+    for value, scale in ((found.left, 1.035), (found.right, 0.965)):
+        assert value.value == pytest.approx(nominal / scale, abs=4 * value.std)
+        assert value.std / value.value < 0.005
+    assert found.left_offset is not None
+    assert found.right_offset is not None
+    assert found.left_offset.value == pytest.approx(31.5, abs=4 * found.left_offset.std)
+    assert found.right_offset.value == pytest.approx(-54.9, abs=4 * found.right_offset.std)
+
+
+def test_a_curved_drive_is_told_apart_by_the_gyro() -> None:
+    curved: list[Segment] = [(1.0, 0.0, 0.0), (3.2, 0.2, 0.1), (1.0, 0.0, 0.0)]
+    cycles, distance = recorded(curved)
+    found = calibrate_straight(RobotConfig(), cycles, distance)
+    nominal = cycles[0].device.bemf_volts / 1.08
+    assert found.turn == pytest.approx(0.32, abs=0.02)
+    assert found.left.value / found.right.value == pytest.approx(0.965 / 1.035, rel=0.01)
+    assert found.left.value == pytest.approx(nominal / 1.035, rel=0.01)
+
+
+def test_backwards_and_inverted_is_the_same() -> None:
+    backwards: list[Segment] = [(1.0, 0.0, 0.0), (3.2, -0.2, 0.0), (1.0, 0.0, 0.0)]
+    cycles, distance = recorded(backwards)
+    flipped = [replace(c, bemf=negated(c.bemf), position=negated(c.position)) for c in cycles]
+    robot = RobotConfig(motors={0: MotorConfig(inverted=True)})
+    found = calibrate_straight(robot, flipped, -distance)
+    nominal = cycles[0].device.bemf_volts / 1.08
+    assert found.left.value == pytest.approx(nominal / 1.035, rel=0.01)
+
+
+def test_applied_calibration_drives_the_tape_again() -> None:
+    cycles, distance = recorded(STRAIGHT)
+    robot = calibrate_straight(RobotConfig(), cycles, distance).applied(RobotConfig())
+    odometry = Odometry(robot)
+    for inputs, command in drive(STRAIGHT, ODD, seed=7):
+        estimate = odometry.update(inputs, command)
+    assert inputs.truth is not None
+    assert estimate.x == pytest.approx(inputs.truth.x, rel=0.01)
+    assert abs(estimate.y - inputs.truth.y) < 0.005
+
+
+def test_entries_are_keys_of_robot_toml() -> None:
+    cycles, distance = recorded(STRAIGHT)
+    found = calibrate_straight(RobotConfig(), cycles, distance)
+    keys = set(found.entries(RobotConfig()))
+    assert keys == {f"motor.{p}.{k}" for p in (0, 1) for k in ("radians_per_tick", "bemf_offset")}
+
+
+REFUSED: list[tuple[list[Segment], dict[str, Any], dict[str, Any], str]] = [
+    ([(1.0, 0.0, 0.0), (0.6, 0.2, 0.0), (1.0, 0.0, 0.0)], {}, {}, "at least 0.2 m"),
+    ([(1.0, 0.0, 0.0), (3.2, 0.2, 0.4), (1.0, 0.0, 0.0)], {}, {}, "drive straighter"),
+    ([(1.0, 0.0, 0.0), (3.2, 0.2, 0.0)], {}, {}, "still turns at the end"),
+    (STRAIGHT, {"gyro_every": 0}, {}, "give the turn"),
+    (STRAIGHT, {"counters": False}, {}, "gives nothing"),
+    (STRAIGHT, {}, {"distance": -0.6}, "wrong sign"),
+    (STRAIGHT, {}, {"distance": 6.0}, "times the expected"),
+    (STRAIGHT, {}, {"distance_std": 0.0}, "distance_std"),
+]
+
+
+@pytest.mark.parametrize(("segments", "sensors", "given", "reason"), REFUSED)
+def test_a_drive_that_cannot_tell_is_refused(
+    segments: list[Segment], sensors: dict[str, Any], given: dict[str, Any], reason: str
+) -> None:
+    cycles, distance = recorded(segments, **sensors)
+    with pytest.raises(CalibrationError, match=reason):
+        calibrate_straight(RobotConfig(), cycles, **{"distance": distance, **given})
+
+
+def test_without_a_gyro_the_turn_can_be_given() -> None:
+    cycles, distance = recorded(STRAIGHT, gyro_every=0)
+    found = calibrate_straight(RobotConfig(), cycles, distance, turn=0.0)
+    assert found.left.value / found.right.value == pytest.approx(0.965 / 1.035, rel=0.02)

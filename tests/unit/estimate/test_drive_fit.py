@@ -1,0 +1,213 @@
+"""The drive's geometry from recorded manoeuvres: found within its deviation, or refused with what would
+do.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drive_traces import RADIUS, TRACK, Errors, Segment, drive
+from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
+from raccoon.core.errors import CalibrationError
+from raccoon.estimate.drive_columns import Array, Manoeuvre, TapedWay, manoeuvre
+from raccoon.estimate.drive_fit import calibrate_drive, path
+from shared_data import data_path
+
+LEFT_SQUARE: list[Segment] = [(3.0, 0.2, 0.0), (0.7, 0.0, 0.0), (1.0, 0.0, 1.6), (0.7, 0.0, 0.0)] * 4
+RIGHT_SQUARE: list[Segment] = [(s, v, -w) for s, v, w in LEFT_SQUARE]
+WAIT: list[Segment] = [(1.5, 0.0, 0.0)]
+ODD = Errors(scale=(1.035, 0.965), offset_counts=(31.5, -54.9), track=1.03, gyro_bias=0.004)
+ROBOT = RobotConfig()
+
+
+def columns(segments: Sequence[Segment], seed: int = 0) -> dict[str, Array]:
+    """A recording as the interchange format has it: SI, blank where there is nothing."""
+    return dict(recorded(tuple(segments), seed))
+
+
+@cache
+def recorded(segments: tuple[Segment, ...], seed: int) -> dict[str, Array]:
+    cycles = [inputs for inputs, _ in drive(segments, ODD, seed=seed)]
+    table: dict[str, list[float]] = {}
+    for each in cycles:
+        assert each.truth is not None
+        row = {
+            "t": each.time,
+            "motor.0.bemf": each.bemf[0],
+            "motor.1.bemf": each.bemf[1],
+            "motor.0.position": each.position[0],
+            "motor.1.position": each.position[1],
+            "imu.gyro.z": each.turn_rate,
+            "truth.x": each.truth.x,
+            "truth.y": each.truth.y,
+            "truth.heading": each.truth.heading,
+        }
+        for name, value in row.items():
+            table.setdefault(name, []).append(math.nan if value is None else float(value))
+    return {name: np.array(values) for name, values in table.items()}
+
+
+def without(table: dict[str, Array], *names: str) -> dict[str, Array]:
+    return {name: values for name, values in table.items() if not name.startswith(names)}
+
+
+def assert_found(found: Any) -> None:
+    per_tick = 3.3 / 4096 * 9.0 / 2.2 / 1.08
+    assert found.left.value == pytest.approx(per_tick / 1.035, abs=4 * found.left.std + 0.002 * per_tick)
+    assert found.right.value == pytest.approx(per_tick / 0.965, abs=4 * found.right.std + 0.002 * per_tick)
+    assert found.track_width.value == pytest.approx(TRACK * 1.03, abs=4 * found.track_width.std + 5e-4)
+    assert found.left_radius.value == pytest.approx(RADIUS / 1.035, rel=0.01)
+    assert found.left_offset.value == pytest.approx(31.5, abs=1.0)
+    assert found.error_after < 0.3 * found.error_before
+
+
+def test_motion_capture_gives_everything() -> None:
+    made = manoeuvre(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT]), ROBOT)
+    assert_found(calibrate_drive(ROBOT, [made]))
+
+
+def test_gyro_and_one_taped_side_give_everything() -> None:
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    begin, end = np.searchsorted(table["t"], [1.0, 5.1])
+    side = math.hypot(
+        table["truth.x"][end] - table["truth.x"][begin], table["truth.y"][end] - table["truth.y"][begin]
+    )
+    made = manoeuvre(without(table, "truth"), ROBOT, taped=[TapedWay(1.0, 5.1, side)])
+    found = calibrate_drive(ROBOT, [made])
+    assert_found(found)
+    assert found.left.std / found.left.value > 0.002, "cannot be better than the tape"
+
+
+def test_calibration_makes_the_path_true() -> None:
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    found = calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)])
+    robot = found.applied(ROBOT)
+    again = manoeuvre(columns([*WAIT, *RIGHT_SQUARE, *LEFT_SQUARE, *WAIT], seed=5), robot)
+    end = path(np.ones(3), robot, again)[-1]
+    assert again.truth is not None
+    assert math.dist(end[:2], again.truth[-1, :2]) < 0.03
+
+
+def test_recordings_of_several_drives_are_fitted_together() -> None:
+    made = [
+        manoeuvre(columns([*WAIT, *square, *WAIT], seed=seed), ROBOT)
+        for seed, square in enumerate((LEFT_SQUARE, RIGHT_SQUARE, LEFT_SQUARE, RIGHT_SQUARE))
+    ]
+    assert_found(calibrate_drive(ROBOT, made))
+
+
+def test_inverted_motor_and_back_emf_alone_give_the_same() -> None:
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    table["motor.0.bemf"] = -table["motor.0.bemf"]
+    robot = RobotConfig(motors={0: MotorConfig(inverted=True)})
+    found = calibrate_drive(robot, [manoeuvre(without(table, "motor.0.p", "motor.1.p"), robot)])
+    assert found.left_offset is not None
+    assert found.left_offset.value == pytest.approx(-31.5, abs=1.0)
+    assert found.track_width.value == pytest.approx(TRACK * 1.03, rel=0.01)
+
+
+def test_entries_are_keys_that_robot_toml_knows() -> None:
+    made = manoeuvre(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT]), ROBOT)
+    found = calibrate_drive(ROBOT, [made])
+    table: dict[str, Any] = {}
+    for key, value in found.entries(ROBOT).items():
+        inner = table
+        for name in key.split(".")[:-1]:
+            inner = inner.setdefault(name, {})
+        inner[key.split(".")[-1]] = {"value": value.value, "std": value.std}
+    robot = parse_robot(table)
+    assert robot.model.drive.track_width == Measured(found.track_width.value, found.track_width.std)
+    assert found.applied(ROBOT).motor(1).bemf_offset == found.right_offset
+
+
+def made(segments: Sequence[Segment], *leave_out: str) -> Manoeuvre:
+    return manoeuvre(without(columns(segments), *leave_out), ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("segments", "leave_out", "reason"),
+    [
+        ([*WAIT, *LEFT_SQUARE, *WAIT], (), "degrees left and 0 right: with one turning direction"),
+        ([*WAIT, *RIGHT_SQUARE, *WAIT], (), "right: with one turning direction.*once to the left"),
+        ([*WAIT, (3.0, 0.2, 0.0), *WAIT], (), "degrees left and 0 right"),
+        ([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE], ("truth",), "no length is known"),
+        ([*WAIT, *WAIT], (), "the wheels went 0.0. m: at least 0.3 m"),
+    ],
+)
+def test_a_manoeuvre_that_cannot_tell_is_refused(
+    segments: list[Segment], leave_out: tuple[str, ...], reason: str
+) -> None:
+    with pytest.raises(CalibrationError, match=reason):
+        calibrate_drive(ROBOT, [made(segments, *leave_out)])
+
+
+def test_a_tape_without_a_gyro_is_refused() -> None:
+    table = without(columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE]), "truth", "imu")
+    with pytest.raises(CalibrationError, match="no turn is known"):
+        calibrate_drive(ROBOT, [manoeuvre(table, ROBOT, taped=[TapedWay(1.0, 5.0, 0.6)])])
+
+
+def test_no_recording_at_all_is_refused() -> None:
+    with pytest.raises(CalibrationError, match="no recording"):
+        calibrate_drive(ROBOT, [])
+
+
+@pytest.mark.parametrize("missing", ["t", "motor.0"])
+def test_a_missing_column_is_named(missing: str) -> None:
+    reason = "no column t" if missing == "t" else "motor 0 has neither"
+    with pytest.raises(CalibrationError, match=reason):
+        manoeuvre(without(columns([*WAIT, *LEFT_SQUARE]), missing), ROBOT)
+
+
+def recorded_runs(parity: int) -> list[dict[str, Array]]:
+    """Square runs of the motion-capture recordings (20 Hz; x, y, heading, right and left ticks a cycle)."""
+    files = sorted(data_path("optiodom").glob("square-*/run-*.csv"))
+    tables = []
+    for file in files:
+        if int(file.stem[4:]) % 2 != parity:
+            continue
+        rows = np.loadtxt(file, delimiter=",")
+        tables.append(
+            {
+                "t": rows[:, 0],
+                "truth.x": rows[:, 1],
+                "truth.y": rows[:, 2],
+                "truth.heading": rows[:, 3],
+                "motor.0.position": np.cumsum(rows[:, 5]),
+                "motor.1.position": np.cumsum(rows[:, 4]),
+            }
+        )
+    return tables
+
+
+def recorded_robot() -> RobotConfig:
+    tick = {"value": 2 * math.pi / (64 * 43.7), "std": 0.0}
+    motor = {"radians_per_tick": tick, "bemf_offset": {"value": 0.0, "std": 0.0}}
+    drive_table = {"wheel_radius": 0.042, "track_width": {"value": 0.2, "std": 0.004}}
+    return parse_robot({"motor": {"0": motor, "1": motor}, "model": {"drive": drive_table}})
+
+
+def test_recorded_squares_calibrated_on_odd_runs_hold_on_even_ones() -> None:
+    robot = recorded_robot()
+    odd = [manoeuvre(table, robot) for table in recorded_runs(1)]
+    found = calibrate_drive(robot, odd).applied(robot)
+    errors: dict[str, list[float]] = {"nominal": [], "fitted": []}
+    for table in recorded_runs(0):
+        for name, used in (("nominal", robot), ("fitted", found)):
+            each = manoeuvre(table, used)
+            assert each.truth is not None
+            start = each.truth[0]
+            driven = path(np.ones(3), used, each)
+            turn = np.array(
+                [[math.cos(start[2]), -math.sin(start[2])], [math.sin(start[2]), math.cos(start[2])]]
+            )
+            placed = driven[:, :2] @ turn.T + start[:2]
+            errors[name] += ((placed - each.truth[:, :2]) ** 2).sum(axis=1).tolist()
+    rms = {name: 1e3 * math.sqrt(float(np.mean(each))) for name, each in errors.items()}
+    # A careful fit over all kinds of paths reaches 8.1 mm; its nominal geometry 22 mm.
+    assert rms["fitted"] < 8.1
+    assert rms["fitted"] < 0.5 * rms["nominal"]

@@ -1,0 +1,173 @@
+"""Things seen in the field: fused with the full covariance, gated, and put where they belong in time."""
+
+import math
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from drive_traces import Errors, Segment, drive
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Truth
+from raccoon.estimate.drive_state import OdometrySettings, State
+from raccoon.estimate.observations import heading_seen, line_seen, pose_seen
+from raccoon.estimate.odometry import Odometry
+
+OUT: list[Segment] = [(1.0, 0.0, 0.0), (3.0, 0.2, 0.0), (1.0, 0.0, 1.0), (2.0, 0.2, 0.0), (1.0, 0.0, 0.0)]
+WRONG = Errors(scale=(1.04, 1.04), gyro_bias=0.003)
+
+
+def driven(
+    segments: list[Segment] = OUT, errors: Errors = WRONG, settings: OdometrySettings | None = None
+) -> tuple[Odometry, Truth]:
+    odometry = Odometry(RobotConfig(), settings=settings or OdometrySettings())
+    for inputs, command in drive(segments, errors):
+        odometry.update(inputs, command)
+    assert inputs.truth is not None
+    return odometry, inputs.truth
+
+
+def test_a_taped_way_tells_the_scales_and_mends_the_pose() -> None:
+    odometry, truth = driven([(1.0, 0.0, 0.0), (3.0, 0.2, 0.0), (1.0, 0.0, 0.0)])
+    before = abs(odometry.estimate.x - truth.x)
+    found = odometry.observe_distance(math.hypot(truth.x, truth.y), 0.002)
+    assert found.accepted
+    assert before > 0.015
+    assert abs(odometry.estimate.x - truth.x) < 0.004
+    assert odometry.estimate.x_std < 0.005
+
+
+def test_a_way_is_taken_from_the_mark() -> None:
+    odometry = Odometry(RobotConfig())
+    cycles = list(
+        drive([(1.0, 0.0, 0.0), (2.0, 0.2, 0.0), (1.0, 0.0, 0.0), (2.0, -0.2, 0.0), (1.0, 0.0, 0.0)], WRONG)
+    )
+    for inputs, command in cycles:
+        if inputs.time == pytest.approx(3.9):
+            odometry.mark()
+            assert inputs.truth is not None
+            turned_round = inputs.truth.x
+        odometry.update(inputs, command)
+    assert inputs.truth is not None
+    assert odometry.observe_distance(inputs.truth.x - turned_round, 0.002).accepted
+    assert not odometry.observe_distance(turned_round - inputs.truth.x, 0.002).accepted
+
+
+def test_a_known_pose_is_taken_with_its_deviation() -> None:
+    odometry, truth = driven()
+    found = odometry.observe_pose(truth.x, truth.y, truth.heading, position_std=0.003, heading_std=0.005)
+    assert found.accepted
+    assert math.hypot(odometry.estimate.x - truth.x, odometry.estimate.y - truth.y) < 0.006
+    assert odometry.estimate.heading_std < 0.005
+
+
+def test_a_heading_counts_modulo_a_turn() -> None:
+    odometry, truth = driven()
+    found = odometry.observe_heading(truth.heading - 4 * math.pi, 0.002)
+    assert found.accepted
+    assert odometry.estimate.heading == pytest.approx(truth.heading, abs=0.006)
+
+
+def test_a_line_mends_only_what_lies_across_it() -> None:
+    odometry, truth = driven()
+    ahead = 0.11
+    c, s = math.cos(truth.heading), math.sin(truth.heading)
+    point = truth.x + ahead * c + 0.02 * -s, truth.y + ahead * s + 0.02 * c
+    direction = truth.heading + math.pi / 2
+    odometry.reset(truth.x + 0.03 * c, truth.y + 0.03 * s, truth.heading)
+    odometry._fusion.drive.widen((State.X, State.Y), 0.02)
+    before = odometry.estimate
+    assert odometry.observe_line(point, direction, sensor=(ahead, 0.02), std=0.003).accepted
+
+    def along(x: float, y: float) -> float:
+        return (x - truth.x) * c + (y - truth.y) * s
+
+    assert along(before.x, before.y) == pytest.approx(0.03)
+    assert abs(along(odometry.estimate.x, odometry.estimate.y)) < 0.006
+
+
+def test_what_cannot_be_true_is_told_and_not_taken() -> None:
+    odometry, truth = driven()
+    before = odometry.estimate
+    found = odometry.observe_pose(truth.x + 1.0, truth.y, truth.heading, position_std=0.01, heading_std=0.1)
+    assert not found.accepted
+    assert found.mahalanobis > 4.0
+    assert "standard deviations off" in found.reason
+    assert odometry.estimate == before
+
+
+@pytest.mark.parametrize("delay", [0.1, 0.5, 1.5])
+def test_a_late_observation_counts_where_it_was_made(delay: float) -> None:
+    """Seen at t and told at t + delay must give what it gives when told at once."""
+    told: list[tuple[float, float, float]] = []
+    for late in (False, True):
+        odometry = Odometry(RobotConfig())
+        seen = None
+        for inputs, command in drive(OUT, WRONG):
+            odometry.update(inputs, command)
+            if inputs.time == pytest.approx(5.5):
+                assert inputs.truth is not None
+                seen = inputs.truth, inputs.time
+                if not late:
+                    odometry.observe_pose(*pose(seen[0]), position_std=0.002, heading_std=0.01)
+            if late and seen and inputs.time == pytest.approx(5.5 + delay):
+                found = odometry.observe_pose(
+                    *pose(seen[0]), position_std=0.002, heading_std=0.01, time=seen[1]
+                )
+                assert found.accepted
+        estimate = odometry.estimate
+        told.append((estimate.x, estimate.y, estimate.heading))
+    np.testing.assert_allclose(told[0], told[1], atol=2e-3)
+
+
+def pose(truth: Truth) -> tuple[float, float, float]:
+    return truth.x, truth.y, truth.heading
+
+
+@pytest.mark.parametrize("time", [-1.0, 2.0, 1e9])
+def test_an_observation_from_too_long_ago_or_the_future_is_not_taken(time: float) -> None:
+    odometry, truth = driven()
+    found = odometry.observe_pose(*pose(truth), position_std=0.01, heading_std=0.01, time=time)
+    assert (found.accepted, "seen at" in found.reason) == (False, True)
+
+
+def test_bad_arguments_are_refused() -> None:
+    odometry = Odometry(RobotConfig())
+    with pytest.raises(ValueError, match="std"):
+        odometry.observe_heading(0.0, 0.0)
+    with pytest.raises(ValueError, match="finite"):
+        odometry.observe_pose(math.nan, 0.0, 0.0, position_std=0.1, heading_std=0.1)
+    with pytest.raises(ValueError, match="finite"):
+        odometry.observe_distance(math.inf, 0.1)
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [
+        pose_seen(0.1, 0.2, 0.3, 0.01, 0.02),
+        heading_seen(0.3, 0.1),
+        line_seen((0.4, 0.1), 0.7, (0.11, -0.02), 0.01),
+    ],
+)
+def test_jacobians_are_slopes(seen: object) -> None:
+    at, step = np.array([0.2, -0.1, 0.6]), 1e-6
+    expected, jacobian = seen.expected, seen.jacobian  # type: ignore[attr-defined]
+    slopes = [(expected(at + h) - expected(at - h)) / (2 * step) for h in step * np.eye(3)]
+    np.testing.assert_allclose(jacobian(at), np.array(slopes).T, atol=1e-8)
+
+
+def test_a_late_gyro_is_set_against_the_wheels_of_its_time() -> None:
+    late = Errors(imu_latency=0.03)
+    spin: list[Segment] = [(1.0, 0.0, 0.0), (0.8, 0.15, 1.8), (0.8, 0.15, -1.8)]
+    worst = {}
+    for name, latency in (("told", 0.03), ("not told", 0.0)):
+        odometry = Odometry(RobotConfig(), settings=OdometrySettings(imu_latency=latency))
+        off = []
+        for inputs, command in islice(drive(spin, late), 520):
+            estimate = odometry.update(inputs, command)
+            assert inputs.truth is not None
+            if inputs.time > 1.3:
+                off.append(abs(estimate.heading - inputs.truth.heading))
+        worst[name] = max(off)
+    assert math.degrees(worst["told"]) < 1.5
+    assert worst["told"] < 0.5 * worst["not told"]

@@ -1,0 +1,119 @@
+"""The cluster calibrator, on readings made here: nothing is shared with the code under test."""
+
+import numpy as np
+import pytest
+
+from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
+
+PAPER = [(180, 2930), (50, 170), (1270, 3800), (140, 250), (1830, 3810), (50, 130), (3440, 4030), (130, 220)]
+
+
+def line_drive(rng: np.random.Generator, white: float, black: float, noise: float = 3.0) -> np.ndarray:
+    """500 readings: floor, a ramp of 4, 9 on the line, a ramp of 4, floor."""
+    shape = np.concatenate([[0.2, 0.4, 0.6, 0.8], np.ones(9), [0.8, 0.6, 0.4, 0.2]])
+    start = rng.integers(100, 380)
+    dark = np.zeros(500)
+    dark[start : start + len(shape)] = shape
+    return np.clip(np.round(white + (black - white) * dark + rng.normal(0.0, noise, 500)), 0, 4095)
+
+
+@pytest.mark.parametrize(("white", "black"), PAPER)
+def test_accepts_every_condition_of_the_paper(white: float, black: float) -> None:
+    rng = np.random.default_rng(7)
+    found = calibrate(line_drive(rng, white, black))
+    assert found.verdict is Verdict.OK
+    assert found.threshold is not None
+    assert white + 15 < found.threshold < black - 15
+    assert found.low is not None
+    assert found.high is not None
+    assert white < found.low < found.threshold < found.high < black
+    low, high = found.probability_black([white, black])
+    assert low < 0.001
+    assert high > 0.999
+
+
+def test_separation_share_and_error_are_those_of_the_data() -> None:
+    rng = np.random.default_rng(3)
+    samples = np.concatenate([rng.normal(1000, 40, 1500), rng.normal(1300, 60, 500)])
+    found = calibrate(rng.permutation(samples))
+    assert found.separation == pytest.approx(3.0, rel=0.05)
+    assert found.share_black == pytest.approx(0.25, abs=0.01)
+    assert found.error_rate == pytest.approx(0.00125, rel=0.35)  # the densities cross near 1119
+
+
+@pytest.mark.parametrize(
+    "floor",
+    [
+        lambda rng: rng.normal(1000, 60, 500),
+        lambda rng: rng.uniform(800, 1200, 500),
+        lambda rng: 800 + rng.gamma(2.0, 40.0, 500),
+        lambda rng: 1500 + 40 * rng.standard_t(3, 500),
+        lambda rng: 1000 + np.linspace(0, 300, 500) + rng.normal(0, 5, 500),
+    ],
+    ids=["gaussian", "uniform", "skewed", "heavy-tailed", "drifting"],
+)
+def test_bare_floor_gives_no_threshold(floor) -> None:  # type: ignore[no-untyped-def]
+    for seed in range(12):
+        found = calibrate(np.clip(floor(np.random.default_rng(seed)), 0, 4095))
+        assert found.verdict is Verdict.ONE_SURFACE
+        assert found.threshold is None
+        with pytest.raises(CalibrationError, match="one_surface"):
+            found.probability_black([1000.0])
+
+
+def test_rare_line_on_an_uneven_floor() -> None:
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        samples = np.concatenate([rng.normal(300, 100, 490).clip(0), rng.normal(1000, 20, 10)])
+        found = calibrate(samples)
+        assert found.usable
+        assert 600 < (found.threshold or 0) < 980
+
+
+@pytest.mark.parametrize(
+    ("samples", "verdict"),
+    [
+        ([], Verdict.TOO_FEW),
+        ([100.0] * 10, Verdict.TOO_FEW),
+        ([777.0] * 300, Verdict.ONE_SURFACE),
+        ([0.0] * 300, Verdict.SATURATED),
+        ([4095.0] * 295 + [3000.0] * 5, Verdict.SATURATED),
+    ],
+)
+def test_hopeless_readings_get_a_named_verdict(samples: list[float], verdict: Verdict) -> None:
+    found = calibrate(samples)
+    assert found.verdict is verdict
+    assert found.threshold is None
+    assert found.reason
+
+
+def test_open_input_is_floating() -> None:
+    found = calibrate(np.random.default_rng(0).uniform(0, 4095, 500))
+    assert found.verdict is Verdict.FLOATING
+
+
+@pytest.mark.parametrize(
+    ("samples", "message"),
+    [
+        ([100.0] * 50 + [float("nan")], r"samples\[50\] = nan"),
+        ([100.0, 4096.0], r"samples\[1\] = 4096"),
+        ([-1.0], r"samples\[0\] = -1"),
+        ([[1.0, 2.0]], "shape"),
+        (["white"], "not numbers"),
+    ],
+)
+def test_impossible_readings_are_refused(samples: list[object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        calibrate(samples)  # type: ignore[arg-type]
+
+
+def test_two_phases() -> None:
+    rng = np.random.default_rng(9)
+    found = calibrate_two_phase(rng.normal(1270, 18, 200), rng.normal(3800, 9, 200))
+    assert found.verdict is Verdict.OK
+    assert found.white is not None
+    assert found.white.mean == pytest.approx(1270, abs=5)
+    same = calibrate_two_phase(rng.normal(1270, 18, 200), rng.normal(1275, 18, 200))
+    assert same.verdict is Verdict.ONE_SURFACE
+    assert calibrate_two_phase([], rng.normal(3800, 9, 200)).verdict is Verdict.TOO_FEW

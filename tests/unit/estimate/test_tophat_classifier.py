@@ -1,0 +1,84 @@
+import numpy as np
+import pytest
+
+from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.core.readings import Status
+from raccoon.estimate.tophat import Tophat, TophatCalibration, Verdict, calibrate
+
+RATE = 200.0
+
+
+def calibration(white: float = 180.0, black: float = 2930.0) -> TophatCalibration:
+    rng = np.random.default_rng(1)
+    return calibrate(np.concatenate([rng.normal(white, 4, 400), rng.normal(black, 8, 100)]))
+
+
+def run(tophat: Tophat, counts: list[float]):  # type: ignore[no-untyped-def]
+    return [tophat.update(index / RATE, value) for index, value in enumerate(counts)]
+
+
+def test_line_gives_two_edges() -> None:
+    readings = run(Tophat(calibration()), [180.0] * 20 + [2930.0] * 12 + [180.0] * 20)
+    edges = [reading.edge for reading in readings if reading.edge]
+    assert [edge.to_black for edge in edges] == [True, False]
+    assert edges[0].time == pytest.approx(19.5 / RATE, abs=1e-4)
+    assert edges[1].time == pytest.approx(31.5 / RATE, abs=1e-4)
+    assert [reading.black for reading in readings].count(True) == 12
+    assert all(reading.status is Status.OK for reading in readings)
+
+
+def test_one_spike_changes_nothing() -> None:
+    readings = run(Tophat(calibration()), [180.0] * 10 + [2930.0] + [180.0] * 10)
+    assert not any(reading.black for reading in readings)
+    assert not any(reading.edge for reading in readings)
+
+
+def test_hysteresis_keeps_the_answer_between_the_limits() -> None:
+    found = calibration()
+    assert found.threshold is not None
+    near = [found.threshold + 3.0, found.threshold - 3.0] * 20
+    from_white = run(Tophat(found, adapt=False), [180.0, 180.0, *near])
+    from_black = run(Tophat(found, adapt=False), [2930.0, 2930.0, *near])
+    assert not any(reading.black for reading in from_white)
+    assert all(reading.black for reading in from_black)
+
+
+def test_edge_is_found_between_readings_where_half_the_spot_is_black() -> None:
+    """Counts are 4095 / (1 + light), and light is what the covered share is linear in."""
+    white, black = 4095 / 180 - 1, 4095 / 2930 - 1
+    covered = np.clip((np.arange(30) - 11.3) / 6.0, 0.0, 1.0)  # half covered at 14.3
+    counts = 4095 / (1 + white + (black - white) * covered)
+    readings = run(Tophat(calibration()), list(counts))
+    edges = [reading.edge for reading in readings if reading.edge]
+    assert len(edges) == 1
+    assert edges[0].time * RATE == pytest.approx(14.3, abs=0.05)
+    assert readings[14].coverage == pytest.approx(covered[14], abs=0.02)
+
+
+def test_darkness_is_a_probability() -> None:
+    found = calibration()
+    readings = [Tophat(found).update(0.0, value) for value in (0.0, 180.0, found.threshold, 2930.0, 4095.0)]
+    darkness = [reading.darkness for reading in readings]
+    assert darkness[0] < 1e-6
+    assert darkness[1] < 1e-3
+    assert darkness[2] == pytest.approx(0.5, abs=0.01)
+    assert darkness[3] > 1 - 1e-6
+    assert darkness[4] > 1 - 1e-6
+
+
+def test_missing_reading_is_not_a_reading() -> None:
+    tophat = Tophat(calibration())
+    nothing = tophat.update(0.0, None)
+    assert nothing.black is None
+    assert nothing.status is Status.INVALID
+    tophat.update(0.005, 2930.0)
+    gap = tophat.update(0.010, None)
+    assert gap.black is True
+    assert gap.status is Status.UNCERTAIN
+
+
+def test_needs_a_threshold() -> None:
+    with pytest.raises(CalibrationError, match="too_few"):
+        Tophat(TophatCalibration(Verdict.TOO_FEW, "nothing there"))
+    with pytest.raises(ConfigError, match="debounce"):
+        Tophat(calibration(), debounce=0)

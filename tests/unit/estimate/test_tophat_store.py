@@ -1,0 +1,136 @@
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
+from raccoon.estimate.tophat.methods import METHODS, RunningMidpoint
+from raccoon.estimate.tophat.store import KEPT, StoredCalibration, TophatStore
+from raccoon.estimate.tophat.watch import CalibrationWatch, Fit, height_changed, swapped
+
+
+def made(white: float, black: float, seed: int = 0) -> TophatCalibration:
+    rng = np.random.default_rng(seed)
+    return calibrate(np.concatenate([rng.normal(white, 5, 400), rng.normal(black, 8, 60)]))
+
+
+def entry(
+    sensor: str = "left", time: str = "2026-03-01T10:00:00", white: float = 1270.0
+) -> StoredCalibration:
+    return StoredCalibration(sensor, "table", time, made(white, 3800.0), "drumbot", 0.0, 6.7, "new")
+
+
+def test_what_is_stored_comes_back(tmp_path: Path) -> None:
+    store = TophatStore(tmp_path / "deep" / "tophats.json")
+    assert store.history() == []
+    first, second = entry(), entry(time="2026-03-02T10:00:00", white=1300.0)
+    store.add(first)
+    store.add(second)
+    store.add(entry("right"))
+    assert store.history("left") == [first, second]
+    assert store.latest("left", "table") == second
+    assert store.latest("left", "other") is None
+    assert [each.name for each in store.path.parent.iterdir()] == ["tophats.json"]
+
+
+def test_failed_calibration_replaces_nothing(tmp_path: Path) -> None:
+    store = TophatStore(tmp_path / "tophats.json")
+    store.add(entry())
+    failed = StoredCalibration("left", "table", "", TophatCalibration(Verdict.ONE_SURFACE, "bare floor"))
+    with pytest.raises(ConfigError, match="one_surface"):
+        store.add(failed)
+    assert len(store.history()) == 1
+
+
+def test_history_is_bounded(tmp_path: Path) -> None:
+    store = TophatStore(tmp_path / "tophats.json")
+    kept = entry()
+    store._write([kept] * KEPT)
+    store.add(entry(time="later"))
+    assert len(store.history()) == KEPT
+    assert store.history()[-1].time == "later"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", '{"format": 9, "calibrations": []}', '{"format": 1, "calibrations": [{}]}']
+)
+def test_damaged_file_is_named(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "tophats.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"tophats\.json"):
+        TophatStore(path).history()
+
+
+def test_file_is_plain_json(tmp_path: Path) -> None:
+    store = TophatStore(tmp_path / "tophats.json")
+    store.add(entry())
+    assert json.loads(store.path.read_text(encoding="utf-8"))["calibrations"][0]["battery_voltage"] == 6.7
+
+
+@pytest.mark.parametrize(
+    ("level", "sd", "fit"),
+    [
+        (1270, 5, Fit.FITS),
+        (1700, 5, Fit.CHANGED),
+        (3440, 9, Fit.CHANGED),
+        (4095, 0, Fit.UNPLUGGED),
+        (0, 0, Fit.SATURATED),
+    ],
+)
+def test_misfit_is_noticed_within_a_second(level: float, sd: float, fit: Fit) -> None:
+    watch = CalibrationWatch(made(1270, 3800))
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        watch.update(float(np.clip(rng.normal(level, sd), 0, 4095)))
+    assert watch.fit is fit
+
+
+def test_open_input_is_unplugged() -> None:
+    watch = CalibrationWatch(made(1270, 3800))
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        watch.update(float(rng.uniform(0, 4095)))
+    assert watch.fit is Fit.UNPLUGGED
+
+
+def test_watch_says_nothing_of_a_few_readings() -> None:
+    assert CalibrationWatch(made(1270, 3800)).fit is Fit.UNKNOWN
+
+
+def test_height_is_told_from_light() -> None:
+    assert height_changed(made(180, 2930), made(1830, 3810))
+    assert not height_changed(made(180, 2930), made(50, 170))
+    assert not height_changed(made(1270, 3800), made(140, 250))
+
+
+def test_swapped_plugs_are_named() -> None:
+    stored = {"left": made(180, 2930), "right": made(1270, 3800), "rear": made(600, 3300)}
+    assert swapped(stored, {"left": [182.0] * 9, "right": [1268.0] * 9, "rear": [600.0] * 9}) is None
+    assert swapped(stored, {"left": [1268.0] * 9, "right": [182.0] * 9, "rear": [600.0] * 9}) == (
+        "left",
+        "right",
+    )
+
+
+@pytest.mark.parametrize(("name", "threshold"), [("fixed", 1500), ("midpoint", 1000), ("k_means", 1000)])
+def test_methods_find_the_middle_of_an_easy_case(name: str, threshold: float) -> None:
+    assert METHODS[name]([200.0] * 80 + [1800.0] * 80) == pytest.approx(threshold)
+
+
+def test_methods_have_the_weakness_they_are_known_for() -> None:
+    rare = [200.0] * 190 + [1800.0] * 10
+    assert METHODS["percentile"](rare) == pytest.approx(200.0)  # 5 % black lies beyond the 90th percentile
+    assert METHODS["trimmed"]([200.0] * 9 + [1000.0] + [1800.0] * 9) == pytest.approx(1000.0)
+    with pytest.raises(CalibrationError, match="contrast 600"):
+        METHODS["k_means"]([1000.0] * 50 + [1600.0] * 50)
+    with pytest.raises(CalibrationError, match="1 readings"):
+        METHODS["midpoint"]([3.0])
+
+
+def test_running_midpoint_waits_for_variation() -> None:
+    running = RunningMidpoint()
+    assert running.update(200.0) is None
+    assert running.update(1800.0) is True
+    assert running.update(250.0) is False

@@ -1,0 +1,131 @@
+"""Following the light. The sensor is simulated here in few lines: light adds up, black swallows it."""
+
+import numpy as np
+import pytest
+
+from raccoon.core.readings import Status
+from raccoon.estimate.tophat import Tophat, TophatGroup, calibrate
+from raccoon.estimate.tophat.sensor import explanations
+
+RATE = 200.0
+LINE = np.concatenate([np.linspace(0, 1, 6)[1:-1], np.ones(9), np.linspace(1, 0, 6)[1:-1]])
+
+
+def surface(seconds: float, rng: np.random.Generator) -> np.ndarray:
+    """Share of the spot on black: a line every 0.6..1.6 s."""
+    dark = np.zeros(int(seconds * RATE))
+    at = 100
+    while at + len(LINE) < len(dark):
+        dark[at : at + len(LINE)] = LINE
+        at += int(rng.integers(120, 320))
+    return dark
+
+
+def read(dark: np.ndarray, sun: np.ndarray | float, rng: np.random.Generator) -> np.ndarray:
+    """A new sensor at 7 mm: 2.2 of own light on white, sun 26 on white, 15 on black."""
+    light = 2.22 * (1 - 0.97 * dark) + 0.01 + sun * (26.0 - 10.8 * dark)
+    return np.clip(np.round(4095 / (1 + light) + rng.normal(0, 3, len(dark))), 0, 4095)
+
+
+def adapted(sun: np.ndarray, seed: int, *, adapt: bool = True) -> tuple[np.ndarray, np.ndarray, Tophat]:
+    """(wrong, settled readings, classifier) of a drive through the light `sun` that starts calibrated."""
+    rng = np.random.default_rng(seed)
+    dark = surface(len(sun) / RATE, rng)
+    tophat = Tophat(calibrate(read(surface(2.5, rng), float(sun[0]), rng)), adapt=adapt)
+    counts = read(dark, sun, rng)
+    black = [tophat.update(index / RATE, float(each)).black for index, each in enumerate(counts)]
+    clear = (dark < 0.05) | (dark > 0.95)
+    return (np.array(black) != (dark > 0.5)) & clear, clear, tophat
+
+
+@pytest.mark.parametrize("sun", [0.0, 0.1, 1.0])
+def test_steady_light_has_no_errors_and_no_jumps(sun: float) -> None:
+    for seed in range(4):
+        wrong, _, tophat = adapted(np.full(2000, sun), seed)
+        assert not wrong[100:].any()
+        assert tophat.levels.jumps == 0
+
+
+def test_cloud_is_followed() -> None:
+    time = np.arange(2400) / RATE
+    sun = np.interp(time, [1.0, 4.0, 7.0, 10.0], [1.0, 0.3, 0.3, 1.0])
+    for seed in range(4):
+        wrong, clear, _ = adapted(sun, seed)
+        fixed, _, _ = adapted(sun, seed, adapt=False)
+        assert wrong.sum() <= 0.01 * clear.sum()
+        assert fixed.sum() > 0.3 * clear.sum()
+
+
+def test_sun_patch_is_followed_at_once() -> None:
+    time = np.arange(2400) / RATE
+    sun = np.interp(time, [4.0, 4.1], [0.1, 1.0])
+    for seed in range(6):
+        wrong, clear, _ = adapted(sun, seed)
+        later = time > 4.4
+        assert wrong[later].sum() <= 0.01 * clear[later].sum()
+
+
+def test_flicker_is_not_a_change() -> None:
+    time = np.arange(2400) / RATE
+    sun = 0.05 * (1 + 0.3 * np.sin(2 * np.pi * 100.3 * time))
+    wrong, clear, _ = adapted(sun, 3)
+    assert wrong.sum() <= 0.002 * clear.sum()
+
+
+def test_long_stay_on_one_surface_teaches_nothing_wrong() -> None:
+    rng = np.random.default_rng(1)
+    tophat = Tophat(calibrate(read(surface(2.5, rng), 0.0, rng)))
+    for level in (0.0, 1.0, 0.0):
+        counts = read(np.full(3000, level), 0.0, rng)
+        states = [tophat.update(0.0, float(each)).black for each in counts]
+        assert set(states[2:]) == {bool(level)}
+
+
+def test_switched_off_it_stays_what_it_was() -> None:
+    rng = np.random.default_rng(1)
+    tophat = Tophat(calibrate(read(surface(2.5, rng), 0.0, rng)), adapt=False)
+    before = tophat.threshold
+    for each in read(np.zeros(500), 0.5, rng):
+        tophat.update(0.0, float(each))
+    assert tophat.threshold == before
+
+
+def test_status_says_when_black_is_only_guessed() -> None:
+    """Sun over white: where black stands follows from a ratio that two sensor generations do not share."""
+    rng = np.random.default_rng(4)
+    tophat = Tophat(calibrate(read(surface(2.5, rng), 0.0, rng)))
+    seen = [tophat.update(0.0, float(each)).status for each in read(np.zeros(200), 0.0, rng)]
+    assert set(seen) == {Status.OK}
+    ramp = np.interp(np.arange(300), [0, 20], [0.0, 1.0])
+    told = [tophat.update(0.0, float(each)).status for each in read(np.zeros(300), ramp, rng)]
+    assert Status.UNCERTAIN in told
+
+
+def test_group_needs_a_reading_for_every_sensor() -> None:
+    rng = np.random.default_rng(2)
+    found = calibrate(read(surface(2.5, rng), 0.0, rng))
+    group = TophatGroup([Tophat(found), Tophat(found)])
+    left, right = group.update(0.0, [1270.0, 3800.0])
+    assert (left.black, right.black) == (False, True)
+    with pytest.raises(ValueError, match="zip"):
+        group.update(0.005, [1270.0])
+
+
+@pytest.mark.parametrize(
+    ("white", "black", "generation", "height"),
+    [
+        (180, 2930, "old", 0.007),
+        (50, 170, "old", 0.007),
+        (140, 250, "new", 0.007),
+        (3440, 4030, "new", 0.023),
+    ],
+)
+def test_sensor_is_recognised(white: float, black: float, generation: str, height: float) -> None:
+    found = explanations(white, black)
+    assert found[0].generation == generation
+    assert found[0].height == pytest.approx(height, rel=0.3)
+    assert found[0].ambient == pytest.approx(1.0 if white < 145 and black < 300 else 0.0, abs=0.1)
+
+
+def test_far_old_sensor_may_be_a_near_new_one() -> None:
+    assert {each.generation for each in explanations(1830, 3810)} == {"old", "new"}

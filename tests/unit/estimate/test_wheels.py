@@ -1,0 +1,102 @@
+import math
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
+from raccoon.core.readings import SIMULATOR, Fault, Inputs
+from raccoon.estimate.wheels import WheelDecoder
+
+PER_COUNT = SIMULATOR.bemf_volts / 1.08
+
+
+def inputs(time: float, bemf: tuple[Any, ...] = (), position: tuple[Any, ...] = (), **more: Any) -> Inputs:
+    def padded(words: tuple[Any, ...]) -> tuple[Any, ...]:
+        return (*words, *(None,) * (4 - len(words)))
+
+    return Inputs(time, SIMULATOR, bemf=padded(bemf), position=padded(position), **more)
+
+
+def test_uncalibrated_motor_is_scaled_by_its_back_emf_constant() -> None:
+    robot = parse_robot({"model": {"motor": {"right": {"back_emf_constant": 1.0}}}})
+    reading = WheelDecoder(robot).decode(inputs(0.0, (100.0, 100.0)))
+    assert reading.left_speed == pytest.approx(100 * PER_COUNT)
+    assert reading.right_speed == pytest.approx(100 * SIMULATOR.bemf_volts)
+
+
+def test_calibrated_motor_is_scaled_by_its_ticks_whatever_a_tick_is() -> None:
+    robot = RobotConfig(motors={0: MotorConfig(radians_per_tick=Measured(0.8))})
+    decoder = WheelDecoder(robot)
+    device = replace(SIMULATOR, position_counts_seconds=250.0)
+    decoder.decode(replace(inputs(0.0, (100.0,), (10.0,)), device=device))
+    reading = decoder.decode(replace(inputs(0.1, (100.0,), (12.0,)), device=device))
+    assert reading.left_angle == pytest.approx(1.6)
+    assert reading.left_speed == pytest.approx(100 * 0.8 / 250)
+
+
+def test_offset_is_taken_from_speed_and_from_counter() -> None:
+    robot = RobotConfig(motors={0: MotorConfig(bemf_offset=Measured(30.0))})
+    decoder = WheelDecoder(robot)
+    decoder.decode(inputs(0.0, (30.0,), (0.0,)))
+    reading = decoder.decode(inputs(0.1, (30.0,), (3.0,)))
+    assert reading.left_speed == pytest.approx(0.0)
+    assert reading.left_angle == pytest.approx(0.0)
+
+
+def test_wiring_sign_turns_speed_and_angle_but_the_offset_belongs_to_the_board() -> None:
+    robot = RobotConfig(motors={1: MotorConfig(inverted=True, bemf_offset=Measured(20.0))})
+    decoder = WheelDecoder(robot)
+    decoder.decode(inputs(0.0, (0.0, 0.0), (0.0, 0.0)))
+    reading = decoder.decode(inputs(0.1, (0.0, -80.0), (0.0, -8.0)))
+    assert reading.right_speed == pytest.approx(100 * PER_COUNT)
+    assert reading.right_angle == pytest.approx(10 * PER_COUNT)
+
+
+def test_ports_are_those_of_the_drive() -> None:
+    robot = parse_robot({"drive": {"left": 3, "right": 2}})
+    reading = WheelDecoder(robot).decode(inputs(0.0, (1.0, 2.0, 3.0, 4.0)))
+    assert reading.left_speed == pytest.approx(4 * PER_COUNT)
+    assert reading.right_speed == pytest.approx(3 * PER_COUNT)
+
+
+def test_absent_words_stay_absent_and_the_counter_catches_up() -> None:
+    decoder = WheelDecoder(RobotConfig())
+    decoder.decode(inputs(0.0, (), (0.0, 0.0)))
+    assert decoder.decode(inputs(0.1)).left_angle is None
+    reading = decoder.decode(inputs(0.2, (), (40.0, 40.0)))
+    assert reading.left_angle == pytest.approx(40 * PER_COUNT)
+    assert reading.dt == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("time", [0.1, 0.05, -3.0, math.nan])
+def test_time_that_stands_still_or_runs_back_gives_nothing(time: float) -> None:
+    decoder = WheelDecoder(RobotConfig())
+    decoder.decode(inputs(0.1, (), (0.0, 0.0)))
+    reading = decoder.decode(inputs(time, (500.0, 500.0), (50.0, 50.0)))
+    assert (reading.dt, reading.left_speed, reading.left_angle) == (0.0, None, None)
+
+
+def test_counter_that_moves_further_than_a_wheel_can_is_left_out_once() -> None:
+    decoder = WheelDecoder(RobotConfig())
+    decoder.decode(inputs(0.0, (), (0.0, 0.0)))
+    jumped = decoder.decode(inputs(0.005, (), (1e6, 5.0)))
+    assert (jumped.left_angle, jumped.left_jumped, jumped.right_jumped) == (None, True, False)
+    after = decoder.decode(inputs(0.010, (), (1e6 + 5, 10.0)))
+    assert after.left_angle == pytest.approx(5 * PER_COUNT)
+
+
+@pytest.mark.parametrize("fault", [Fault.RESET, Fault.POSITION_JUMP])
+def test_counter_of_a_cycle_with_an_announced_jump_is_left_out(fault: Fault) -> None:
+    decoder = WheelDecoder(RobotConfig())
+    decoder.decode(inputs(0.0, (), (7.0, 7.0)))
+    assert decoder.decode(inputs(0.005, (), (0.0, 0.0), faults=(fault,))).left_angle is None
+
+
+@pytest.mark.parametrize("word", [math.nan, math.inf, -math.inf])
+def test_word_that_is_not_a_number_is_left_out_and_told(word: float) -> None:
+    decoder = WheelDecoder(RobotConfig())
+    decoder.decode(inputs(0.0, (0.0, 0.0), (0.0, 0.0)))
+    reading = decoder.decode(inputs(0.005, (word, 1.0), (word, 1.0)))
+    assert (reading.left_speed, reading.left_angle, reading.not_a_number) == (None, None, True)
+    assert reading.right_speed is not None

@@ -1,0 +1,285 @@
+"""The Wombat port on the emulator: what a program sees, and what it is never shown."""
+
+import contextlib
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from bench_robot import K_E, BenchRobot
+from raccoon.core.clock import SteppedClock
+from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.readings import STOP, Fault, Inputs, Outputs
+from raccoon.hal.wombat.emulator import Emulator, Firmware
+from raccoon.hal.wombat.port import WombatPort, open_wombat
+
+FIRMWARES: list[Firmware] = ["stock", 17, 21]
+FORWARD = Outputs(duty=(0.6, 0.6, 0.0, 0.0))
+
+
+OPENED: list[WombatPort] = []
+
+
+@pytest.fixture(autouse=True)
+def all_closed() -> Iterator[None]:
+    yield
+    while OPENED:
+        with contextlib.suppress(HardwareError):
+            OPENED.pop().close()
+
+
+class Bench:
+    def __init__(self, firmware: Firmware, build: Any = "shipped", **options: Any) -> None:
+        self.clock = SteppedClock()
+        self.robot = BenchRobot()
+        self.emulator = Emulator(self.robot, firmware, clock=self.clock, build=build)
+        self.port = WombatPort(self.emulator, clock=self.clock, **options)
+        OPENED.append(self.port)
+
+    def run(self, outputs: Outputs, cycles: int) -> list[Inputs]:
+        seen = []
+        for _ in range(cycles):
+            seen.append(self.port.read())
+            self.port.write(outputs)
+        return seen
+
+
+@pytest.fixture(params=FIRMWARES)
+def bench(request: pytest.FixtureRequest) -> Bench:
+    return Bench(request.param)
+
+
+def metres_a_tick(inputs: Inputs) -> float:
+    return inputs.device.position_counts_seconds * inputs.device.bemf_volts / K_E * 0.0345
+
+
+def test_positions_agree_with_the_wheels(bench: Bench) -> None:
+    bench.run(STOP, 20)
+    bench.run(FORWARD, 200)
+    last = bench.run(STOP, 200)[-1]
+    for wheel in (0, 1):
+        position = last.position[wheel]
+        assert position is not None
+        travelled = 0.0345 * bench.robot.angles[wheel]
+        assert travelled > 0.1
+        assert position * metres_a_tick(last) == pytest.approx(travelled, rel=0.003)
+
+
+def test_backemf_agrees_with_the_wheels(bench: Bench) -> None:
+    last = bench.run(FORWARD, 120)[-1]
+    for wheel in (0, 1):
+        counts = last.bemf[wheel]
+        assert counts is not None
+        volts = K_E * bench.robot.speeds[wheel]
+        assert counts * last.device.bemf_volts == pytest.approx(volts, rel=0.01)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 333.0])
+def test_other_rates_see_the_same(rate_hz: float) -> None:
+    bench = Bench("stock", rate_hz=rate_hz)
+    seen = bench.run(FORWARD, round(rate_hz))
+    last, position = seen[-1], seen[-1].position[0]
+    counts = [each.bemf[0] for each in seen if each.bemf[0] is not None][-1]
+    assert position is not None
+    assert counts * last.device.bemf_volts == pytest.approx(K_E * bench.robot.speeds[0], rel=0.01)
+    # Driving, the filter is about 15 ms behind.
+    lag = 0.02 * bench.robot.speeds[0]
+    assert position * metres_a_tick(last) / 0.0345 == pytest.approx(bench.robot.angles[0] - lag / 2, abs=lag)
+
+
+def test_the_same_sign_turns_the_same_way_on_every_firmware(bench: Bench) -> None:
+    seen = bench.run(Outputs(duty=(-0.5, 0.5, 0.3, -0.3)), 150)
+    speeds = bench.robot.speeds
+    assert [math.copysign(1, each) for each in speeds] == [-1, 1, 1, -1]
+    for port, sign in enumerate((-1, 1, 1, -1)):
+        assert sign * (seen[-1].bemf[port] or 0.0) > 100.0
+        assert sign * (seen[-1].position[port] or 0.0) > 0.0
+    rates = [each.turn_rate for each in seen if each.turn_rate is not None]
+    assert rates[-1] == pytest.approx(bench.robot.turn_rate, rel=0.05)
+    assert rates[-1] > 0.5  # to the left
+
+
+def test_zero_duty_coasts_or_brakes(bench: Bench) -> None:
+    bench.run(FORWARD, 100)
+    bench.run(Outputs(brake=(True, False, False, False)), 12)
+    braked, coasting = bench.robot.speeds[:2]
+    assert braked < 0.5 * coasting
+
+
+def test_sensors_and_button(bench: Bench) -> None:
+    bench.robot.digital = (True, *(False,) * 8, True)
+    bench.robot.button = True
+    last = bench.run(STOP, 120)[-1]
+    assert last.digital == (True, *(False,) * 8, True)
+    assert last.extra == {"button": 1.0}
+    for port, level in enumerate(bench.robot.analog):
+        # The stock filter settles up to 9 counts low.
+        assert level - 11 <= (last.analog[port] or 0.0) <= level + 4
+    # The stock battery filter settles up to 19 counts low: 0.17 V.
+    assert last.battery_voltage == pytest.approx(6.8, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("firmware", "build", "bemf_hz", "imu_hz"),
+    [
+        ("stock", "shipped", 235.0, 188.0),
+        ("stock", "published", 267.5, None),
+        (17, "shipped", 181.0, 50.0),
+        (17, "published", 200.0, 50.0),
+        (21, "shipped", None, 50.0),
+    ],
+)
+def test_rates_are_measured(
+    firmware: Firmware, build: str, bemf_hz: float | None, imu_hz: float | None
+) -> None:
+    bench = Bench(firmware, build)
+    bench.run(FORWARD, 300)
+    rates = bench.port.rates
+    assert rates.cycle == pytest.approx(200.0)
+    assert rates.bemf == (None if bemf_hz is None else pytest.approx(bemf_hz, rel=0.01))
+    assert rates.imu == (None if imu_hz is None else pytest.approx(imu_hz, rel=0.02))
+
+
+def test_an_imu_that_is_read_once_a_second_is_news_once_a_second() -> None:
+    bench = Bench("stock", "published")
+    seen = bench.run(FORWARD, 600)
+    fresh = [each.time for each in seen if each.gyro is not None]
+    assert 3 <= len(fresh) <= 4
+    assert fresh[-1] - fresh[-2] == pytest.approx(0.935, abs=0.01)
+
+
+def test_repeated_imu_words_are_not_news(bench: Bench) -> None:
+    seen = bench.run(STOP, 200)
+    fresh = sum(each.gyro is not None for each in seen)
+    expected = 188 if bench.emulator.firmware == "stock" else 50
+    assert fresh == pytest.approx(expected, abs=4)
+
+
+def test_offsets_at_rest_are_measured() -> None:
+    bench = Bench(17)
+    bench.emulator.faults.bemf_offset = (-31.5, 54.9, 0.0, 0.0)  # the wire's sign is the other one
+    seen = bench.run(STOP, 300)
+    assert bench.port.standstill_bemf == pytest.approx((31.5, -54.9, 0.0, 0.0), abs=2.0)
+    assert Fault.BEMF_INVALID in seen[-1].faults
+
+
+def test_two_controllers_with_one_frame_length_apart_are_told_apart_when_shifted() -> None:
+    for firmware in FIRMWARES:
+        clock = SteppedClock()
+        emulator = Emulator(BenchRobot(), firmware, clock=clock)
+        emulator.transfer(bytes(100))
+        port = WombatPort(emulator, clock=clock)
+        assert port.dialect.name == ("stock" if firmware == "stock" else f"RaccoonOS {firmware}")
+        port.read()
+        assert port.read().faults == ()
+        port.close()
+
+
+@pytest.mark.parametrize("silence", [0x00, 0xFF])
+def test_a_silent_bus_is_named(silence: int) -> None:
+    clock = SteppedClock()
+    emulator = Emulator(BenchRobot(), "stock", clock=clock)
+    emulator.faults.silent = silence
+    with pytest.raises(HardwareError, match=rf"does not answer \(all 0x{silence:02X}\)"):
+        WombatPort(emulator, clock=clock)
+    assert clock.now() == pytest.approx(2.9)  # it might have been starting
+
+
+def test_a_version_of_another_time_is_named() -> None:
+    clock = SteppedClock()
+    emulator = Emulator(BenchRobot(), 17, clock=clock)
+    emulator.faults.wrong_version = True
+    emulator.transfer(bytes(248))  # the first byte after power-on is void
+    with pytest.raises(HardwareError, match="RaccoonOS answers with protocol version 18"):
+        WombatPort(emulator, clock=clock)
+
+
+def test_a_failed_port_repeats_its_reason(bench: Bench) -> None:
+    bench.run(FORWARD, 50)
+    bench.emulator.faults.silent = 0x00
+    with pytest.raises(HardwareError, match="lost"):
+        bench.run(FORWARD, 200)
+    for use in (bench.port.read, lambda: bench.port.write(STOP)):
+        with pytest.raises(HardwareError, match="lost"):
+            use()
+    bench.port.close()
+
+
+def test_the_reset_line_stops_what_no_longer_listens(bench: Bench) -> None:
+    port = WombatPort(bench.emulator, clock=bench.clock, reset_line=bench.emulator)
+    for _ in range(50):
+        port.read()
+        port.write(FORWARD)
+    bench.emulator.faults.frozen = True
+    bench.port = port
+    with pytest.raises(HardwareError, match="main loop"):
+        bench.run(FORWARD, 200)
+    assert not bench.emulator.motors_running
+    port.close()
+
+
+def test_without_a_reset_line_the_danger_is_told(bench: Bench) -> None:
+    bench.run(FORWARD, 50)
+    bench.emulator.faults.frozen = True
+    with pytest.raises(HardwareError, match="motors may still run: switch the Wombat off"):
+        bench.run(FORWARD, 200)
+    bench.port.close()
+
+
+def test_closing_without_an_answer_is_an_error() -> None:
+    bench = Bench("stock")
+    bench.run(FORWARD, 20)
+    bench.emulator.faults.silent = 0xFF
+    with pytest.raises(HardwareError, match="did not confirm"):
+        bench.port.close()
+    bench.port.close()
+
+
+class Watched:
+    def __init__(self) -> None:
+        self.beats = 0
+        self.ended: bool | None = None
+
+    def beat(self) -> None:
+        self.beats += 1
+
+    def close(self, *, stopped: bool = True) -> None:
+        self.ended = stopped
+
+
+class Gone(Watched):
+    def beat(self) -> None:
+        super().beat()
+        if self.beats > 60:
+            raise HardwareError("the supervisor process is gone")
+
+
+def test_nobody_drives_without_a_guard() -> None:
+    bench = Bench("stock", guard=Gone())
+    with pytest.raises(HardwareError, match="supervisor process is gone"):
+        bench.run(FORWARD, 100)
+    bench.clock.advance(0.02)
+    bench.emulator.run()
+    assert not bench.emulator.motors_running
+
+
+def test_the_guard_hears_every_cycle_and_the_end() -> None:
+    guard = Watched()
+    bench = Bench("stock", guard=guard)
+    bench.run(FORWARD, 10)
+    assert guard.beats >= 20
+    bench.port.close()
+    assert guard.ended is True
+
+
+@pytest.mark.parametrize("rate", [5.0, 501.0, math.nan])
+def test_impossible_rates_are_refused(rate: float) -> None:
+    clock = SteppedClock()
+    with pytest.raises(ConfigError, match="rate_hz"):
+        WombatPort(Emulator(BenchRobot(), "stock", clock=clock), clock=clock, rate_hz=rate)
+
+
+def test_an_unknown_kind_is_refused() -> None:
+    with pytest.raises(ConfigError, match="allowed are wombat, wombat-raccoon"):
+        open_wombat("arduino")

@@ -1,0 +1,85 @@
+"""The simulated robot as the plant of an emulated Wombat."""
+
+from __future__ import annotations
+
+import pytest
+
+from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.readings import Outputs
+from raccoon.hal.wombat.emulator import COAST, Drive, Firmware, PlantState
+from raccoon.model.motor import steady_speed
+from raccoon.robot.emulated import SimulatedPlant, open_emulated
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.world import World
+
+
+def driven(
+    config: RobotConfig, drives: tuple[Drive, ...], seconds: float = 1.0
+) -> tuple[SimulatedPlant, PlantState]:
+    plant = SimulatedPlant(Parameters.from_robot(config), World.empty())
+    for _ in range(round(seconds / 0.001)):
+        state = plant.advance(0.001, drives)
+    return plant, state
+
+
+def test_a_motor_settles_at_the_speed_of_its_equation() -> None:
+    _, state = driven(RobotConfig(), (0.5, 0.5, None, None))
+    speed = steady_speed(0.5 * state.battery_voltage, 1.8, 1.08, 0.18, 0.004)
+    assert state.bemf_volts[:2] == pytest.approx((1.08 * speed, 1.08 * speed), rel=0.002)
+    assert state.bemf_volts[2:] == (0.0, 0.0)
+    assert state.battery_voltage < 6.8
+
+
+def test_the_right_wheel_alone_turns_left() -> None:
+    plant, state = driven(RobotConfig(), (None, 0.5, None, None))
+    assert state.gyro[2] > 0.3
+    assert plant.pose[2] > 0.2
+
+
+def test_an_inverted_motor_turns_its_wheel_backwards() -> None:
+    config = RobotConfig(motors={0: MotorConfig(inverted=True)})
+    plant, state = driven(config, (-0.5, 0.5, None, None))
+    assert plant.pose[0] > 0.05
+    assert plant.pose[2] == pytest.approx(0.0, abs=1e-9)
+    assert state.bemf_volts[0] < -1.0  # the board's sign, not the wheel's
+
+
+def test_a_short_brakes_and_an_open_terminal_does_not() -> None:
+    plant, _ = driven(RobotConfig(), (0.8, 0.8, None, None))
+    rolling, _ = driven(RobotConfig(), (0.8, 0.8, None, None))
+    for _ in range(20):
+        braked = plant.advance(0.001, (0.0, 0.0, None, None))
+        coasting = rolling.advance(0.001, COAST)
+    assert braked.bemf_volts[0] < 0.8 * coasting.bemf_volts[0]
+
+
+def test_no_time_changes_nothing() -> None:
+    plant = SimulatedPlant(Parameters.from_robot(RobotConfig()))
+    assert plant.advance(0.0, COAST) == PlantState(
+        battery_voltage=6.8, bemf_volts=(0.0,) * 4, analog=(2000.0,) * 6
+    )
+
+
+def test_a_tophat_sees_the_line_it_stands_on() -> None:
+    line = next(iter(World.default().lines)).points[0]
+    config = RobotConfig(tophats={"front": TophatConfig(analog=2, forward=line[0], left=line[1])})
+    black = SimulatedPlant(Parameters.from_robot(config), World.default()).advance(0.0, COAST).analog[2]
+    white = SimulatedPlant(Parameters.from_robot(config), World.empty()).advance(0.0, COAST).analog[2]
+    assert black > white + 500.0
+
+
+@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+def test_the_whole_chain_drives_straight(firmware: Firmware) -> None:
+    port = open_emulated(RobotConfig(), firmware)
+    turn_rates = []
+    for _ in range(100):
+        inputs = port.read()
+        turn_rates += [] if inputs.turn_rate is None else [inputs.turn_rate]
+        port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
+    left, right = inputs.bemf[:2]
+    assert left is not None
+    assert right is not None
+    assert left == pytest.approx(right, abs=20.0)
+    assert left > 600.0
+    assert turn_rates[-1] == pytest.approx(0.0, abs=0.02)
+    port.close()

@@ -1,0 +1,122 @@
+"""Following and aligning on lines and walls, on tables drawn here."""
+
+import math
+from typing import Any
+
+import pytest
+
+from raccoon import CalibrationError, MotionTimeout, Robot, after_distance, deg, open_robot, wait
+from raccoon.core.readings import Inputs, Outputs
+from raccoon.estimate.tophat import calibrate
+from raccoon.robot.actions import Action
+from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
+from raccoon.sim.port import SimPort
+from raccoon.sim.world import Line, World
+from robots import CONFIG, simulated
+
+CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
+
+
+def on_table(
+    world: World, start: tuple[float, float, float], action: Action[Any]
+) -> tuple[Any, Robot, SimPort]:
+    port = simulated(world=world, start=start)
+    with open_robot(CONFIG, port=port) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(CALIBRATION)
+        robot.run(wait(0.5))
+        result = robot.run(action)
+        robot.run(wait(0.2))
+        return result, robot, port
+
+
+@pytest.mark.parametrize(("side", "offset"), [("left", 0.025), ("right", -0.025)])
+def test_a_line_is_followed_around_a_bend(side: str, offset: float) -> None:
+    bend = [(0.3 + 0.4 * math.sin(a), 0.4 - 0.4 * math.cos(a)) for a in (i * 0.05 for i in range(25))]
+    world = World(lines=(Line(((-0.2, 0.0), *bend)),))
+    # The left tophat, 3 cm left of the middle, starts near the edge it is to keep to.
+    start = (0.0, offset - 0.03 + 0.008, 0.0)
+    _, _, port = on_table(world, start, follow_line("left", side, 0.1).until(after_distance(0.6)))
+    x, y, heading = port._robot.pose
+    sensor = (
+        x + 0.11 * math.cos(heading) - 0.03 * math.sin(heading),
+        y + 0.11 * math.sin(heading) + 0.03 * math.cos(heading),
+    )
+    assert abs(world.line_distance(*sensor)) < 0.006
+    assert heading > deg(30)
+
+
+def test_a_line_that_ends_is_said() -> None:
+    world = World(lines=(Line(((-0.2, 0.0), (0.25, 0.0))),))
+    with pytest.raises(MotionTimeout, match="left lost the line"):
+        on_table(world, (0.0, -0.005, 0.0), follow_line("left", "left", 0.1))
+
+
+@pytest.mark.parametrize("askew_deg", [12.0, -20.0])
+@pytest.mark.parametrize("speed", [None, 0.15])
+def test_the_robot_stands_square_to_a_line(askew_deg: float, speed: float | None) -> None:
+    world = World(lines=(Line(((0.3, -0.5), (0.3, 0.5))),))
+    result, robot, _ = on_table(world, (0.0, 0.0, deg(askew_deg)), align_on_line("left", "right", speed))
+    assert robot.inputs is not None
+    assert robot.inputs.truth is not None
+    assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=0.8)
+    assert abs(result.heading) < 0.01
+
+
+def test_no_line_within_reach_is_said() -> None:
+    with pytest.raises(MotionTimeout, match=r"no line at left and right within 0\.1 m"):
+        on_table(World.empty(), (0.0, 0.0, 0.0), align_on_line("left", "right", reach=0.1))
+
+
+def test_a_tophat_without_calibration_is_said() -> None:
+    with (
+        open_robot(CONFIG, port=simulated()) as robot,
+        pytest.raises(CalibrationError, match="not calibrated"),
+    ):
+        robot.run(follow_line("left"))
+
+
+class WallAhead:
+    """A wall across the way: a front corner that touches it stops its wheel: the robot turns square."""
+
+    def __init__(self, distance: float, heading: float) -> None:
+        self._port = simulated(start=(0.0, 0.0, heading))
+        self._distance = distance
+        self._last: Inputs | None = None
+
+    def read(self) -> Inputs:
+        self._last = self._port.read()
+        return self._last
+
+    def write(self, outputs: Outputs) -> None:
+        assert self._last is not None
+        assert self._last.truth is not None
+        here = self._last.truth
+        duty = list(outputs.duty)
+        for port, side in ((0, 0.08), (1, -0.08)):
+            corner = here.x + 0.05 * math.cos(here.heading) - side * math.sin(here.heading)
+            if corner > self._distance:
+                duty[port] = 0.0
+        self._port.write(Outputs(duty=tuple(duty), brake=(True,) * 4))
+
+    def close(self) -> None:
+        self._port.close()
+
+
+@pytest.mark.parametrize("askew_deg", [8.0, -8.0])
+def test_the_robot_squares_up_to_a_wall(askew_deg: float) -> None:
+    with open_robot(CONFIG, port=WallAhead(0.2, deg(askew_deg))) as robot:
+        robot.run(wait(0.5))
+        robot.run(align_on_wall(heading=0.0, heading_std=0.01))
+        robot.run(wait(0.2))
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=1.5)
+
+
+def test_no_wall_is_said() -> None:
+    with (
+        open_robot(CONFIG, port=simulated()) as robot,
+        pytest.raises(MotionTimeout, match="no wall after 1 s"),
+    ):
+        robot.run(align_on_wall(timeout=1.0))

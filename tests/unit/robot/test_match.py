@@ -1,0 +1,130 @@
+"""Matches: the light, the clock that ends everything, and the timing of steps."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from raccoon import Robot, drive, open_robot, repeat, straight, wait
+from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.deadline import MatchOver
+from raccoon.robot.match import mission, run_match, timed, wait_for_light
+from robots import CONFIG, simulated
+
+
+class Lamp:
+    """The simulated robot with a start light on analog port 3 that goes on at `on` s; remembers commands."""
+
+    def __init__(self, on: float = 1.0) -> None:
+        self._port = simulated()
+        self._on = on
+        self.last = STOP
+        self.notes: list[str] = []
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        analog = list(inputs.analog)
+        analog[3] = 300.0 if inputs.time >= self._on else 3000.0
+        return replace(inputs, analog=tuple(analog))
+
+    def write(self, outputs: Outputs) -> None:
+        self.last = outputs
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+    def annotate(self, name: str, values: tuple[float, ...]) -> None:
+        """Estimates are not looked at here."""
+
+    def event(self, text: str) -> None:
+        self.notes.append(text)
+
+
+def test_the_program_starts_with_the_light_and_its_steps_are_timed() -> None:
+    port = Lamp(on=1.5)
+    with open_robot(CONFIG, port=port) as robot:
+        program = mission(straight(0.05), timed(wait(0.5), "look around"))
+        report = run_match(robot, program, start=wait_for_light(3))
+    assert report.finished
+    assert [step.name for step in report.steps] == ["straight 0.05 m", "look around"]
+    assert report.steps[1].seconds == pytest.approx(0.5, abs=0.01)
+    assert report.steps[0].begin < 0.02
+    assert "start light" in port.notes
+    assert any(note.startswith("step ends: straight 0.05 m: done after") for note in port.notes)
+    assert "look around" in report.table()
+
+
+def catches_everything(robot: Robot) -> None:
+    while True:
+        try:
+            robot.run(drive(0.1))
+        except Exception:
+            continue
+
+
+def ignores_the_end(robot: Robot) -> None:
+    for _ in range(5):
+        try:
+            robot.run(drive(0.1))
+        except BaseException:
+            continue
+
+
+def swallows(robot: Robot) -> Steps[None]:
+    try:
+        while True:
+            robot.drive.velocity(0.1)
+            yield
+    finally:
+        robot.drive.velocity(0.1)
+
+
+@pytest.mark.parametrize(
+    "program",
+    [repeat(straight(0.05)), catches_everything, ignores_the_end, Action("stubborn", swallows)],
+    ids=["for ever", "catches everything", "ignores the end", "drives on in finally"],
+)
+def test_the_clock_ends_it_whatever_the_program_does(program: Action[None] | Callable[[Robot], None]) -> None:
+    port = Lamp()
+    with open_robot(CONFIG, port=port) as robot:
+        report = run_match(robot, program, seconds=1.0)
+        assert report.seconds == pytest.approx(1.0, abs=0.05)
+        assert port.last == STOP
+        with pytest.raises(MatchOver):
+            robot.run(straight(0.1))
+        assert port.last == STOP
+
+
+def test_an_error_of_the_program_comes_through_with_the_motors_off() -> None:
+    def broken(_robot: Robot) -> None:
+        raise KeyError("pom")
+
+    port = Lamp()
+    with open_robot(CONFIG, port=port) as robot, pytest.raises(KeyError, match="pom"):
+        run_match(robot, broken)
+    assert port.last == STOP
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no interval timer here")
+def test_the_alarm_of_the_wall_clock_ends_code_that_never_comes_back() -> None:
+    def hangs(_robot: Robot) -> None:
+        end = time.monotonic() + 20.0
+        while time.monotonic() < end:
+            pass
+
+    port = Lamp()
+    with open_robot(CONFIG, port=port) as robot:
+        report = run_match(robot, hangs, seconds=0.1, alarm=True)
+    assert not report.finished
+    assert port.last == STOP
+
+
+def test_a_match_without_time_is_refused() -> None:
+    with open_robot(CONFIG, port=Lamp()) as robot, pytest.raises(ValueError, match=r"seconds is 0\.0"):
+        run_match(robot, wait(1.0), seconds=0.0)

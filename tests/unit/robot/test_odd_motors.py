@@ -1,0 +1,137 @@
+"""Motors that are not what robot.toml says: still controlled, and reported with their port."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from raccoon import MotionTimeout, Robot, after_time, calibrate_drive, motors, straight, wait
+from raccoon.core.port import Port
+from raccoon.core.readings import Inputs, Outputs
+from robots import CONFIG, run, simulated
+
+BARE = replace(CONFIG, motors={})
+
+
+def test_half_the_magnet_is_calibrated_away_and_reported() -> None:
+    effects = {"motor.back_emf_constant@left": {"factor": 0.5}}
+    with Robot(simulated(config=BARE, effects=effects), BARE) as robot:
+
+        def taped() -> float:
+            assert robot.inputs is not None
+            assert robot.inputs.truth is not None
+            return robot.inputs.truth.x
+
+        calibrated = calibrate_drive(robot, taped, distance=0.6)
+    _, end, robot = run(straight(0.5), simulated(seed=2, config=BARE, effects=effects), calibrated)
+    assert end.x == pytest.approx(0.5, abs=0.005)
+    assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.5)
+    assert any("left motor (port 0) has 0.5" in said for said in robot.drive.oddities())
+
+
+def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
+    port = simulated(effects={"motor.armature_resistance@left": {"factor": 1.5}})
+    _, end, robot = run(straight(1.0), port)
+    assert end.x == pytest.approx(1.0, abs=0.004)
+    assert end.y == pytest.approx(0.0, abs=0.005)
+    odd = robot.drive.oddities()
+    assert len(odd) == 1
+    assert "left motor (port 0) takes" in odd[0]
+
+
+def test_a_nominal_robot_is_not_complained_about() -> None:
+    _, _, robot = run(straight(1.0))
+    assert robot.drive.oddities() == ()
+
+
+class Unplugged:
+    """The simulated robot with the plug of the right motor out: it coasts."""
+
+    def __init__(self) -> None:
+        self._port = simulated()
+
+    def read(self) -> Inputs:
+        return self._port.read()
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(replace(outputs, duty=(outputs.duty[0], 0.0, 0.0, 0.0), brake=(True, False) * 2))
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_an_unplugged_motor_ends_the_motion_early_and_is_named() -> None:
+    port: Port = Unplugged()
+    with Robot(port, CONFIG) as robot:
+        robot.run(wait(0.5))
+        begin = robot.time
+        with pytest.raises(MotionTimeout, match=r"no motion at right \(motor port 1\): blocked, unplugged"):
+            robot.run(straight(0.5))
+        assert robot.time - begin < 2.0
+
+
+@pytest.mark.parametrize("distance", [0.03, -0.03])
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"actuation.deadband": {"duty": 0.10}},
+        {"friction.stiction": {"torque": 0.2, "speed": 0.5}},
+    ],
+    ids=["dead band", "stiction"],
+)
+def test_a_small_move_settles_in_a_second(distance: float, effect: dict[str, dict[str, float]]) -> None:
+    result, end, _ = run(straight(distance), simulated(effects=effect))
+    assert result.duration <= 1.0
+    assert end.x == pytest.approx(distance, abs=0.0015)
+
+
+def test_a_speed_beyond_the_weakest_battery_is_planned_down_and_said() -> None:
+    strong = simulated(effects={"battery.open_circuit_voltage": {"voltage": 7.2}})
+    result, _, robot = run(straight(0.4, speed=0.5), strong)
+    assert result.planned < 0.5
+    assert not result.saturated
+    weak = simulated(effects={"battery.open_circuit_voltage": {"voltage": robot.config.battery.weakest}})
+    again, _, _ = run(straight(0.4, speed=0.5), weak)
+    assert again.duration == pytest.approx(result.duration, abs=0.05)
+
+
+class Notes:
+    """The simulated robot on a battery, with the remarks of its recording."""
+
+    def __init__(self, battery: float) -> None:
+        self._port = simulated(effects={"battery.open_circuit_voltage": {"voltage": battery}})
+        self.notes: list[str] = []
+
+    def read(self) -> Inputs:
+        return self._port.read()
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+    def annotate(self, name: str, values: tuple[float, ...]) -> None:
+        """Estimates are not looked at here."""
+
+    def event(self, text: str) -> None:
+        self.notes.append(text)
+
+
+def test_scaled_duties_drive_alike_at_80_percent_and_say_what_is_missing_at_100() -> None:
+    ways: dict[tuple[float, float], float] = {}
+    for duty in (0.8, 1.0):
+        for battery in (6.1, 7.0):
+            port = Notes(battery)
+            _, end, _ = run(motors(duty, duty, tuned_at=7.0).until(after_time(1.5)), port)
+            ways[duty, battery] = end.x
+            assert duty == 1.0 or not port.notes
+    assert ways[0.8, 6.1] == pytest.approx(ways[0.8, 7.0], rel=0.01)
+    assert ways[1.0, 6.1] < 0.9 * ways[1.0, 7.0]
+
+
+def test_the_missing_speed_is_noted() -> None:
+    port = Notes(6.1)
+    run(motors(1.0, 1.0, tuned_at=7.0).until(after_time(0.2)), port)
+    # 0.9 V of 7.0 V are missing, at 0.92 (rad/s)/V and 34.5 mm: 29 mm/s.
+    assert any(note.startswith("voltage scaling: 13 % missing, 0.029") for note in port.notes)

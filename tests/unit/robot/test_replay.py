@@ -1,0 +1,60 @@
+"""A recorded run, replayed, is the same run; a changed program is caught where it differs."""
+
+from pathlib import Path
+
+import pytest
+
+from raccoon import ReplayDiverged, Robot, RobotConfig, deg, open_robot, replay, seq, straight, turn, wait
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.world import World
+
+
+def mission(robot: Robot) -> tuple[float, float, float]:
+    robot.run(seq(wait(0.2), straight(0.05), turn(deg(20))))
+    return robot.pose.x, robot.pose.y, robot.pose.heading
+
+
+def changed(robot: Robot) -> None:
+    robot.run(seq(wait(0.2), straight(0.06), turn(deg(20))))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, tuple[float, float, float]]:
+    path = tmp_path_factory.mktemp("recorded") / "run.jsonl.gz"
+    config = RobotConfig()
+    port = SimPort(Parameters.from_robot(config), World.empty(), robot=config, seed=3)
+    with open_robot(config, port=port, record=path, seed=3) as robot:
+        return path, mission(robot)
+
+
+def test_estimates_are_identical_to_the_last_bit(
+    recorded: tuple[Path, tuple[float, float, float]],
+) -> None:
+    path, end = recorded
+    assert replay(path, mission) == end
+
+
+def test_a_changed_program_diverges_at_a_named_tick_and_field(
+    recorded: tuple[Path, tuple[float, float, float]],
+) -> None:
+    with pytest.raises(ReplayDiverged, match=r"tick \d+: motor\.0\.duty was .* in the recording") as caught:
+        replay(recorded[0], changed)
+    assert caught.value.tick > 40  # the wait is the same
+
+
+def test_a_changed_program_may_run_on_old_readings_where_asked(
+    recorded: tuple[Path, tuple[float, float, float]],
+) -> None:
+    with pytest.raises(EOFError, match="the recording has ended"):
+        replay(recorded[0], changed, check=False)
+
+
+def test_two_simulated_runs_from_one_seed_are_the_same() -> None:
+    config = RobotConfig()
+    ends = []
+    for _ in range(2):
+        port = SimPort(Parameters.from_robot(config), World.empty(), robot=config, seed=5)
+        with open_robot(config, port=port) as robot:
+            ends.append(mission(robot))
+    assert ends[0] == ends[1]

@@ -1,0 +1,157 @@
+"""Motors stop on every way out of a program: return, error, Ctrl-C, SIGTERM, SIGHUP, sys.exit."""
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+
+from raccoon import Action, Robot, do, drive, open_robot
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import HardwareError
+from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
+from raccoon.robot.actions import Steps
+
+CHILD = """
+import signal, sys
+from raccoon import RobotConfig, drive, open_robot
+from raccoon.core.readings import SIMULATOR, STOP, Inputs
+
+class Loud:
+    tick = 0
+    def read(self):
+        self.tick += 1
+        if self.tick == 100:
+            print("driving", flush=True)
+            {at_tick_100}
+        return Inputs(time=self.tick * 0.005, device=SIMULATOR, bemf=(300, 300, 0, 0), position=(0, 0, 0, 0))
+    def write(self, outputs):
+        self.last = outputs
+    def close(self):
+        print("closed", flush=True)
+
+with open_robot(RobotConfig(), port=Loud()) as robot:
+    robot.run(drive(0.1))
+"""
+
+
+class Bench:
+    """A port that remembers what was commanded and when it was closed."""
+
+    def __init__(self, dies_at: int | None = None) -> None:
+        self.commands: list[Outputs] = []
+        self.closed = 0
+        self._tick = 0
+        self._dies_at = dies_at
+
+    def read(self) -> Inputs:
+        self._tick += 1
+        if self._tick == self._dies_at:
+            raise HardwareError("the cable fell out")
+        words = (300, 300, 0, 0)
+        return Inputs(time=0.005 * self._tick, device=SIMULATOR, bemf=words, position=(0, 0, 0, 0))
+
+    def write(self, outputs: Outputs) -> None:
+        if self._dies_at is not None and self._tick >= self._dies_at:
+            raise HardwareError("the cable fell out")
+        self.commands.append(outputs)
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def fail_after(ticks: int) -> Action[None]:
+    def steps(robot: Robot) -> Steps[None]:
+        for _ in range(ticks):
+            robot.drive.velocity(0.1)
+            yield
+        raise RuntimeError("a bug in the program")
+
+    return Action("fail", steps)
+
+
+def test_an_error_in_an_action_stops_the_motors_before_it_is_seen() -> None:
+    port = Bench()
+    with open_robot(RobotConfig(), port=port) as robot:
+        with pytest.raises(RuntimeError, match="a bug in the program"):
+            robot.run(fail_after(20))
+        assert any(command.duty[0] > 0.0 for command in port.commands)
+        assert port.commands[-1] == STOP
+        robot.run(do(lambda _: None))  # the robot is still usable
+    assert port.closed
+
+
+def test_a_closed_robot_runs_nothing() -> None:
+    port = Bench()
+    with pytest.raises(RuntimeError), open_robot(RobotConfig(), port=port) as robot:
+        robot.run(fail_after(5))
+    assert port.closed
+    with pytest.raises(HardwareError, match="the robot is closed"):
+        robot.run(drive(0.1))
+
+
+def test_running_inside_a_run_is_a_mistake_that_is_said() -> None:
+    with open_robot(RobotConfig(), port=Bench()) as robot:
+        nested = do(lambda each: each.run(fail_after(3)), "nested")
+        with pytest.raises(RuntimeError, match=r"run\(fail\) inside run\(nested\): compose actions"):
+            robot.run(nested)
+        robot.run(do(lambda _: None))
+
+
+def test_a_port_that_dies_is_closed_and_its_own_error_is_seen() -> None:
+    port = Bench(dies_at=10)
+    with open_robot(RobotConfig(), port=port) as robot, pytest.raises(HardwareError, match="cable fell out"):
+        robot.run(drive(0.1))
+    assert port.closed
+
+
+def test_an_action_that_is_forgotten_does_not_keep_the_motors_running() -> None:
+    def once(robot: Robot) -> Steps[None]:
+        robot.drive.velocity(0.1)
+        for _ in range(5):
+            yield
+
+    port = Bench()
+    with open_robot(RobotConfig(), port=port) as robot:
+        robot.run(Action("once", once))
+    assert port.commands[0].duty[0] > 0.0
+    assert all(command.duty == STOP.duty for command in port.commands[1:])
+
+
+@pytest.mark.parametrize(
+    ("number", "status"),
+    [(signal.SIGTERM, 128 + 15), (signal.SIGHUP, 128 + 1), (signal.SIGINT, 130)],
+    ids=["SIGTERM", "SIGHUP", "Ctrl-C"],
+)
+def test_signals_unwind_and_close(number: signal.Signals, status: int) -> None:
+    code = CHILD.format(at_tick_100="pass")
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == "driving\n"
+        child.send_signal(number)
+        assert child.stdout.readline() == "closed\n"
+        assert child.wait(20) in (status, -number)
+
+
+@pytest.mark.parametrize(
+    ("statement", "status"), [("sys.exit(3)", 3), ("raise MemoryError", 1)], ids=["sys.exit", "error"]
+)
+def test_other_ways_out_close_as_well(statement: str, status: int) -> None:
+    code = CHILD.format(at_tick_100=statement)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == status
+    assert done.stdout.splitlines()[-1] == "closed"
+
+
+def test_signal_handlers_are_put_back() -> None:
+    def handler(*_: object) -> None:
+        """A program's own."""
+
+    before: Callable[..., object] | int | None = signal.signal(signal.SIGTERM, handler)
+    try:
+        with open_robot(RobotConfig(), port=Bench()):
+            assert signal.getsignal(signal.SIGTERM) is not handler
+        assert signal.getsignal(signal.SIGTERM) is handler
+    finally:
+        signal.signal(signal.SIGTERM, before)

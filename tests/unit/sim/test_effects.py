@@ -1,0 +1,286 @@
+"""What each effect does, against what can be worked out by hand."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, Outputs
+from raccoon.core.schema import Measured
+from raccoon.model.motor import steady_speed
+from raccoon.sim.catalogue import CATALOGUE
+from raccoon.sim.chain import Chain, Noise
+from raccoon.sim.commands import Commands
+from raccoon.sim.effects import effect
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.rollout import Rollout, rollout
+from raccoon.sim.world import Box, Light, Line, World
+
+TIME = np.arange(601) * 0.005
+ONES = np.ones_like(TIME)
+MODEL = RobotConfig().model
+R, K = MODEL.left.armature_resistance.value, MODEL.left.back_emf_constant.value
+COULOMB, VISCOUS = MODEL.friction.coulomb.value, MODEL.friction.viscous.value
+VOLTAGE = MODEL.battery.open_circuit_voltage.value
+Floats = NDArray[np.float64]
+
+
+def with_effect(id: str, where: str | None = None, **values: float) -> Parameters:  # noqa: A002
+    """A robot on a stiff battery with one effect."""
+    stiff = Parameters.from_robot(RobotConfig()).with_effect("battery.internal_resistance", resistance=0.0)
+    return stiff.with_effect(id, where, **values)
+
+
+def run(robot: Parameters, left: Floats | float, right: Floats | float, **initial: float) -> Rollout:
+    commands = Commands.of_wheels(TIME, left * ONES, right * ONES)
+    return rollout(robot, commands, initial=initial, longest_step=0.001)
+
+
+def end(robot: Parameters, duty: float, channel: str = "motor.0.speed") -> float:
+    return float(run(robot, duty, duty)[channel][0, -1])
+
+
+def test_a_discharging_battery_loses_voltage_by_the_charge_drawn() -> None:
+    ended = run(with_effect("battery.discharge", volts_per_coulomb=0.01), 0.8, 0.8)
+    drawn = 0.8 * 2 * np.sum(ended["motor.0.current"][0, 1:] * np.diff(TIME))
+    assert ended["battery.voltage"][0, -1] == pytest.approx(VOLTAGE - 0.01 * drawn, abs=1e-3)
+
+
+def test_a_stalled_winding_heats_up_with_its_time_constant() -> None:
+    robot = with_effect("motor.heating", gain=0.1, time_constant=1.0).with_effect(
+        "friction.coulomb", torque=5.0
+    )
+    current = run(robot, 0.5, 0.5)["motor.0.current"][0]
+    cold = 0.5 * VOLTAGE / R
+    assert current[1] == pytest.approx(cold, rel=2e-2)
+    # h' = (I^2 - h) / tau and I = I0 / (1 + gain h): stepped finely by hand.
+    heat, step = 0.0, 1e-4
+    for _ in range(round(TIME[-1] / step)):
+        heat += step * ((cold / (1.0 + 0.1 * heat)) ** 2 - heat)
+    assert current[-1] == pytest.approx(cold / (1.0 + 0.1 * heat), rel=1e-3)
+
+
+def test_a_current_limit_holds_the_current() -> None:
+    current = run(with_effect("motor.current_limit", limit=1.2), 1.0, 1.0)["motor.0.current"][0]
+    assert np.max(current) == pytest.approx(1.2)
+    assert np.max(run(with_effect("motor.current_limit"), 1.0, 1.0)["motor.0.current"][0]) > 2.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_dry_friction_that_depends_on_direction(sign: float) -> None:
+    robot = with_effect("friction.direction_dependent", asymmetry=0.3, viscous_asymmetry=0.5)
+    expected = steady_speed(
+        sign * 0.6 * VOLTAGE, R, K, COULOMB * (1.0 + sign * 0.3), VISCOUS * (1.0 + sign * 0.5)
+    )
+    assert end(robot, sign * 0.6) == pytest.approx(expected, rel=1e-6)
+
+
+def test_friction_that_depends_on_the_load() -> None:
+    speed = end(with_effect("friction.load_dependent", coefficient=0.2), 0.7)
+    moment = K * (0.7 * VOLTAGE - K * speed) / R
+    assert moment == pytest.approx(COULOMB + VISCOUS * speed + 0.2 * moment, rel=1e-6)
+
+
+def test_quadratic_drag() -> None:
+    speed = end(with_effect("friction.quadratic", coefficient=0.01), 0.7)
+    moment = K * (0.7 * VOLTAGE - K * speed) / R
+    assert moment == pytest.approx(COULOMB + VISCOUS * speed + 0.01 * speed**2, rel=1e-6)
+
+
+def test_stiction_holds_at_rest_and_vanishes_at_speed() -> None:
+    robot = with_effect("friction.stiction", torque=0.1, speed=0.3)
+    free = (COULOMB + 0.05) * R / (K * VOLTAGE)
+    assert end(robot, free) == 0.0
+    assert end(robot, (COULOMB + 0.101) * R / (K * VOLTAGE)) > 0.0
+    assert end(robot, 0.8) == pytest.approx(steady_speed(0.8 * VOLTAGE, R, K, COULOMB, VISCOUS), rel=1e-6)
+
+
+def test_backlash_loses_its_angle_once_a_reversal() -> None:
+    duty = np.where(TIME < 1.5, 0.6, -0.6)
+    plain, loose = (run(with_effect("drive.backlash", angle=each), duty, duty) for each in (0.0, 0.1))
+    radius = MODEL.drive.wheel_radius.value
+    halfway, last = 300, -1
+    # The play starts in its middle: half of it is lost at once, the whole of it after the reversal.
+    lost = plain["truth.x"][0] - loose["truth.x"][0]
+    assert lost[halfway] == pytest.approx(radius * 0.05, rel=1e-9)
+    assert lost[last] == pytest.approx(-radius * 0.05, rel=1e-9)
+    np.testing.assert_array_equal(plain["motor.0.bemf"], loose["motor.0.bemf"])
+
+
+def test_slip_costs_time_times_the_speed_reached() -> None:
+    plain, slipping = (run(with_effect("drive.wheel_slip", time=each), 0.6, 0.6) for each in (0.0, 0.02))
+    lost = plain["truth.x"][0, -1] - slipping["truth.x"][0, -1]
+    assert lost == pytest.approx(MODEL.drive.wheel_radius.value * 0.02 * plain["motor.0.speed"][0, -1])
+
+
+def test_scrub_slows_turning_but_not_driving_straight() -> None:
+    robot = with_effect("drive.turn_scrub", torque=0.05)
+    expected = steady_speed(0.6 * VOLTAGE, R, K, COULOMB + 0.05, VISCOUS)
+    assert run(robot, -0.6, 0.6)["motor.1.speed"][0, -1] == pytest.approx(expected, rel=1e-6)
+    straight = steady_speed(0.6 * VOLTAGE, R, K, COULOMB, VISCOUS)
+    assert end(robot, 0.6) == pytest.approx(straight, rel=1e-9)
+
+
+def test_a_slope_pulls_along_its_direction() -> None:
+    uphill = with_effect("drive.slope", along_x=-0.05)
+    assert end(uphill, 0.6) == pytest.approx(steady_speed(0.6 * VOLTAGE, R, K, COULOMB + 0.05, VISCOUS))
+    sideways = with_effect("drive.slope", along_y=-0.05)
+    assert end(sideways, 0.6) == pytest.approx(steady_speed(0.6 * VOLTAGE, R, K, COULOMB, VISCOUS))
+    turned = run(sideways, 0.6, 0.6, heading=math.pi / 2)["motor.0.speed"][0, -1]
+    assert turned == pytest.approx(end(uphill, 0.6))
+
+
+def test_a_wheel_that_runs_out_of_round_sways_the_heading_once_a_turn() -> None:
+    robot = with_effect("drive.wheel_eccentricity", "left", amplitude=0.05, phase=0.7)
+    heading = run(robot, 0.8, 0.8)["truth.heading"][0]
+    turned = np.cumsum(run(robot, 0.8, 0.8)["motor.0.speed"][0]) * 0.005
+    radius, track = MODEL.drive.wheel_radius.value, MODEL.drive.track_width.value
+    expected = radius / track * 0.05 * (np.cos(turned + 0.7) - math.cos(0.7))
+    np.testing.assert_allclose(heading, expected, atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("name", "channel", "ratio"),
+    [("drive.track_width", "truth.heading", 1 / 1.1), ("drive.wheel_radius", "truth.heading", 1.1)],
+)
+def test_geometry(name: str, channel: str, ratio: float) -> None:
+    plain, changed = (run(with_effect(name, factor=each), -0.5, 0.5)[channel][0, -1] for each in (1.0, 1.1))
+    assert changed / plain == pytest.approx(ratio, rel=1e-9)
+
+
+def test_more_inertia_slows_the_rise_alone() -> None:
+    light, heavy = (
+        run(with_effect("drive.inertia", factor=each), 0.6, 0.6)["motor.0.speed"][0] for each in (1.0, 2.0)
+    )
+    assert light[-1] == pytest.approx(heavy[-1], rel=1e-9)
+    np.testing.assert_allclose(heavy[2:201:2], light[1:101], rtol=5e-3)
+
+
+def test_a_deadband_swallows_small_duties_and_leaves_full_ones() -> None:
+    robot = with_effect("actuation.deadband", duty=0.2)
+    assert end(robot, 0.19) == 0.0
+    assert end(robot, 1.0) == pytest.approx(steady_speed(VOLTAGE, R, K, COULOMB, VISCOUS))
+    assert end(robot, 0.6) == pytest.approx(steady_speed(0.5 * VOLTAGE, R, K, COULOMB, VISCOUS))
+
+
+def test_readings_are_scaled_shifted_and_cut_off() -> None:
+    speed = end(with_effect("bemf.scale", factor=1.0), 0.6)
+    counts = K * speed / BEMF_VOLTS_PER_COUNT
+    assert end(with_effect("bemf.scale", factor=1.1), 0.6, "motor.0.bemf") == pytest.approx(1.1 * counts)
+    assert end(with_effect("bemf.offset", counts=31.5), 0.6, "motor.0.bemf") == pytest.approx(counts + 31.5)
+    assert end(with_effect("bemf.offset", counts=20.0), 0.0, "motor.0.bemf") == 20.0
+    both = with_effect("bemf.offset", counts=20.0).with_effect("bemf.dead_zone", counts=25.0)
+    assert end(both, 0.0, "motor.0.bemf") == 0.0
+    assert end(both, 0.6, "motor.0.bemf") == pytest.approx(counts + 20.0)
+
+
+def test_an_offset_is_the_board_s_whatever_the_wiring() -> None:
+    robot = RobotConfig(motors={0: MotorConfig(inverted=True, bemf_offset=Measured(31.5))})
+    standing = rollout(Parameters.from_robot(robot), Commands.of_wheels(TIME, 0.0 * ONES, 0.0 * ONES))
+    assert standing["motor.0.bemf"][0, -1] == 31.5
+    assert standing["motor.1.bemf"][0, -1] == 0.0
+
+
+def test_a_slower_filter_lags_by_its_time_constant() -> None:
+    # On a ramp, the lag of a filter that is stepped every dt is dt (1 - a) / a with a = 1 - exp(-dt / tau).
+    plain, slow = (with_effect("bemf.filter_lag", time_constant=each) for each in (0.0, 0.05))
+    ramp = np.clip(TIME / 2.0, 0.0, 1.0)
+    share = 1.0 - math.exp(-0.005 / 0.05)
+    lag = 0.005 * (1.0 - share) / share
+    prompt, late = (run(each, ramp, ramp)["motor.0.bemf"][0] for each in (plain, slow))
+    np.testing.assert_allclose(late[300:380], np.interp(TIME[300:380] - lag, TIME, prompt), rtol=1e-3)
+
+
+def test_the_firmware_s_median_forgets_a_spike() -> None:
+    spike = Noise(bemf=0.0, gyro=0.0, gyro_bias=0.0, accel=0.0, battery=0.0, analog=0.0)
+    robot = Parameters.from_robot(RobotConfig()).with_chain(Chain.firmware())
+    port = SimPort(robot, World.empty(), noise=spike)
+    port.write(Outputs(duty=(0.6, 0.6, 0.0, 0.0)))
+    steady = [port.read() for _ in range(300)][-1]
+    # 10 % of coasting weakens the motor like a winding of R / 0.9; the battery sags by both currents.
+    counts = float(steady.bemf[0] or 0)
+    weak = steady_speed(0.6 * (steady.battery_voltage or 0.0), R / 0.9, K, COULOMB, VISCOUS)
+    assert counts == pytest.approx(K * weak / BEMF_VOLTS_PER_COUNT, rel=5e-3)
+
+
+def black_under_front(**effects: Mapping[str, float]) -> float:
+    """Counts of a tophat that stands over black."""
+    robot = RobotConfig(tophats={"front": TophatConfig(analog=2, forward=0.1)})
+    parameters = Parameters.from_robot(robot)
+    for name, values in effects.items():
+        parameters = parameters.with_effect(name.replace("__", "."), "2", **values)
+    world = World(lines=(Line(((0.1, -1.0), (0.1, 1.0))),))
+    inputs = SimPort(parameters, world, noise=False).read()
+    assert inputs.truth is not None
+    assert inputs.truth.surface[2] is True
+    return float(inputs.analog[2] or 0)
+
+
+def test_tophats_read_the_paper_s_values() -> None:
+    assert black_under_front() == pytest.approx(3800, abs=2)
+    assert black_under_front(tophat__height={"height": 0.023}) == pytest.approx(4030, abs=2)
+    assert black_under_front(tophat__gain={"factor": 0.5}) == pytest.approx(1900, abs=1)
+    assert black_under_front(tophat__ambient_light={"offset": -500.0}) == pytest.approx(3300, abs=2)
+
+
+def test_a_tophat_under_the_sun_of_a_table() -> None:
+    robot = RobotConfig(tophats={"front": TophatConfig(analog=2, forward=0.1)})
+    sun = Light(Box((0.0, -1.0), (1.0, 1.0)), ambient=1.0)
+    inputs = SimPort(Parameters.from_robot(robot), World(lights=(sun,)), noise=False).read()
+    assert inputs.analog[2] == pytest.approx(140, abs=2)
+
+
+def test_every_effect_names_units_bounds_and_a_size() -> None:
+    for entry in CATALOGUE.values():
+        assert entry.sentence.endswith(".")
+        assert entry.parameters
+        for each in entry.parameters:
+            assert each.prior_width > 0.0
+            for value in (each.neutral, each.initial):
+                assert value is None or each.bounds.allows(value)
+
+
+@pytest.mark.parametrize(
+    ("id", "where", "values", "message"),
+    [
+        ("motor.magic", None, {}, "no such id"),
+        ("motor.heating", "front", {"gain": 1.0}, "where is 'front': allowed are left, right, 0, 1"),
+        ("battery.discharge", "left", {}, "belongs to the whole robot"),
+        ("battery.internal_resistance", None, {"resistance": -1.0}, r"resistance is -1\.0 ohm: allowed are"),
+        ("friction.coulomb", None, {"torque": math.nan}, "torque is nan N m"),
+        ("drive.track_width", None, {"factor": 0.0}, "factor is 0"),
+        ("drive.inertia", None, {"mass": 2.0}, "no parameter mass; allowed are factor"),
+    ],
+)
+def test_impossible_effects_are_named(
+    id: str,  # noqa: A002
+    where: str | None,
+    values: dict[str, float],
+    message: str,
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        Parameters.from_robot(RobotConfig()).with_effect(id, where, **values)
+
+
+def test_a_side_can_be_named_by_its_motor_port() -> None:
+    robot = Parameters.from_robot(RobotConfig())
+    assert robot.with_effect("drive.backlash", "1", angle=0.1) == robot.with_effect(
+        "drive.backlash", "right", angle=0.1
+    )
+
+
+def test_an_effect_everywhere_replaces_what_was_said_for_one_side() -> None:
+    robot = with_effect("drive.backlash", "left", angle=0.1).with_effect("drive.backlash", angle=0.2)
+    assert robot.value("drive.backlash", "angle", "left") == 0.2
+    one = robot.with_effect("drive.backlash", "left", angle=0.3)
+    assert (one.value("drive.backlash", "angle", "left"), one.value("drive.backlash", "angle", "right")) == (
+        0.3,
+        0.2,
+    )
+    assert one.without_effect("drive.backlash").value("drive.backlash", "angle", "right") == 0.0
+    assert effect("drive.backlash").group == "drive"

@@ -1,0 +1,111 @@
+"""The simulated robot as a program meets it."""
+
+from typing import Any
+
+import pytest
+
+from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.port import Port
+from raccoon.core.readings import Inputs, Outputs
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.world import World
+
+
+def sim(config: RobotConfig | None = None, **options: Any) -> SimPort:
+    return SimPort(Parameters.from_robot(config or RobotConfig()), World.empty(), **options)
+
+
+def drive(port: SimPort, duty: tuple[float, float], cycles: int) -> Inputs:
+    port.write(Outputs(duty=(*duty, 0.0, 0.0)))
+    return [port.read() for _ in range(cycles)][-1]
+
+
+def test_it_is_a_port_that_starts_at_time_zero_at_rest() -> None:
+    port: Port = sim(noise=False)
+    first = port.read()
+    assert first.time == 0.0
+    assert [port.read().time for _ in range(3)] == [0.005, 0.01, 0.015]
+    assert list(first.bemf) == [0, 0, 0, 0]
+    assert first.truth is not None
+    assert (first.truth.x, first.truth.y, first.truth.heading) == (0.0, 0.0, 0.0)
+
+
+def test_words_are_whole_numbers() -> None:
+    port = sim(RobotConfig(tophats={"front": TophatConfig(analog=2)}))
+    inputs = drive(port, (0.5, 0.4), 100)
+    assert inputs.gyro is not None
+    assert inputs.accel is not None
+    words = (*inputs.bemf, *inputs.position, *inputs.gyro, *inputs.accel, *inputs.analog, inputs.battery)
+    assert all(isinstance(word, int) for word in words)
+
+
+def test_half_duty_reaches_the_steady_speed_of_the_textbook() -> None:
+    # w = (K U / R - T) / (K^2 / R + B), U = 6.8 / 2 less the sag of two half-driven motors.
+    port = sim(noise=False)
+    inputs = drive(port, (0.5, 0.5), 400)
+    k, r, coulomb, viscous, sag = 1.08, 1.8, 0.18, 0.004, 0.05
+    current = 0.0
+    for _ in range(50):
+        voltage = 0.5 * (6.8 - sag * 2 * 0.5 * current)
+        speed = (k * voltage / r - coulomb) / (k * k / r + viscous)
+        current = (voltage - k * speed) / r
+    counts = k * speed / inputs.device.bemf_volts
+    assert inputs.bemf[0] == pytest.approx(counts, abs=1.0)
+    assert inputs.bemf[0] == inputs.bemf[1]
+
+
+def test_an_inverted_motor_turns_the_wheel_backwards_on_positive_duty() -> None:
+    port = sim(RobotConfig(motors={1: MotorConfig(inverted=True)}), noise=False)
+    inputs = drive(port, (0.5, -0.5), 200)
+    assert inputs.truth is not None
+    assert inputs.truth.x > 0.09
+    assert inputs.truth.heading == pytest.approx(0.0, abs=1e-9)
+    assert inputs.bemf[1] == -float(inputs.bemf[0] or 0)
+    assert inputs.position[1] == -float(inputs.position[0] or 0)
+
+
+def test_the_faster_right_wheel_turns_it_left() -> None:
+    inputs = drive(sim(noise=False), (0.3, 0.6), 100)
+    assert inputs.truth is not None
+    assert inputs.truth.heading > 0.0
+    assert inputs.truth.y > 0.0
+    assert (inputs.turn_rate or 0.0) > 0.0
+
+
+def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
+    runs = [[drive(sim(seed=seed), (0.5, 0.5), each) for each in range(1, 20)] for seed in (3, 3, 4)]
+    assert runs[0] == runs[1]
+    assert runs[0] != runs[2]
+
+
+def test_it_takes_no_commands_after_close_and_closes_twice() -> None:
+    port = sim()
+    port.close()
+    port.close()
+    with pytest.raises(HardwareError, match="closed"):
+        port.write(Outputs())
+    with pytest.raises(HardwareError, match="closed"):
+        port.read()
+
+
+def test_walls_hold_the_robot_and_let_it_slide() -> None:
+    parameters = Parameters.from_robot(RobotConfig())
+    port = SimPort(parameters, World.default(), start=(0.0, 0.3, 0.3), noise=False, body_radius=0.09)
+    inputs = drive(port, (1.0, 1.0), 1200)
+    assert inputs.truth is not None
+    assert inputs.truth.y == pytest.approx(0.57 - 0.09, abs=1e-9)
+    assert inputs.truth.x > 0.8
+
+
+@pytest.mark.parametrize(("name", "value"), [("rate_hz", 0.0), ("imu_rate_hz", -1.0), ("physics_step", 0.1)])
+def test_impossible_options_are_named(name: str, value: float) -> None:
+    with pytest.raises(ConfigError, match=name):
+        sim(RobotConfig(), **{name: value})
+
+
+def test_a_slow_imu_says_nothing_between_its_readings() -> None:
+    port = sim(imu_rate_hz=50.0)
+    news = [drive(port, (0.2, 0.2), 1).gyro is not None for _ in range(40)]
+    assert sum(news) == 10

@@ -1,0 +1,143 @@
+"""Open-loop runs: one robot, many robots, and what they must agree on."""
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import MotorConfig, RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.sim.chain import Noise
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.rollout import Lanes, rollout
+
+TIME = np.arange(400) * 0.005
+LEFT = np.where((np.arange(400) // 80) % 2 == 0, 0.7, -0.4)
+STEPS = Commands.of_wheels(TIME, LEFT, 0.5 * LEFT)
+
+
+def nominal() -> Parameters:
+    return Parameters.from_robot(RobotConfig())
+
+
+def some_robots(count: int) -> list[Parameters]:
+    random = np.random.default_rng(7)
+    return [
+        nominal()
+        .with_effect("friction.stiction", torque=random.uniform(0.0, 0.1))
+        .with_effect("drive.backlash", "left", angle=random.uniform(0.0, 0.2))
+        .with_effect("motor.heating", gain=random.uniform(0.0, 1.0))
+        .with_effect("actuation.latency", seconds=random.uniform(0.0, 0.02))
+        .with_effect("imu.latency", seconds=random.uniform(0.0, 0.02))
+        for _ in range(count)
+    ]
+
+
+def test_a_robot_in_a_lane_does_the_same_as_alone() -> None:
+    robots = some_robots(40)
+    together = rollout(robots, STEPS)
+    for index in (0, 31, 32, 39):
+        alone = rollout(robots[index], STEPS)
+        for name, values in alone.channels.items():
+            np.testing.assert_array_equal(values[0], together[name][index], err_msg=name)
+
+
+def test_it_goes_on_from_a_final_state_as_if_it_had_not_stopped() -> None:
+    whole = rollout(nominal(), STEPS)
+    first = rollout(nominal(), STEPS, end=200)
+    fields = dict(zip(_fields(), first.final[0], strict=True))
+    second = rollout(nominal(), STEPS, begin=200, initial=fields)
+    for name in ("motor.0.bemf", "motor.1.position", "truth.heading", "battery.voltage"):
+        np.testing.assert_array_equal(second[name][0], whole[name][0, 200:])
+
+
+def _fields() -> tuple[str, ...]:
+    from raccoon.sim.quantities import State
+
+    return State._fields
+
+
+def test_rows_are_at_the_times_of_the_commands_and_start_with_the_initial_state() -> None:
+    run = rollout(nominal(), STEPS, initial={"speed_left": 2.0, "heading": 0.5}, begin=10, end=30)
+    np.testing.assert_array_equal(run.time, TIME[10:31])
+    assert run["motor.0.speed"].shape == (1, 21)
+    assert run["motor.0.speed"][0, 0] == 2.0
+    assert run["motor.0.bemf"][0, 0] == pytest.approx(2.0 * 1.08 / run_volts_per_count())
+    assert run["truth.heading"][0, 0] == 0.5
+
+
+def run_volts_per_count() -> float:
+    return 3.3 / 4096 * 9.0 / 2.2
+
+
+def test_board_signs_of_an_inverted_motor() -> None:
+    robot = RobotConfig(motors={1: MotorConfig(inverted=True)})
+    board = Commands.of_ports(TIME, {0: LEFT, 1: -0.5 * LEFT}, robot)
+    inverted = rollout(Parameters.from_robot(robot), board)
+    straight = rollout(nominal(), STEPS)
+    np.testing.assert_array_equal(inverted["motor.1.bemf"], -straight["motor.1.bemf"])
+    np.testing.assert_array_equal(inverted["truth.x"], straight["truth.x"])
+
+
+def test_a_latency_shifts_the_response_by_just_that() -> None:
+    late = nominal().with_effect("actuation.latency", seconds=0.015)
+    shifted = rollout(late, STEPS)["motor.0.bemf"][0]
+    prompt = rollout(nominal(), STEPS)["motor.0.bemf"][0]
+    np.testing.assert_allclose(shifted[3:], prompt[:-3], atol=1e-9)
+
+
+def test_noise_differs_between_robots_and_is_that_of_the_seed() -> None:
+    robots = [nominal()] * 40
+    first, again, other = (rollout(robots, STEPS, noise=Noise(), seed=seed) for seed in (1, 1, 2))
+    plain = rollout(nominal(), STEPS)
+    for name, sd in (("imu.gyro.z", 0.001), ("battery.voltage", 1.5 * 0.00886)):
+        assert np.std(first[name] - plain[name]) == pytest.approx(sd, rel=0.05)
+        np.testing.assert_array_equal(first[name], again[name])
+        assert np.any(first[name] != other[name])
+    # An exponential filter with the share a lets a / (2 - a) of the power of white noise through.
+    share = 1.0 - np.exp(-0.005 / 0.0225)
+    scatter = (first["motor.0.bemf"] - plain["motor.0.bemf"])[:, 100:]
+    assert np.std(scatter) == pytest.approx(6.0 * np.sqrt(share / (2.0 - share)), rel=0.05)
+
+
+def test_gyro_effects() -> None:
+    robot = (
+        nominal()
+        .with_effect("imu.gyro_scale", factor=1.1)
+        .with_effect("imu.gyro_bias", rate=0.01)
+        .with_effect("imu.gyro_drift", rate_per_second=0.002)
+    )
+    plain = rollout(nominal(), STEPS)["imu.gyro.z"][0]
+    np.testing.assert_allclose(rollout(robot, STEPS)["imu.gyro.z"][0], 1.1 * plain + 0.01 + 0.002 * TIME)
+
+
+def test_a_stiff_robot_is_stepped_finely_enough_to_stay_stable() -> None:
+    light = nominal().with_effect("drive.inertia", factor=0.1)
+    coarse = rollout(light, STEPS, longest_step=0.005)["motor.0.speed"][0]
+    fine = rollout(light, STEPS, longest_step=0.0001)["motor.0.speed"][0]
+    np.testing.assert_allclose(coarse, fine, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("left", "message"), [(np.full(400, np.nan), r"left\[0\] is nan"), (LEFT * 2, "duties from -1 to 1")]
+)
+def test_impossible_commands_are_named(left: np.ndarray, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        Commands.of_wheels(TIME, left, LEFT)
+
+
+def test_times_that_do_not_rise_are_named() -> None:
+    with pytest.raises(ConfigError, match=r"time\[2\]"):
+        Commands.of_wheels([0.0, 0.1, 0.1], [0, 0, 0], [0, 0, 0])
+
+
+def test_unknown_channels_fields_and_rows_are_refused() -> None:
+    with pytest.raises(ConfigError, match=r"motor\.7\.bemf"):
+        rollout(nominal(), STEPS, channels=["motor.7.bemf"])
+    with pytest.raises(ConfigError, match="no field speed"):
+        rollout(nominal(), STEPS, initial={"speed": 1.0})
+    with pytest.raises(ConfigError, match="rows 5 to 900"):
+        rollout(nominal(), STEPS, begin=5, end=900)
+    with pytest.raises(ConfigError, match="longest_step"):
+        rollout(nominal(), STEPS, longest_step=0.0)
+    with pytest.raises(ConfigError, match="no robot"):
+        Lanes.of([])

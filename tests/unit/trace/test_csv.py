@@ -1,0 +1,152 @@
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from raccoon.core.errors import TraceError
+from raccoon.trace import csv as trace_csv
+from raccoon.trace.columns import recording_of
+from raccoon.trace.csv import read_csv, write_csv
+from raccoon.trace.format import Event, read_trace
+from raccoon.trace.recording import Recording
+from unit.trace.recordings import record
+
+FLOATS = st.floats(allow_infinity=False, width=64)
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_bytes(text.encode())
+    return path
+
+
+@settings(max_examples=40, deadline=None)
+@given(values=st.lists(FLOATS, min_size=1, max_size=20))
+def test_every_float_comes_back_bit_for_bit(
+    tmp_path_factory: pytest.TempPathFactory, values: list[float]
+) -> None:
+    path = tmp_path_factory.mktemp("csv") / "run.csv"
+    write_csv(Recording({"t": np.arange(float(len(values))), "depth": np.array(values)}), path)
+    back = read_csv(path)["depth"]
+    canonical = np.where(np.isnan(values), np.nan, values)  # NaN is blank: its payload is not kept
+    assert back.tobytes() == canonical.tobytes()
+
+
+def test_a_trace_survives_the_trip_with_remarks(tmp_path: Path) -> None:
+    recording = recording_of(read_trace(record(tmp_path / "run")))
+    recording.events = [Event(1, 'said "go", then\nwent'), Event(3, "a"), Event(3, "b")]
+    write_csv(recording, tmp_path / "run.csv")
+    back = read_csv(tmp_path / "run.csv")
+    assert back.columns.keys() == recording.columns.keys()
+    for name, column in recording.columns.items():
+        np.testing.assert_array_equal(back[name], column, err_msg=name)
+    assert back.events == [Event(1, 'said "go", then\nwent'), Event(3, "a; b")]
+
+
+def test_columns_stand_in_the_order_of_the_format(tmp_path: Path) -> None:
+    names = ("zeta", "truth.x", "analog.10", "analog.2", "imu.gyro.z", "motor.1.bemf", "motor.0.duty")
+    columns = {name: np.array([0.0]) for name in (*names, "battery.voltage", "t")}
+    write_csv(Recording(columns, [Event(0, "go")]), tmp_path / "run.csv")
+    assert (tmp_path / "run.csv").read_text().splitlines()[0] == (
+        "t,motor.0.duty,motor.1.bemf,battery.voltage,imu.gyro.z,analog.2,analog.10,truth.x,zeta,event"
+    )
+
+
+def test_surface_is_black_or_white(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "t,truth.surface.0\n0,black\n1,white\n2,\n3,1\n")
+    recording = read_csv(path)
+    np.testing.assert_array_equal(recording["truth.surface.0"], [1.0, 0.0, math.nan, 1.0])
+    write_csv(recording, path)
+    assert path.read_text() == "t,truth.surface.0\n0,black\n1,white\n2,\n3,black\n"
+
+
+def test_foreign_habits_are_understood(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", '\ufefft, depth ,"imu.gyro.z"\r\n0,1e-3, 5 \r\n\r\n0,,+7.5\r\n')
+    recording = read_csv(path)
+    np.testing.assert_array_equal(recording["depth"], [0.001, math.nan])
+    np.testing.assert_array_equal(recording["imu.gyro.z"], [5.0, 7.5])
+
+
+BAD = [
+    ("t,x\n0,abc\n", "line 2, column x: 'abc': allowed are finite numbers and blank"),
+    ("t,x\n0,nan\n", "line 2, column x: 'nan'"),
+    ("t,x\n0,1e999\n", "line 2, column x: '1e999'"),
+    ("t,x\n0,1_000\n", "line 2, column x: '1_000'"),
+    ("t,x\n0,1,2\n", "line 2, 3 values where the header names 2 columns"),
+    ("t,x\n0\n", "line 2, 1 values where"),
+    ("t,x\n1,1\n0.5,1\n", "line 3, column t: '0.5': allowed are numbers that do not go back"),
+    ("t,x\n,1\n", "line 2, column t: ''"),
+    ("t,motor.0.duty\n0,1.5\n", "line 2, column motor.0.duty: '1.5': allowed are numbers from -1 to 1"),
+    ("t,digital.3\n0,2\n", "line 2, column digital.3: '2': allowed are 0, 1"),
+    ("t,truth.surface.1\n0,grey\n", "line 2, column truth.surface.1: 'grey': allowed are black, white"),
+    ('t,event\n0,"never closed\n', "line 2, unexpected end of data"),
+]
+
+
+@pytest.mark.parametrize(("text", "message"), BAD)
+def test_a_bad_value_is_refused_with_line_column_and_value(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(TraceError) as caught:
+        read_csv(write(tmp_path / "run.csv", text))
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(("text", "message"), BAD)
+def test_or_it_is_reported(tmp_path: Path, text: str, message: str) -> None:
+    recording = read_csv(write(tmp_path / "run.csv", text), strict=False)
+    assert message in recording.problems[0]
+
+
+def test_a_bad_value_is_blank_and_a_bad_row_is_left_out(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "t,x,y,event\n0,1,2,\n1,oops,3,a\n2,4\n0.5,5,6,b\n3,7,8,c\n")
+    recording = read_csv(path, strict=False)
+    np.testing.assert_array_equal(recording["t"], [0.0, 1.0, 3.0])
+    np.testing.assert_array_equal(recording["x"], [1.0, math.nan, 7.0])
+    np.testing.assert_array_equal(recording["y"], [2.0, 3.0, 8.0])
+    assert recording.events == [Event(1, "a"), Event(2, "c")]
+    assert [problem.split(",")[0] for problem in recording.problems] == ["line 3", "line 4", "line 5"]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "no column t"),
+        ("a,b\n1,2\n", "no column t in the header 'a,b'"),
+        ("t,x,x\n", "'x' is empty or there twice"),
+        ("t,,x\n", "'' is empty or there twice"),
+        ("t\n" + "x" * (1 << 20), "line is longer"),
+        ("t,x\n" + "0,bad\n" * 1002, "more than 1000 bad values; the first: line 2"),
+    ],
+)
+@pytest.mark.parametrize("strict", [True, False])
+def test_a_file_that_is_no_recording_is_refused(
+    tmp_path: Path, text: str, message: str, strict: bool
+) -> None:
+    if strict and "bad" in message:
+        message = "line 2"
+    with pytest.raises(TraceError, match=message):
+        read_csv(write(tmp_path / "run.csv", text), strict=strict)
+
+
+def test_bytes_that_are_no_text_are_reported(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_bytes(b"t,x\n0,\xff\xfe\n1,\x00\n")
+    assert len(read_csv(tmp_path / "run.csv", strict=False).problems) == 2
+
+
+def test_size_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write(tmp_path / "run.csv", "t,x\n0,1\n1,2\n2,3\n")
+    monkeypatch.setattr(trace_csv, "MAX_CELLS", 4)
+    with pytest.raises(TraceError, match="more than 4 values"):
+        read_csv(path)
+    monkeypatch.setattr(trace_csv, "MAX_BYTES", 10)
+    with pytest.raises(TraceError, match="more than 10 bytes"):
+        read_csv(path)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "t\n0\n")
+    with pytest.raises(TraceError, match=r"column x, row 1: inf"):
+        write_csv(Recording({"t": np.arange(2.0), "x": np.array([0.0, np.inf])}), path)
+    assert [each.name for each in tmp_path.iterdir()] == ["run.csv"]
+    assert path.read_text() == "t\n0\n"

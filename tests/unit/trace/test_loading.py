@@ -1,0 +1,57 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.core.errors import TraceError
+from raccoon.trace.csv import write_csv
+from raccoon.trace.loading import load_run, load_runs
+from raccoon.trace.recording import Recording
+from unit.trace.recordings import record
+
+METADATA = "type,diff\nngear,43.7\nencRes,64\nLi,0.2\nDi,0.084,0.084\n"
+
+
+def test_kind_is_found_by_name_and_first_line(tmp_path: Path) -> None:
+    trace = load_run(record(tmp_path / "run"))
+    assert trace.trace is not None
+    assert len(trace.recording) == 5
+    write_csv(trace.recording, tmp_path / "run.csv")
+    assert load_run(tmp_path / "run.csv").recording.columns.keys() == trace.recording.columns.keys()
+    (tmp_path / "motor_1_x.csv").write_text("time_s,command_percent,velocity_rad_s\n0,1,0\n1,1,0\n2,1,0\n")
+    assert "motor.1.speed" in load_run(tmp_path / "motor_1_x.csv").recording
+
+
+def test_a_folder_gives_its_runs_in_order_with_their_robot(tmp_path: Path) -> None:
+    for session in ("b", "a"):
+        (tmp_path / session).mkdir()
+        (tmp_path / session / "metadata.csv").write_text(METADATA)
+        (tmp_path / session / "LICENSE").write_text("not a recording")
+        for run in ("run-02.csv", "run-01.csv"):
+            (tmp_path / session / run).write_text("0,0,0,0,0,0\n0.05,0,0,0,1,1\n")
+    runs = load_runs(tmp_path)
+    assert [run.name for run in runs] == ["a/run-01", "a/run-02", "b/run-01", "b/run-02"]
+    assert all(run.robot is not None and run.recording.has_truth for run in runs)
+
+
+def test_bad_values_of_a_csv_are_reported_with_the_run(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("t,x\n0,oops\n")
+    assert "'oops'" in load_run(tmp_path / "run.csv").recording.problems[0]
+
+
+def test_nothing_to_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match="no recording in this folder"):
+        load_runs(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        load_runs(tmp_path / "missing.csv")
+    (tmp_path / "text.csv").write_text("hello\n")
+    with pytest.raises(TraceError, match="no column t"):
+        load_runs(tmp_path / "text.csv")
+
+
+def test_an_mcap_file_is_a_recording(tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    from raccoon.trace.mcap import write_mcap
+
+    write_mcap(Recording({"t": np.arange(3.0), "depth": np.arange(3.0)}), tmp_path / "run.mcap")
+    assert len(load_run(tmp_path / "run.mcap").recording) == 3

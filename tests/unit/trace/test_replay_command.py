@@ -1,0 +1,142 @@
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon import Robot, RobotConfig, open_robot, seq, straight, wait
+from raccoon.cli import replay
+from raccoon.core.errors import ConfigError, TraceError
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.world import World
+from raccoon.trace.columns import recording_of
+from raccoon.trace.csv import write_csv
+from raccoon.trace.format import read_trace
+from raccoon.trace.recording import Recording
+
+PROGRAM = "from raccoon import seq, straight, wait\n\ndef mission(robot):\n    robot.run({})\n"
+
+
+def mission(robot: Robot) -> None:
+    robot.run(seq(wait(0.2), straight(0.05)))
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("recorded") / "run.jsonl.gz"
+    config = RobotConfig()
+    port = SimPort(Parameters.from_robot(config), World.empty(), robot=config, seed=3)
+    with open_robot(config, port=port, record=path, seed=3) as robot:
+        mission(robot)
+    return path
+
+
+def run(*argv: object) -> int:
+    parser = argparse.ArgumentParser()
+    replay.configure(parser)
+    return replay.run(parser.parse_args([str(each) for each in argv]))
+
+
+def straight_drive(speed: float, seconds: float = 4.0) -> Recording:
+    """Encoder ticks and truth of the default robot, which drives straight to x = speed * seconds."""
+    t = np.arange(0.0, seconds, 0.05)
+    radians_per_tick = 1.0 / 303.4 / 1.08  # of the default robot, see docs/quantities.md
+    ticks = np.round(speed * t / 0.0345 / radians_per_tick)
+    zero = np.zeros_like(t)
+    truth = {"truth.x": speed * t, "truth.y": zero, "truth.heading": zero}
+    return Recording({"t": t, "motor.0.position": ticks, "motor.1.position": ticks} | truth)
+
+
+def test_a_trace_gives_the_identical_estimate(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(recorded, "--json", tmp_path / "out.json") == 0
+    assert "identical to the estimate while driving, in every cycle" in capsys.readouterr().out
+    [result] = json.loads((tmp_path / "out.json").read_text())["runs"]
+    assert result["deviation_from_recorded_estimate"] == 0.0
+    assert result["error"]["rms"] < 0.005
+
+
+def test_its_csv_gives_the_same_estimate_within_rounding(recorded: Path, tmp_path: Path) -> None:
+    write_csv(recording_of(read_trace(recorded)), tmp_path / "run.csv")
+    run(tmp_path / "run.csv", "--json", tmp_path / "out.json")
+    [result] = json.loads((tmp_path / "out.json").read_text())["runs"]
+    assert result["deviation_from_recorded_estimate"] < 1e-9
+
+
+def test_error_against_the_truth_is_pooled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name, speed in (("a", 0.1), ("b", 0.2)):
+        write_csv(straight_drive(speed), tmp_path / f"{name}.csv")
+    (tmp_path / "robot.toml").write_text("")
+    run(tmp_path, "--robot", tmp_path / "robot.toml", "--json", tmp_path / "out.json")
+    results = json.loads((tmp_path / "out.json").read_text())
+    assert results["pooled"]["runs"] == 2
+    assert results["pooled"]["rms"] < 0.01
+    assert results["runs"][1]["error"]["distance"] == pytest.approx(0.2 * 3.95)
+    assert results["runs"][1]["end"]["x"] == pytest.approx(0.2 * 3.95, rel=0.02)
+    assert "pooled over 2 runs with truth" in capsys.readouterr().out
+
+
+def test_another_robot_gives_another_drive(tmp_path: Path) -> None:
+    write_csv(straight_drive(0.2), tmp_path / "run.csv")
+    (tmp_path / "robot.toml").write_text("[model.drive]\nwheel_radius = 0.069\n")
+    run(tmp_path / "run.csv", "--robot", tmp_path / "robot.toml", "--json", tmp_path / "out.json")
+    [result] = json.loads((tmp_path / "out.json").read_text())["runs"]
+    assert result["end"]["x"] == pytest.approx(2 * 0.2 * 3.95, rel=0.02)
+
+
+def test_without_truth_there_is_no_error_and_the_robot_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    columns = {name: each for name, each in straight_drive(0.1).columns.items() if "truth" not in name}
+    write_csv(Recording(columns), tmp_path / "run.csv")
+    run(tmp_path / "run.csv")
+    said = capsys.readouterr().out
+    assert "does not say its robot" in said
+    assert "pooled" not in said
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "message"),
+    [
+        ("seq(wait(0.2), straight(0.05))", 0, "the same in all of"),
+        ("seq(wait(0.2), straight(0.06))", 1, r"motor.0.duty was"),
+        ("seq(wait(0.2), straight(0.05), wait(1.0))", 0, "the program still ran when"),
+    ],
+)
+def test_a_program_must_command_the_same(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], body: str, status: int, message: str
+) -> None:
+    (tmp_path / "team.py").write_text(PROGRAM.format(body))
+    assert run(recorded, "--program", tmp_path / "team.py") == status
+    assert message in capsys.readouterr().out
+
+
+def test_a_picture_is_drawn(recorded: Path, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    run(recorded, "--plot", tmp_path / "out.svg")
+    assert "<svg" in (tmp_path / "out.svg").read_text()
+    assert [each.name for each in tmp_path.iterdir()] == ["out.svg"]
+
+
+def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"--plot out\.bmp: allowed are the endings"):
+        run(recorded, "--plot", "out.bmp")
+    with pytest.raises(ConfigError, match="there is no folder"):
+        run(recorded, "--json", tmp_path / "missing" / "out.json")
+    with pytest.raises(ConfigError, match="no such file"):
+        run(recorded, "--program", tmp_path / "team.py")
+    (tmp_path / "team.py").write_text("x = 1\n")
+    with pytest.raises(ConfigError, match=r"must define mission\(robot\)"):
+        run(recorded, "--program", tmp_path / "team.py")
+    (tmp_path / "run.csv").write_text("t,analog.0\n0,1\n")
+    with pytest.raises(TraceError, match=r"neither motor\.0\.position nor motor\.0\.bemf"):
+        run(tmp_path / "run.csv")
+
+
+def test_an_empty_recording_is_said_to_be_empty(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "run.csv").write_text("t,motor.0.position,motor.1.position\n")
+    run(tmp_path / "run.csv")
+    assert "nothing recorded" in capsys.readouterr().out
