@@ -28,7 +28,7 @@ from raccoon.control.feedforward import WheelModel
 from raccoon.control.tuning import margins, speed_loop_gains
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Truth
-from raccoon.estimate.wheel_track import SPEED_SMOOTHING
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 from raccoon.model.paper import MOTORS, PaperMotor
 from raccoon.robot.actions import Action, Steps, repeat, seq, wait
 from raccoon.robot.calibration import calibrate_drive

@@ -34,8 +34,8 @@ from odometry_traces import (
     with_slip,
 )
 from raccoon.core.config import RobotConfig
-from raccoon.estimate.drive_columns import Manoeuvre, manoeuvre
-from raccoon.estimate.drive_fit import calibrate_drive
+from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
+from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.sim.parameters import Parameters
 
 
@@ -291,10 +291,10 @@ def recorded(_: int) -> None:
 def times(_: int) -> None:
     """One predict and update against stock filterpy, and the whole estimator a tick."""
     from raccoon.core.readings import SIMULATOR
-    from raccoon.estimate.drive_prior import prior, process_noise
-    from raccoon.estimate.drive_state import OdometrySettings
-    from raccoon.estimate.ekf import DriveFilter
-    from raccoon.estimate.ekf_reference import ReferenceFilter
+    from raccoon.estimate.drive.prior import prior, process_noise
+    from raccoon.estimate.ekf.filter import DriveFilter
+    from raccoon.estimate.ekf.reference import ReferenceFilter
+    from raccoon.estimate.ekf.state import OdometrySettings
     from raccoon.model.drive import DriveGeometry
 
     settings, robot = OdometrySettings(), RobotConfig()

@@ -10,8 +10,8 @@ from typing import Protocol
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
-from raccoon.estimate.odometry import Odometry
-from raccoon.estimate.wheels import WheelDecoder, WheelReading
+from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.drive.wheels import WheelDecoder, WheelReading
 from raccoon.model.drive import DriveGeometry, arc_end
 
 Pose = tuple[float, float, float]

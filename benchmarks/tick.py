@@ -20,8 +20,8 @@ from pathlib import Path
 
 from raccoon import Inputs, Outputs, Robot, RobotConfig, drive
 from raccoon.core.config import TophatConfig
-from raccoon.estimate.battery import BatteryVoltage
-from raccoon.estimate.odometry import Odometry
+from raccoon.estimate.battery.voltage import BatteryVoltage
+from raccoon.estimate.drive.odometry import Odometry
 from raccoon.estimate.tophat import calibrate
 from raccoon.hal.wombat import stock, stock_command
 from raccoon.model.paper import TOPHAT_READINGS

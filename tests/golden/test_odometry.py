@@ -12,7 +12,7 @@ import pytest
 
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
-from raccoon.estimate.odometry import Odometry
+from raccoon.estimate.drive.odometry import Odometry
 
 FILE = Path(__file__).with_name("odometry.json")
 DRIVES: dict[str, tuple[list[Segment], Errors]] = {

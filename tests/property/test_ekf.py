@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR
-from raccoon.estimate.drive_prior import prior, process_noise
-from raccoon.estimate.drive_state import OdometrySettings
-from raccoon.estimate.ekf import DriveFilter, covariance_of, mean_of
+from raccoon.estimate.drive.prior import prior, process_noise
+from raccoon.estimate.ekf.filter import DriveFilter, covariance_of, mean_of
+from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.drive import DriveGeometry
 
 STEPS = int(os.environ.get("RACCOON_EKF_STEPS", "20000"))

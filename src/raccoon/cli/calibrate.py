@@ -16,7 +16,7 @@ from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError
 
 if TYPE_CHECKING:
-    from raccoon.estimate.drive_columns import TapedWay
+    from raccoon.estimate.drive_calibration.columns import TapedWay
     from raccoon.trace.loading import Run
 
 HELP = "make a calibration of recordings, and put it into robot.toml"
@@ -70,7 +70,7 @@ def _calibrate_drive(args: argparse.Namespace) -> int:
 
 
 def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]) -> Mapping[str, Measured]:
-    from raccoon.estimate.drive_calibration import calibrate_straight
+    from raccoon.estimate.drive_calibration.straight import calibrate_straight
     from raccoon.trace.columns import inputs_of
 
     if len(runs) != 1 or args.tape:
@@ -80,8 +80,8 @@ def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run])
 
 
 def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]) -> Mapping[str, Measured]:
-    from raccoon.estimate.drive_columns import manoeuvre
-    from raccoon.estimate.drive_fit import calibrate_drive
+    from raccoon.estimate.drive_calibration.columns import manoeuvre
+    from raccoon.estimate.drive_calibration.fit import calibrate_drive
 
     taped = [_taped(text, args.tape_std) for text in args.tape]
     if taped and len(runs) != 1:
@@ -93,7 +93,7 @@ def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]
 
 
 def _taped(text: str, std: float) -> TapedWay:
-    from raccoon.estimate.drive_columns import TapedWay
+    from raccoon.estimate.drive_calibration.columns import TapedWay
 
     try:
         begin, end, metres = (float(part) for part in text.split(":"))

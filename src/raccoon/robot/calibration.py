@@ -51,7 +51,7 @@ def calibrate_drive(
 
     Raises CalibrationError where the drive cannot support a calibration, saying what to do.
     """
-    from raccoon.estimate.drive_calibration import calibrate_straight
+    from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
     readings: list[Inputs] = []
     robot.run(watched(seq(wait(REST), straight(distance), wait(REST)), readings))

@@ -12,10 +12,10 @@ from raccoon.control.watch import ODD_SHARE
 from raccoon.control.wheels import REST, WheelLoop, WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
-from raccoon.estimate.wheel_track import SPEED_SMOOTHING
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 
 if TYPE_CHECKING:
-    from raccoon.estimate.drive_estimate import DriveEstimate
+    from raccoon.estimate.drive.estimate import DriveEstimate
 
 # S from a reading to its effect: half a control period of hold plus one sample of the firmware.
 DEAD_TIME = 0.0075

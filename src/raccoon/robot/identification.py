@@ -19,7 +19,7 @@ from raccoon.control.tuning import Margins, margins, speed_loop_gains
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
-from raccoon.estimate.wheel_track import SPEED_SMOOTHING
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.drive import DEAD_TIME
 

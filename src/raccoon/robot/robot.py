@@ -13,8 +13,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import STOP, Inputs, Outputs
-from raccoon.estimate.battery import BatteryVoltage
-from raccoon.estimate.battery_state import PackState
+from raccoon.estimate.battery.state import PackState
+from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
@@ -23,7 +23,7 @@ from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
 from raccoon.robot.sensors import TophatSensor
 
 if TYPE_CHECKING:
-    from raccoon.estimate.drive_estimate import DriveEstimate
+    from raccoon.estimate.drive.estimate import DriveEstimate
     from raccoon.robot.match import StepTime
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class Robot:
     """
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
-        from raccoon.estimate.odometry import Odometry
+        from raccoon.estimate.drive.odometry import Odometry
 
         self.config = RobotConfig() if config is None else config
         self.port = port

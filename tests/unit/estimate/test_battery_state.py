@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from raccoon.core.readings import Status
-from raccoon.estimate.battery_curves import CURVES, charge_at, voltage_at
-from raccoon.estimate.battery_state import PackState
+from raccoon.estimate.battery.curves import CURVES, charge_at, voltage_at
+from raccoon.estimate.battery.state import PackState
 
 
 def drive(pack: PackState, chemistry: str, resistance: float, charge: float, seconds: float = 40.0) -> None:

@@ -10,8 +10,8 @@ from drive_traces import Errors, Segment, drive
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs, Words
-from raccoon.estimate.drive_calibration import calibrate_straight
-from raccoon.estimate.odometry import Odometry
+from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
 STRAIGHT: list[Segment] = [(1.0, 0.0, 0.0), (3.2, 0.2, 0.0), (1.0, 0.0, 0.0)]
 ODD = Errors(scale=(1.035, 0.965), offset_counts=(31.5, -54.9), gyro_bias=0.004)

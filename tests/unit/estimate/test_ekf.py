@@ -4,10 +4,11 @@ from types import CodeType
 import numpy as np
 import pytest
 
-from raccoon.estimate import drive_model, generate_ekf
-from raccoon.estimate.drive_state import SIZE, State
-from raccoon.estimate.ekf import DriveFilter, ProcessNoise, covariance_of, mean_of, variance_index
-from raccoon.estimate.ekf_reference import ReferenceFilter
+from raccoon.estimate.ekf import generate as generate_ekf
+from raccoon.estimate.ekf import model as drive_model
+from raccoon.estimate.ekf.filter import DriveFilter, ProcessNoise, covariance_of, mean_of, variance_index
+from raccoon.estimate.ekf.reference import ReferenceFilter
+from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.drive import DriveGeometry
 
 GEOMETRY = DriveGeometry(0.0345, 0.16)

@@ -8,7 +8,7 @@ import pytest
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Status, Truth
-from raccoon.estimate.odometry import DriveEstimate, Odometry
+from raccoon.estimate.drive.odometry import DriveEstimate, Odometry
 
 SQUARE: list[Segment] = [(3.0, 0.0, 0.0)] + [(2.0, 0.2, 0.0), (1.5, 0.0, 1.1), (1.0, 0.0, 0.0)] * 4
 

@@ -12,9 +12,9 @@ from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Fault, Inputs, Outputs, Status
-from raccoon.estimate.drive_estimate import DriveEstimate
-from raccoon.estimate.drive_state import OdometrySettings
-from raccoon.estimate.odometry import Odometry
+from raccoon.estimate.drive.estimate import DriveEstimate
+from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.ekf.state import OdometrySettings
 
 CURVE: list[Segment] = [(1.5, 0.0, 0.0), (3.0, 0.15, 0.3), (1.0, 0.0, 0.0)]
 STRAIGHT: list[Segment] = [(1.5, 0.0, 0.0), (3.0, 0.18, 0.0), (1.0, 0.0, 0.0)]

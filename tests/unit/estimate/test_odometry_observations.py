@@ -9,9 +9,9 @@ import pytest
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Truth
-from raccoon.estimate.drive_state import OdometrySettings, State
-from raccoon.estimate.observations import heading_seen, line_seen, pose_seen
-from raccoon.estimate.odometry import Odometry
+from raccoon.estimate.drive.observations import heading_seen, line_seen, pose_seen
+from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.ekf.state import OdometrySettings, State
 
 OUT: list[Segment] = [(1.0, 0.0, 0.0), (3.0, 0.2, 0.0), (1.0, 0.0, 1.0), (2.0, 0.2, 0.0), (1.0, 0.0, 0.0)]
 WRONG = Errors(scale=(1.04, 1.04), gyro_bias=0.003)

@@ -1,6 +1,6 @@
 """A wheel at rest whose back-EMF has an offset ticks on, and that is no sign of a dead sensor."""
 
-from raccoon.estimate.wheel_track import WheelTrack
+from raccoon.estimate.drive.wheel_track import WheelTrack
 
 TICK = 0.003
 OFFSET = 50 * TICK  # rad/s: the counter ticks every fourth cycle

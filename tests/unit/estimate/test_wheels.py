@@ -6,7 +6,7 @@ import pytest
 
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
-from raccoon.estimate.wheels import WheelDecoder
+from raccoon.estimate.drive.wheels import WheelDecoder
 
 PER_COUNT = SIMULATOR.bemf_volts / 1.08
 

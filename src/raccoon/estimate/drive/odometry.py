@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs, Status
-from raccoon.estimate.drive_estimate import DriveEstimate, Observation
-from raccoon.estimate.drive_fusion import Fusion
-from raccoon.estimate.drive_health import GYRO_TIMEOUT
-from raccoon.estimate.drive_prior import prior, process_noise
-from raccoon.estimate.drive_readings import GAP, DriveReadings, Pending
-from raccoon.estimate.drive_state import OdometrySettings, State
-from raccoon.estimate.ekf import DriveFilter, covariance_of, variance_index
-from raccoon.estimate.observations import Seen, Way, heading_seen, line_seen, pose_seen
-from raccoon.estimate.slip import BumpWatch
-from raccoon.estimate.standstill import Standstill
-from raccoon.estimate.wheel_track import HOLD, WheelTrack
-from raccoon.estimate.wheels import counts_scale
+from raccoon.estimate.drive.estimate import DriveEstimate, Observation
+from raccoon.estimate.drive.fusion import Fusion
+from raccoon.estimate.drive.health import GYRO_TIMEOUT
+from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_seen, pose_seen
+from raccoon.estimate.drive.prior import prior, process_noise
+from raccoon.estimate.drive.readings import GAP, DriveReadings, Pending
+from raccoon.estimate.drive.slip import BumpWatch
+from raccoon.estimate.drive.standstill import Standstill
+from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.drive.wheels import counts_scale
+from raccoon.estimate.ekf.filter import DriveFilter, covariance_of, variance_index
+from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry, arc_end
 
 __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]

@@ -6,10 +6,10 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
-from raccoon.estimate.drive_model import Array
-from raccoon.estimate.drive_state import SIZE, OdometrySettings, State
-from raccoon.estimate.ekf import ProcessNoise
-from raccoon.estimate.wheels import counts_scale
+from raccoon.estimate.drive.wheels import counts_scale
+from raccoon.estimate.ekf.filter import ProcessNoise
+from raccoon.estimate.ekf.model import Array
+from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State
 
 
 def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tuple[Array, Array]:

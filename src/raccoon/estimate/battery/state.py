@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 from raccoon.core.readings import Status
-from raccoon.estimate.battery_curves import charge_at
+from raccoon.estimate.battery.curves import charge_at
 
 WINDOW = 0.1
 """s that voltage and current are averaged over."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
-from raccoon.estimate.drive_health import GYRO_TIMEOUT, GyroWatch, Reasons
-from raccoon.estimate.wheel_track import HOLD, WheelTrack
-from raccoon.estimate.wheels import WheelDecoder, WheelReading
+from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
+from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.drive.wheels import WheelDecoder, WheelReading
 
 COARSE_GYRO = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""

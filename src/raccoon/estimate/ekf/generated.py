@@ -1,7 +1,7 @@
-"""The drive filter's predict and update, unrolled. Written by `generate_ekf.py`: edit the
+"""The drive filter's predict and update, unrolled. Written by `ekf/generate.py`: edit the
 model there.
 
-Each function takes and gives the flat state: the named states of `drive_state.State`, then the upper
+Each function takes and gives the flat state: the named states of `state.State`, then the upper
 triangle of their covariance by rows. A function that updates also gives (innovation, variance of it) of
 each measurement.
 """

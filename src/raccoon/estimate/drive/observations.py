@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raccoon.estimate.drive_model import Array
-from raccoon.estimate.drive_state import SIZE, State
+from raccoon.estimate.ekf.model import Array
+from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.angles import difference
 
 # 99.9 % of a chi-squared distribution with 1, 2, 3 degrees of freedom: square roots.

@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raccoon.estimate.drive_estimate import Observation
-from raccoon.estimate.drive_health import Reasons
-from raccoon.estimate.drive_model import Array
-from raccoon.estimate.drive_state import OdometrySettings, State
-from raccoon.estimate.ekf import DriveFilter, variance_index
-from raccoon.estimate.ekf_generated import Flat
-from raccoon.estimate.observations import Seen, Way, checked, of_state
-from raccoon.estimate.slip import SlipWatch
+from raccoon.estimate.drive.estimate import Observation
+from raccoon.estimate.drive.health import Reasons
+from raccoon.estimate.drive.observations import Seen, Way, checked, of_state
+from raccoon.estimate.drive.slip import SlipWatch
+from raccoon.estimate.ekf.filter import DriveFilter, variance_index
+from raccoon.estimate.ekf.generated import Flat
+from raccoon.estimate.ekf.model import Array
+from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry
 
 TURNING_TIME = 0.1

@@ -22,7 +22,7 @@ from statistics import fmean, pstdev
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
-from raccoon.estimate.wheels import WheelDecoder, counts_scale
+from raccoon.estimate.drive.wheels import WheelDecoder, counts_scale
 
 SHORTEST = 0.2
 """m; below it the tape's error is above 1 %."""

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from raccoon.estimate import drive_model
-from raccoon.estimate.drive_model import Array
-from raccoon.estimate.drive_state import State
-from raccoon.estimate.ekf import ProcessNoise, filterpy_filter, flattened
-from raccoon.estimate.ekf_generated import Flat
+from raccoon.estimate.ekf import model as drive_model
+from raccoon.estimate.ekf.filter import ProcessNoise, filterpy_filter, flattened
+from raccoon.estimate.ekf.generated import Flat
+from raccoon.estimate.ekf.model import Array
+from raccoon.estimate.ekf.state import State
 from raccoon.model.drive import DriveGeometry
 
 _WANDERING = (

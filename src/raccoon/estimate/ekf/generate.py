@@ -1,6 +1,6 @@
-"""Write `ekf_generated.py`: the drive filter's algebra, unrolled (run once at development time; needs SymPy).
+"""Write `ekf/generated.py`: the drive filter's algebra, unrolled (run once at development time; needs SymPy).
 
-    python -m raccoon.estimate.generate_ekf
+    python -m raccoon.estimate.ekf.generate
 
 The model is written below as one would on paper; SymPy differentiates it, and the products of sparse,
 symmetric matrices are written out term by term. `tests/unit/estimate/test_ekf.py` holds the result to
@@ -16,7 +16,7 @@ from typing import Any
 
 import sympy as sp
 
-from raccoon.estimate.drive_state import SIZE, State
+from raccoon.estimate.ekf.state import SIZE, State
 
 NAMES = [state.name.lower() for state in State]
 SYMBOLS = {state: sp.Symbol(state.name.lower()) for state in State}
@@ -33,7 +33,7 @@ PROCESS_NOISE = {
 SCALE_SLOPES = {("left", State.LEFT_SCALE): "left_turning", ("right", State.RIGHT_SCALE): "right_turning"}
 """A wheel's reading moves with its scale by how fast it turns. That speed is handed in, averaged:
 with the newest one, its noise times itself leaks into scales that nothing measures."""
-TARGET = Path(__file__).with_name("ekf_generated.py")
+TARGET = Path(__file__).with_name("generated.py")
 
 
 def motion() -> dict[State, Any]:
@@ -192,10 +192,10 @@ def fill(line: str) -> list[str]:
     return textwrap.wrap(line, 108, initial_indent="    ", subsequent_indent="        ")
 
 
-HEADER = '''"""The drive filter's predict and update, unrolled. Written by `generate_ekf.py`: edit the
+HEADER = '''"""The drive filter's predict and update, unrolled. Written by `ekf/generate.py`: edit the
 model there.
 
-Each function takes and gives the flat state: the named states of `drive_state.State`, then the upper
+Each function takes and gives the flat state: the named states of `state.State`, then the upper
 triangle of their covariance by rows. A function that updates also gives (innovation, variance of it) of
 each measurement.
 """

@@ -1,6 +1,6 @@
 """The drive filter's model with NumPy: motion, readings and their Jacobians, as stock filterpy wants them.
 
-Readable twin of `ekf_generated.py`. With s the named states of `drive_state.State`, b the track width and
+Readable twin of `ekf/generated.py`. With s the named states of `state.State`, b the track width and
 r the wheel radius::
 
     left  = left_scale  (velocity - turn_rate track_scale b / 2) / r + left_offset
@@ -17,7 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.estimate.drive_state import SIZE, State
+from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.drive import DriveGeometry
 
 Array = NDArray[np.float64]

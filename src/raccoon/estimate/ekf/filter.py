@@ -1,9 +1,9 @@
 """The drive filter: an extended Kalman filter whose every-cycle algebra is unrolled.
 
 `DriveFilter` holds a `filterpy.kalman.ExtendedKalmanFilter`. What comes every cycle (predict, wheels,
-gyro, standing still) runs in `ekf_generated`, which does filterpy's arithmetic without its arrays; what
+gyro, standing still) runs in `ekf.generated`, which does filterpy's arithmetic without its arrays; what
 comes now and then (a wall, a line, a known pose, a taped distance) goes through filterpy itself, with the
-full covariance and its Joseph form. `ekf_reference` does everything with stock filterpy: what the
+full covariance and its Joseph form. `ekf.reference` does everything with stock filterpy: what the
 generated code is held to.
 """
 
@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from raccoon.estimate import ekf_generated as generated
-from raccoon.estimate.drive_model import Array
-from raccoon.estimate.drive_state import SIZE, State
-from raccoon.estimate.ekf_generated import Flat
+from raccoon.estimate.ekf import generated
+from raccoon.estimate.ekf.generated import Flat
+from raccoon.estimate.ekf.model import Array
+from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.drive import DriveGeometry
 
 _ROWS, _COLUMNS = np.triu_indices(SIZE)

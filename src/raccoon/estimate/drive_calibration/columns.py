@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.estimate.wheels import counts_scale
+from raccoon.estimate.drive.wheels import counts_scale
 
 Array = NDArray[np.float64]
 MOVING_COUNTS = 40.0

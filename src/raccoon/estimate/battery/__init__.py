@@ -1,0 +1,1 @@
+"""Battery voltage, curves of a pack and its state of charge."""

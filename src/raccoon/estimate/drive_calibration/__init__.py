@@ -1,0 +1,1 @@
+"""From a recorded manoeuvre to the drive's scales, offsets, radii and track width."""
