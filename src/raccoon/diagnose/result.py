@@ -12,7 +12,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from raccoon.sim.parameters import Parameters
+
+Array = NDArray[np.float64]
 
 
 class Verdict(StrEnum):
@@ -100,9 +105,32 @@ class Unexplained:
 
 
 @dataclass(frozen=True, slots=True)
+class SensorFault:
+    """A sensor that is broken or tells less than it seems to. channel: its column. fault: one word, such as
+    dead, stale or repeats. text: one sentence."""
+
+    channel: str
+    fault: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One channel for a picture: measured, and simulated without and with the causes; NaN where unknown."""
+
+    name: str
+    unit: str
+    time: Array
+    measured: Array
+    before: Array
+    after: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """Everything found in one recording. model: the simulation with the causes in it (not part of the
-    JSON)."""
+    JSON). identified: numbers that were measured without being a cause, by name. sensor_faults: what is
+    wrong with the reading instead of the robot. curves: measured against simulated, for pictures."""
 
     verdict: Verdict
     channels: tuple[ChannelResult, ...]
@@ -113,9 +141,15 @@ class Diagnosis:
     seconds: float
     model: Parameters | None = field(default=None, compare=False)
     notes: tuple[str, ...] = field(default=(), compare=False)
+    identified: Mapping[str, ParameterResult] = field(default_factory=dict)
+    sensor_faults: tuple[SensorFault, ...] = ()
+    curves: tuple[Curve, ...] = field(default=(), compare=False)
 
     def to_dict(self) -> dict[str, Any]:
-        """The contract's JSON as plain types; numbers that are not finite become None."""
+        """The contract's JSON as plain types; numbers that are not finite become None.
+
+        identified, sensor_faults and notes are in it where there are any.
+        """
         keys = ("channels", "causes", "rejected")
         return {
             "verdict": str(self.verdict),
@@ -123,7 +157,16 @@ class Diagnosis:
             "unexplained": _plain(asdict(self.unexplained)),
             "suggested_manoeuvres": list(self.suggested_manoeuvres),
             "seconds": self.seconds,
+            **self._extras(),
         }
+
+    def _extras(self) -> dict[str, Any]:
+        extras = {
+            "identified": {name: _plain(asdict(each)) for name, each in self.identified.items()},
+            "sensor_faults": [asdict(each) for each in self.sensor_faults],
+            "notes": list(self.notes),
+        }
+        return {key: value for key, value in extras.items() if value}
 
     def save_json(self, path: str | Path) -> None:
         """Write the JSON, atomically."""
