@@ -1,0 +1,119 @@
+"""`[model]` of a robot.toml: what the simulation assumes, each number with how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.schema import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Measured,
+    measured,
+    refuse_unknown,
+    section,
+    subtable,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryModel:
+    """`[model.battery]`."""
+
+    open_circuit_voltage: Measured = measured(6.8, 0.03, "V", "voltage without load", Bounds(1.0, 30.0))
+    internal_resistance: Measured = measured(0.05, 0.005, "ohm", "internal resistance", NOT_NEGATIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class MotorModel:
+    """`[model.motor]`; `[model.motor.left]` and `[model.motor.right]` override it."""
+
+    armature_resistance: Measured = measured(1.8, 0.03, "ohm", "resistance of the winding", POSITIVE)
+    back_emf_constant: Measured = measured(
+        1.08, 0.005, "V/(rad/s)", "K_E at the wheel shaft; also N m/A", POSITIVE
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class FrictionModel:
+    """`[model.friction]`, at the wheel shaft."""
+
+    coulomb: Measured = measured(0.18, 0.005, "N m", "torque that opposes any motion", NOT_NEGATIVE)
+    viscous: Measured = measured(0.004, 0.0005, "N m s/rad", "torque a unit of speed", NOT_NEGATIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveModel:
+    """`[model.drive]`."""
+
+    inertia_straight: Measured = measured(
+        0.020, 0.0006, "kg m2", "inertia that one motor feels when both turn alike", POSITIVE
+    )
+    inertia_turn: Measured = measured(
+        0.014, 0.0005, "kg m2", "inertia that one motor feels when they turn against each other", POSITIVE
+    )
+    wheel_radius: Measured = measured(0.0345, 0.0001, "m", "radius of a driven wheel", POSITIVE)
+    track_width: Measured = measured(0.16, 0.0008, "m", "distance between the wheels' contacts", POSITIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class BemfModel:
+    """`[model.bemf]`."""
+
+    filter_time_constant: Measured = measured(
+        0.0225, 0.0005, "s", "of the controller's back-EMF filter", NOT_NEGATIVE
+    )
+    offset: Measured = measured(0.0, 1.0, "counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
+
+
+@dataclass(frozen=True, slots=True)
+class ImuModel:
+    """`[model.imu]`."""
+
+    gyro_bias: Measured = measured(0.0, 0.0005, "rad/s", "what the gyro reads at rest", Bounds(-0.5, 0.5))
+    gyro_scale: Measured = measured(1.0, 0.001, "", "reading over true turn rate", Bounds(0.5, 2.0))
+
+
+@dataclass(frozen=True, slots=True)
+class NominalModel:
+    """`[model]`: what the simulation assumes. A value and std is a prior for the diagnosis."""
+
+    battery: BatteryModel = field(default_factory=BatteryModel)
+    left: MotorModel = field(default_factory=MotorModel)
+    right: MotorModel = field(default_factory=MotorModel)
+    friction: FrictionModel = field(default_factory=FrictionModel)
+    drive: DriveModel = field(default_factory=DriveModel)
+    bemf: BemfModel = field(default_factory=BemfModel)
+    imu: ImuModel = field(default_factory=ImuModel)
+
+
+MODEL_SECTIONS: dict[str, type[Any]] = {
+    "battery": BatteryModel,
+    "motor": MotorModel,
+    "friction": FrictionModel,
+    "drive": DriveModel,
+    "bemf": BemfModel,
+    "imu": ImuModel,
+}
+
+
+def parse_model(table: Mapping[str, Any]) -> NominalModel:
+    """Make the model of the table `[model]`. Raises ConfigError naming key, value and what is allowed."""
+    refuse_unknown(table, tuple(MODEL_SECTIONS), "model")
+    motor = dict(subtable(table, "motor", "model"))
+    sides = {side: motor.pop(side, {}) for side in ("left", "right")}
+    for side, entry in sides.items():
+        if not isinstance(entry, Mapping):
+            raise ConfigError(f"model.motor.{side} = {entry!r}: it must be a table")
+    built: dict[str, Any] = {
+        key: section(kind, table.get(key, {}), f"model.{key}")
+        for key, kind in MODEL_SECTIONS.items()
+        if key != "motor"
+    }
+    for side, entry in sides.items():
+        section(MotorModel, motor, "model.motor")  # so that a mistake is named at its own key
+        built[side] = section(MotorModel, {**motor, **entry}, f"model.motor.{side}")
+    return NominalModel(**built)
