@@ -1,24 +1,34 @@
 """`raccoon compare-mitigations` on a few robots."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from raccoon.cli.compare_mitigations.measure import MANOEUVRES, METHODS, Cells, cell
-from raccoon.cli.compare_mitigations.robots import CONDITIONS, trial
-from raccoon.cli.compare_mitigations.table import claims, draw, markdown
+from raccoon.cli.compare_mitigations.claims import claims
+from raccoon.cli.compare_mitigations.measure import MANOEUVRES, METHODS, Cells, ends_of, full_table
+from raccoon.cli.compare_mitigations.robots import (
+    BATTERY,
+    CONDITIONS,
+    DRAWN,
+    MATCH,
+    PAIRINGS,
+    PAPER,
+    REPLACED,
+    trial,
+)
+from raccoon.cli.compare_mitigations.table import as_json, draw, from_json, markdown
+from raccoon.cli.compare_mitigations.timed import TimedDrive, Tuned, after, leg, quarter_turn, tune
+from raccoon.cli.compare_mitigations.vehicles import simulated
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 
-BATTERY = "battery 6.1-7.0 V"
+CONFIG = RobotConfig()
 
 
-def measured(condition: str, methods: tuple[str, ...]) -> Cells:
-    return {
-        (method, condition, name): [end]
-        for method in methods
-        for name, end in cell((method, condition, 0, 0)).items()
-    }
+def measured(condition: str, methods: tuple[str, ...], number: int = 0) -> Cells:
+    found = ends_of(condition, number, 1, methods)
+    return {(method, condition, name): [end] for method, ends in found.items() for name, end in ends.items()}
 
 
 def test_on_another_battery_the_paper_s_ranking_comes_out() -> None:
@@ -38,26 +48,91 @@ def test_on_another_battery_the_paper_s_ranking_comes_out() -> None:
 
 
 def test_every_mitigation_meets_the_same_robots() -> None:
-    config = RobotConfig()
     for condition in CONDITIONS:
-        one, again, other = (trial(condition, number, 3, config) for number in (0, 0, 1))
+        one, again, other = (trial(condition, number, 3, CONFIG) for number in (0, 0, 1))
         assert one == again
         assert one.seed != other.seed
 
 
+def test_a_robot_s_drawn_motors_are_the_same_in_every_column() -> None:
+    def left_motor(condition: str) -> float:
+        return trial(condition, 12, 3, CONFIG).run.value("motor.back_emf_constant", "factor", "left")
+
+    assert left_motor(DRAWN) == left_motor(MATCH) == left_motor(REPLACED)
+    assert left_motor(DRAWN) != left_motor(PAPER)
+
+
+def test_the_paper_s_pairings_all_come() -> None:
+    def motors(number: int) -> tuple[float, float]:
+        run = trial(PAPER, number, 3, CONFIG).run
+        return tuple(run.value("motor.back_emf_constant", "factor", side) for side in ("left", "right"))  # type: ignore[return-value]
+
+    assert len({motors(number) for number in range(9)}) == len(PAIRINGS) == 9
+    assert full_table()[PAPER] % 9 == 0
+    assert full_table()[MATCH] == 9 + 200
+
+
+def test_the_batteries_cover_the_whole_range_evenly() -> None:
+    voltages = sorted(
+        trial(BATTERY, number, 3, CONFIG).run.value("battery.open_circuit_voltage", "voltage")
+        for number in range(20)
+    )
+    assert voltages[0] < 6.16
+    assert voltages[-1] > 6.94
+    assert max(b - a for a, b in pairwise(voltages)) < 0.09
+
+
+def test_a_blind_program_ends_where_it_does_tick_by_tick() -> None:
+    each, way = trial(MATCH, 3, 1, CONFIG), TimedDrive()
+    ends = []
+    for blind in (True, False):
+        robot = simulated(each.run, CONFIG, 5, blind=blind)
+        robot.stand(0.2)
+        leg(robot, way, 1.0, 1.0, after(1.7), None)
+        quarter_turn(robot, way, Tuned(0.0, 0.0, 0.83))
+        ends.append((robot.truth.x, robot.truth.y, robot.truth.heading, robot.time))
+    assert ends[0] == pytest.approx(ends[1], abs=1e-9)
+
+
+def test_times_are_tuned_by_the_tape_that_calibrates() -> None:
+    each = trial(DRAWN, 0, 1, CONFIG)
+    true = tune(TimedDrive(), each.tuned, CONFIG, (0.0, 0.0))
+    read = tune(TimedDrive(), each.tuned, CONFIG, (0.002, 0.002))
+    assert (read.run_up + read.metre) / (true.run_up + true.metre) == pytest.approx(0.998, abs=5e-4)
+
+
 def test_tables_and_picture(tmp_path: Path) -> None:
     cells = {
-        (method, BATTERY, name): ends
+        (method, BATTERY, name): [end]
         for method in METHODS
-        for name, ends in ((each, [end]) for each, end in cell(("none", BATTERY, 0, 0)).items())
+        for name, end in ends_of(BATTERY, 0, 0, ("none",))["none"].items()
     }
-    text = markdown(cells, (BATTERY,), 1)
+    text = markdown(cells, {BATTERY: 1})
     assert all(f"## {name}" in text for name in MANOEUVRES)
     assert all(f"| {method} |" in text for method in METHODS)
+    assert from_json(as_json(cells)) == cells
     draw(cells, (BATTERY,), tmp_path / "table.svg")
     assert (tmp_path / "table.svg").stat().st_size > 1000
 
 
-def test_unknown_conditions_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["compare-mitigations", "--condition", "moonlight"]) == 2
-    assert "allowed are battery 6.1-7.0 V, battery sags" in capsys.readouterr().err
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--condition", "moonlight"], "allowed are battery 6.1-7.0 V, battery sags"),
+        (["--robots", "0"], "--robots is 0: it must be 1 or more"),
+        (["--processes", "0"], "--processes is 0: it must be 1 or more"),
+    ],
+)
+def test_what_is_not_allowed_is_refused(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["compare-mitigations", *arguments]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_command_prints_and_writes_one_column(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "table.md"
+    column = ["--condition", BATTERY, "--robots", "1", "--markdown", str(out)]
+    assert main(["compare-mitigations", *column]) == 0
+    assert "Robots a column: battery 6.1-7.0 V 1." in out.read_text("utf-8")
+    assert "1 of 1 robots" in capsys.readouterr().err

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import product
+from functools import cached_property
 
-from numpy.random import default_rng
-
-from raccoon.cli.compare_mitigations.robots import Trial, trial
+from raccoon.cli.compare_mitigations.robots import CONDITIONS, TAPE_STD, Trial, trial
 from raccoon.cli.compare_mitigations.timed import (
+    QUARTER,
     TimedDrive,
-    TimedRobot,
     Tuned,
+    matched_trims,
     quarter_turn,
     straight_leg,
     tune,
 )
+from raccoon.cli.compare_mitigations.vehicles import IMU_RATE_HZ, simulated
 from raccoon.control.voltage import VoltageScaling
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import MotionTimeout
@@ -34,7 +34,6 @@ from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
 
-QUARTER = 0.5 * math.pi
 MANOEUVRES = ("30 cm", "1 m", "square 4 x 0.5 m", "turn 90")
 GOALS = {
     "30 cm": (0.3, 0.0, 0.0),
@@ -42,7 +41,13 @@ GOALS = {
     "square 4 x 0.5 m": (0.0, 0.0, 4.0 * QUARTER),
     "turn 90": (0.0, 0.0, QUARTER),
 }
-TAPE_STD = 0.001
+ACTIONS: dict[str, Action[object]] = {
+    "30 cm": straight(0.3),
+    "1 m": straight(1.0),
+    "square 4 x 0.5 m": repeat(seq(straight(0.5), turn(QUARTER)), 4),
+    "turn 90": turn(QUARTER),
+}
+SCALING = VoltageScaling(COMPETITION_VOLTAGE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,25 +60,47 @@ class End:
     seconds: float
 
 
+Ends = dict[str, End]
+"""By manoeuvre."""
 Cells = dict[tuple[str, str, str], list[End]]
 """By mitigation, condition and manoeuvre."""
 
 
+class Candidate:
+    """A robot of the table; what several mitigations need of it is made once."""
+
+    def __init__(self, each: Trial, config: RobotConfig) -> None:
+        self.trial = each
+        self.config = config
+
+    @cached_property
+    def calibrated(self) -> RobotConfig:
+        """After a taped metre on the robot as it was tuned, with the same tape that times are tuned by."""
+        each = self.trial
+        with Robot(_port(each.tuned, self.config, each.seed + 1), self.config) as robot:
+            return calibrate_drive(
+                robot, lambda: _truth(robot).x + each.tape[1], distance=1.0, tape_std=TAPE_STD
+            )
+
+
+Method = Callable[[Candidate], Ends]
+
+
 def _timed(way: TimedDrive, pick: Callable[[Trial], tuple[Parameters, Parameters]]) -> Method:
-    def measure(each: Trial, config: RobotConfig) -> dict[str, End]:
-        before, now = pick(each)
-        tuned = tune(way, before, config)
-        return {name: _drive_timed(name, way, tuned, now, config, each.seed) for name in MANOEUVRES}
+    def measure(robot: Candidate) -> Ends:
+        before, now = pick(robot.trial)
+        tuned = tune(way, before, robot.config, robot.trial.tape)
+        return {name: _drive_timed(name, way, tuned, now, robot) for name in MANOEUVRES}
 
     return measure
 
 
 def _drive_timed(
-    name: str, way: TimedDrive, tuned: Tuned, parameters: Parameters, config: RobotConfig, seed: int
+    name: str, way: TimedDrive, tuned: Tuned, parameters: Parameters, candidate: Candidate
 ) -> End:
-    robot = TimedRobot(parameters, config, seed)
+    robot = simulated(parameters, candidate.config, candidate.trial.seed, blind=way.blind)
     robot.stand(0.5, learn=True)
-    begin = robot.inputs.time
+    begin = robot.time
     if name == "turn 90":
         quarter_turn(robot, way, tuned)
     elif name == "square 4 x 0.5 m":
@@ -82,21 +109,12 @@ def _drive_timed(
             quarter_turn(robot, way, tuned, (corner + 1) * QUARTER)
     else:
         straight_leg(robot, way, tuned, GOALS[name][0], 0.0)
-    return _end(robot.truth, GOALS[name], robot.inputs.time - begin)
+    return _end(robot.truth, GOALS[name], robot.time - begin)
 
 
-def _static_k(each: Trial, config: RobotConfig) -> dict[str, End]:
-    """The faster motor is slowed by what the straight drive of the tuned robot shows."""
-    trims = (1.0, 1.0)
-    for _ in range(3):
-        way = TimedDrive(0.8, trims=trims)
-        robot = TimedRobot(each.tuned, config, 1, noise=False)
-        robot.leg(way, 0.8, 0.8, lambda seconds: seconds >= 3.0, None)
-        length = math.hypot(robot.truth.x, robot.truth.y)
-        ratio = 1.0 + robot.truth.heading * config.model.drive.track_width.value / max(length, 0.1)
-        left, right = trims[0], trims[1] / ratio  # a turn to the left: the right motor is faster
-        trims = left / max(left, right), right / max(left, right)
-    return _timed(TimedDrive(0.8, trims=trims), lambda trial: (trial.tuned, trial.run))(each, config)
+def _static_k(robot: Candidate) -> Ends:
+    trims = matched_trims(robot.trial.tuned, robot.config)
+    return _timed(TimedDrive(0.8, trims=trims), _as_is)(robot)
 
 
 class WithoutGyro:
@@ -106,64 +124,52 @@ class WithoutGyro:
         self._port = port
 
     def read(self) -> Inputs:
+        """Everything else."""
         return replace(self._port.read(), gyro=None, accel=None)
 
     def write(self, outputs: Outputs) -> None:
+        """As it is."""
         self._port.write(outputs)
 
     def close(self) -> None:
+        """As it is."""
         self._port.close()
 
 
 def _closed_loop(gyro: bool) -> Method:
-    def measure(each: Trial, config: RobotConfig) -> dict[str, End]:
-        calibrated = _calibrated(each, config)
-        return {name: _drive_closed(name, gyro, each, calibrated) for name in MANOEUVRES}
+    def measure(robot: Candidate) -> Ends:
+        return {name: _drive_closed(name, gyro, robot) for name in MANOEUVRES}
 
     return measure
 
 
-def _calibrated(each: Trial, config: RobotConfig) -> RobotConfig:
-    """After a taped metre on the robot as it was tuned."""
-    error = TAPE_STD * float(default_rng(each.seed).standard_normal())
-    with Robot(SimPort(each.tuned, World.empty(), robot=config, seed=each.seed + 1), config) as robot:
-
-        def taped() -> float:
-            assert robot.inputs is not None
-            assert robot.inputs.truth is not None
-            return robot.inputs.truth.x + error
-
-        return calibrate_drive(robot, taped, distance=1.0, tape_std=TAPE_STD)
-
-
-def _drive_closed(name: str, gyro: bool, each: Trial, config: RobotConfig) -> End:
-    actions: dict[str, Action[object]] = {
-        "30 cm": straight(0.3),
-        "1 m": straight(1.0),
-        "square 4 x 0.5 m": repeat(seq(straight(0.5), turn(QUARTER)), 4),
-        "turn 90": turn(QUARTER),
-    }
-    port: Port = SimPort(each.run, World.empty(), robot=config, seed=each.seed)
+def _drive_closed(name: str, gyro: bool, candidate: Candidate) -> End:
+    config = candidate.calibrated
+    port: Port = _port(candidate.trial.run, config, candidate.trial.seed)
     with Robot(port if gyro else WithoutGyro(port), config) as robot:
         robot.run(wait(1.0))
         begin = robot.time
         with suppress(MotionTimeout):  # where it stands then is its error
-            robot.run(actions[name])
+            robot.run(ACTIONS[name])
         seconds = robot.time - begin
         robot.run(wait(0.3))
-        assert robot.inputs is not None
-        assert robot.inputs.truth is not None
-        return _end(robot.inputs.truth, GOALS[name], seconds)
+        return _end(_truth(robot), GOALS[name], seconds)
+
+
+def _port(parameters: Parameters, config: RobotConfig, seed: int) -> SimPort:
+    return SimPort(parameters, World.empty(), robot=config, seed=seed, imu_rate_hz=IMU_RATE_HZ)
+
+
+def _truth(robot: Robot) -> Truth:
+    assert robot.inputs is not None
+    assert robot.inputs.truth is not None
+    return robot.inputs.truth
 
 
 def _end(truth: Truth, goal: tuple[float, float, float], seconds: float) -> End:
     dx, dy = truth.x - goal[0], truth.y - goal[1]
     cos, sin = math.cos(goal[2]), math.sin(goal[2])
     return End(abs(dx * cos + dy * sin), abs(dy * cos - dx * sin), abs(truth.heading - goal[2]), seconds)
-
-
-Method = Callable[[Trial, RobotConfig], dict[str, End]]
-SCALING = VoltageScaling(COMPETITION_VOLTAGE)
 
 
 def _as_is(each: Trial) -> tuple[Parameters, Parameters]:
@@ -183,23 +189,46 @@ METHODS: dict[str, Method] = {
 }
 
 
-def cell(job: tuple[str, str, int, int]) -> dict[str, End]:
-    """All manoeuvres of one robot under one mitigation: (mitigation, condition, number, seed)."""
-    method, condition, number, seed = job
+def ends_of(
+    condition: str, number: int, seed: int, methods: Iterable[str] = tuple(METHODS)
+) -> dict[str, Ends]:
+    """All manoeuvres of one robot under each mitigation."""
     config = RobotConfig()
-    return METHODS[method](trial(condition, number, seed, config), config)
+    robot = Candidate(trial(condition, number, seed, config), config)
+    return {method: METHODS[method](robot) for method in methods}
 
 
-def measured(conditions: tuple[str, ...], robots: int, seed: int, processes: int) -> Cells:
-    """Everything; in several processes where there is more than one."""
-    jobs = [(m, c, n, seed) for m, c, n in product(METHODS, conditions, range(robots))]
+def _job(job: tuple[str, int, int]) -> dict[str, Ends]:
+    return ends_of(*job)
+
+
+def measured(
+    robots: Mapping[str, int], seed: int, processes: int, tell: Callable[[str], None] = lambda _: None
+) -> Cells:
+    """So many robots of each condition; in several processes where there is more than one.
+
+    tell: called with a word on how far it is, now and then.
+    """
+    jobs = [(condition, number, seed) for condition, count in robots.items() for number in range(count)]
     if processes > 1:
         with ProcessPoolExecutor(processes) as pool:
-            found = list(pool.map(cell, jobs, chunksize=4))
-    else:
-        found = [cell(job) for job in jobs]
+            return _gathered(jobs, pool.map(_job, jobs), tell)
+    return _gathered(jobs, map(_job, jobs), tell)
+
+
+def _gathered(
+    jobs: list[tuple[str, int, int]], results: Iterable[dict[str, Ends]], tell: Callable[[str], None]
+) -> Cells:
     cells: Cells = {}
-    for (method, condition, _, _), ends in zip(jobs, found, strict=True):
-        for name, end in ends.items():
-            cells.setdefault((method, condition, name), []).append(end)
+    for done, ((condition, _, _), found) in enumerate(zip(jobs, results, strict=True), start=1):
+        for method, ends in found.items():
+            for name, end in ends.items():
+                cells.setdefault((method, condition, name), []).append(end)
+        if done % 20 == 0 or done == len(jobs):
+            tell(f"{done} of {len(jobs)} robots")
     return cells
+
+
+def full_table() -> dict[str, int]:
+    """Robots of each condition in the table of the docs."""
+    return {name: condition.robots for name, condition in CONDITIONS.items()}

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import fmean, stdev
 
 from numpy.random import Generator, default_rng
 
 from raccoon.core.config import RobotConfig
 from raccoon.model.paper import COMPETITION_VOLTAGE, MOTORS, TESTING_VOLTAGE, PaperMotor
+from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 
 TABLE_BATTERY = 6.6  # V, where the battery is not what differs
+TAPE_STD = 0.001  # m, of a distance read off a tape
+OFFSET_STD = 30.0  # counts, of real controllers' back-EMF at rest
+PAIRINGS = [(left, right) for left in range(3) for right in range(3)]
 Pair = tuple[PaperMotor, PaperMotor]
+Trio = tuple[PaperMotor, PaperMotor, PaperMotor]
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,13 +26,14 @@ class Trial:
     """One robot. tuned: when its program was made and it was calibrated; run: when it counts.
 
     fresh: the same run with a full battery in the place of whatever is in it, both times. matched: with the
-    two best matching of three motors.
+    two best matching of three motors. tape: m, by which its two taped distances are off. seed: of its noise.
     """
 
     tuned: Parameters
     run: Parameters
     fresh: tuple[Parameters, Parameters]
     matched: tuple[Parameters, Parameters]
+    tape: tuple[float, float]
     seed: int
 
 
@@ -35,11 +41,23 @@ class Trial:
 class Situation:
     """What differs: the motors when tuned and in the run, the batteries, and anything else in the run."""
 
-    motors: tuple[PaperMotor, PaperMotor, PaperMotor]
+    motors: Trio
     replacement: PaperMotor | None = None
     tuned_battery: float = TABLE_BATTERY
     run_battery: float = TABLE_BATTERY
     effects: tuple[tuple[str, dict[str, float]], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """A column of the table. draw: its robot of a number, from that robot's own random numbers and motors.
+
+    robots: of the full table. words: what it is, for people.
+    """
+
+    draw: Callable[[Generator, int, Trio], Situation]
+    robots: int
+    words: str
 
 
 def nominal_motor() -> PaperMotor:
@@ -64,102 +82,145 @@ def _motor(current: float, resistance: float, constant: float) -> PaperMotor:
     return PaperMotor("drawn", (6.6 - current * resistance) / constant, current, resistance, constant)
 
 
-def _alike(_random: Generator) -> Situation:
-    return Situation((nominal_motor(),) * 3)
+def _paper_trio(number: int) -> Trio:
+    """A pairing of the paper's motors, all nine in turn, and the lowest of the others as the third."""
+    left, right = PAIRINGS[number % 9]
+    third = min({0, 1, 2} - {left, right})
+    return MOTORS[left], MOTORS[right], MOTORS[third]
 
 
-def _batteries(random: Generator) -> Situation:
-    voltage = random.uniform(TESTING_VOLTAGE, COMPETITION_VOLTAGE)
-    return replace(_alike(random), tuned_battery=TESTING_VOLTAGE, run_battery=voltage)
+def _spread_level(number: int, ratio: float) -> float:
+    """Numbers 0, 1, 2... laid evenly over the paper's range of batteries, V, however many there are."""
+    return TESTING_VOLTAGE + (COMPETITION_VOLTAGE - TESTING_VOLTAGE) * ((0.5 + number * ratio) % 1.0)
 
 
-def _sagging(random: Generator) -> Situation:
+def _batteries(_random: Generator, number: int, _drawn: Trio) -> Situation:
+    alike = (nominal_motor(),) * 3
+    return Situation(
+        alike, tuned_battery=TESTING_VOLTAGE, run_battery=_spread_level(number, 0.6180339887498949)
+    )
+
+
+def _sagging(random: Generator, _number: int, _drawn: Trio) -> Situation:
     effects = (
         ("battery.discharge", {"volts_per_coulomb": random.uniform(0.01, 0.04)}),
         ("battery.internal_resistance", {"resistance": 0.12}),
     )
-    return replace(_alike(random), tuned_battery=COMPETITION_VOLTAGE, run_battery=7.0, effects=effects)
+    alike = (nominal_motor(),) * 3
+    return Situation(alike, None, COMPETITION_VOLTAGE, COMPETITION_VOLTAGE, effects)
 
 
-def _paper_pairs(random: Generator) -> Situation:
-    order = random.permutation(3)
-    if random.random() < 1.0 / 3.0:
-        order[1] = order[0]  # the pairings include two of a kind
-    return Situation((MOTORS[order[0]], MOTORS[order[1]], MOTORS[order[2]]))
+def _paper_pairs(_random: Generator, number: int, _drawn: Trio) -> Situation:
+    return Situation(_paper_trio(number))
 
 
-def _spread(random: Generator) -> Situation:
-    return Situation((drawn_motor(random), drawn_motor(random), drawn_motor(random)))
+def _drawn_pairs(_random: Generator, _number: int, drawn: Trio) -> Situation:
+    return Situation(drawn)
 
 
-def _replaced(random: Generator) -> Situation:
-    return replace(_spread(random), replacement=drawn_motor(random))
-
-
-def _slipping(random: Generator) -> Situation:
-    slip = ("drive.wheel_slip", {"time": random.uniform(0.005, 0.02)})
-    return replace(_spread(random), effects=(slip,))
-
-
-def _sloping(random: Generator) -> Situation:
-    along_x, along_y = random.uniform(-0.03, 0.03, 2)
-    return replace(
-        _spread(random), effects=(("drive.slope", {"along_x": float(along_x), "along_y": float(along_y)}),)
+def _match(random: Generator, number: int, drawn: Trio) -> Situation:
+    """The paper's nine pairings, then drawn motors; the batteries by a two-dimensional even sequence."""
+    tuned, run = (_spread_level(number, ratio) for ratio in (0.7548776662466927, 0.5698402909980532))
+    effects = (
+        ("battery.discharge", {"volts_per_coulomb": random.uniform(0.0, 0.02)}),
+        ("battery.internal_resistance", {"resistance": random.uniform(0.05, 0.12)}),
     )
+    return Situation(_paper_trio(number) if number < 9 else drawn, None, tuned, run, effects)
 
 
-CONDITIONS: dict[str, Callable[[Generator], Situation]] = {
-    "battery 6.1-7.0 V": _batteries,
-    "battery sags": _sagging,
-    "paper's motors": _paper_pairs,
-    "drawn motors": _spread,
-    "motor replaced": _replaced,
-    "wheel slip": _slipping,
-    "slope": _sloping,
+def _replaced(random: Generator, _number: int, drawn: Trio) -> Situation:
+    return Situation(drawn, replacement=drawn_motor(random))
+
+
+def _slipping(random: Generator, _number: int, drawn: Trio) -> Situation:
+    return Situation(drawn, effects=(("drive.wheel_slip", {"time": random.uniform(0.005, 0.02)}),))
+
+
+def _sloping(random: Generator, _number: int, drawn: Trio) -> Situation:
+    along_x, along_y = (float(each) for each in random.uniform(-0.03, 0.03, 2))
+    return Situation(drawn, effects=(("drive.slope", {"along_x": along_x, "along_y": along_y}),))
+
+
+BATTERY, PAPER, DRAWN, REPLACED, MATCH = (
+    "battery 6.1-7.0 V",
+    "paper's motors",
+    "drawn motors",
+    "motor replaced",
+    "motors and battery",
+)
+CONDITIONS: dict[str, Condition] = {
+    BATTERY: Condition(_batteries, 60, "equal motors, tuned at 6.1 V, run on a battery between"),
+    "battery sags": Condition(
+        _sagging, 60, "equal motors, 0.12 ohm, and 0.01 to 0.04 V a coulomb lost within the run"
+    ),
+    PAPER: Condition(_paper_pairs, 99, "its three motors in all nine pairings, 6.6 V"),
+    DRAWN: Condition(_drawn_pairs, 200, "both drawn from the mean and spread of the three, 6.6 V"),
+    MATCH: Condition(
+        _match, 209, "the nine pairings and 200 drawn, tuned and run on different batteries that sag"
+    ),
+    REPLACED: Condition(_replaced, 100, "drawn; after tuning and calibration another right motor is put in"),
+    "wheel slip": Condition(
+        _slipping, 60, "drawn, wheels that slip by 5 to 20 ms of acceleration in the run"
+    ),
+    "slope": Condition(_sloping, 60, "drawn, a slope of up to 0.03 N m a wheel in the run"),
 }
 
 
 def trial(condition: str, number: int, seed: int, config: RobotConfig) -> Trial:
-    """Robot `number` of a condition; the same for every mitigation."""
-    place = list(CONDITIONS).index(condition)
-    random = default_rng((seed, place, number))
-    case = CONDITIONS[condition](random)
-    first, second, _ = case.motors
-    closest = _closest(case.motors)
+    """Robot `number` of a condition; the same for every mitigation, its motors for every condition."""
+    motors = default_rng((seed, number))
+    drawn = drawn_motor(motors), drawn_motor(motors), drawn_motor(motors)
+    random = default_rng((seed, list(CONDITIONS).index(condition), number))
+    case = CONDITIONS[condition].draw(random, number, drawn)
+    base = _body(config, random)
 
     def pair(motors: Pair, tuned: float, run: float) -> tuple[Parameters, Parameters]:
-        before = _parameters(config, motors, tuned)
+        before = _with_motors(base, motors, tuned)
         after = motors if case.replacement is None else (motors[0], case.replacement)
-        now = _parameters(config, after, run)
+        now = _with_motors(base, after, run)
         for effect, values in case.effects:
             now = now.with_effect(effect, None, **values)
         return before, now
 
-    tuned, run = pair((first, second), case.tuned_battery, case.run_battery)
+    tuned, run = pair(case.motors[:2], case.tuned_battery, case.run_battery)
     full = COMPETITION_VOLTAGE
+    first, second = (TAPE_STD * float(each) for each in random.standard_normal(2))
     return Trial(
         tuned,
         run,
-        pair((first, second), full + random.normal(0.0, 0.03), full + random.normal(0.0, 0.03)),
-        pair(closest, case.tuned_battery, case.run_battery),
+        pair(case.motors[:2], full + random.normal(0.0, 0.03), full + random.normal(0.0, 0.03)),
+        pair(_closest(case.motors), case.tuned_battery, case.run_battery),
+        (first, second),
         int(random.integers(1 << 31)),
     )
 
 
-def _closest(motors: tuple[PaperMotor, PaperMotor, PaperMotor]) -> Pair:
+def _closest(motors: Trio) -> Pair:
     """The two of three whose free speeds differ least."""
     pairs = ((motors[0], motors[1]), (motors[0], motors[2]), (motors[1], motors[2]))
     return min(pairs, key=lambda pair: abs(pair[0].speed - pair[1].speed))
 
 
-def _parameters(config: RobotConfig, motors: Pair, battery: float) -> Parameters:
-    parameters = Parameters.from_robot(config).with_effect("battery.open_circuit_voltage", voltage=battery)
+def _body(config: RobotConfig, random: Generator) -> Parameters:
+    """A robot whose track and gyro are known as well as robot.toml says, behind the firmware's filters."""
+    track, gyro = config.model.drive.track_width, config.model.imu.gyro_scale
+    body = Parameters.from_robot(config).with_chain(Chain.firmware())
+    body = body.with_effect("drive.track_width", factor=random.normal(1.0, track.std / track.value))
+    body = body.with_effect("imu.gyro_scale", factor=random.normal(1.0, gyro.std / gyro.value))
+    for side in ("left", "right"):
+        body = body.with_effect("bemf.offset", side, counts=random.normal(0.0, OFFSET_STD))
+    return body
+
+
+def _with_motors(body: Parameters, motors: Pair, battery: float) -> Parameters:
+    model = body.robot.model
+    parameters = body.with_effect("battery.open_circuit_voltage", voltage=battery)
     for side, motor in zip(("left", "right"), motors, strict=True):
-        nominal = getattr(config.model, side)
+        nominal = model.left if side == "left" else model.right
         resistance = motor.armature_resistance / nominal.armature_resistance.value
         constant = motor.back_emf_constant / nominal.back_emf_constant.value
         # What the free-running current says of friction, less its viscous part.
-        coulomb = max(0.02, motor.friction_torque - config.model.friction.viscous.value * motor.speed)
+        coulomb = max(0.02, motor.friction_torque - model.friction.viscous.value * motor.speed)
         parameters = (
             parameters.with_effect("motor.armature_resistance", side, factor=resistance)
             .with_effect("motor.back_emf_constant", side, factor=constant)

@@ -1,45 +1,31 @@
-"""The measured cells as tables, as the paper's claims, and as a picture."""
+"""The measured cells as tables and as a picture."""
 
 from __future__ import annotations
 
+import json
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from raccoon.cli.compare_mitigations.claims import claims, high, off
 from raccoon.cli.compare_mitigations.measure import MANOEUVRES, METHODS, Cells, End
 
-HIGH = 95.0
-BATTERY, MOTORS, REPLACED = "battery 6.1-7.0 V", "drawn motors", "motor replaced"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """Something the paper says; held: whether the numbers do, None where they were not measured."""
-
-    text: str
-    numbers: str
-    held: bool | None
-
-
-def high(ends: list[End], field: str) -> float:
-    """95th percentile of one error."""
-    return float(np.percentile([getattr(each, field) for each in ends], HIGH))
-
-
-def off(ends: list[End]) -> float:
-    """95th percentile of how far from the goal it ends, m."""
-    return float(np.percentile([math.hypot(each.distance, each.lateral) for each in ends], HIGH))
-
-
-def markdown(cells: Cells, conditions: tuple[str, ...], robots: int) -> str:
-    """Every table, then the claims."""
+def markdown(cells: Cells, robots: Mapping[str, int]) -> str:
+    """Every table, then the claims. robots: of each condition."""
+    counts = ", ".join(f"{name} {count}" for name, count in robots.items())
     parts = [
-        f"95th percentiles over {robots} robots a cell: distance mm / lateral mm / heading deg / time s.\n",
+        f"95th percentiles: distance mm / lateral mm / heading deg / time s. Robots a column: {counts}.\n"
     ]
     for name in MANOEUVRES:
-        parts += [f"## {name}\n", *_rows(cells, conditions, name), ""]
+        parts += [f"### {name}\n", *_rows(cells, tuple(robots), name), ""]
     parts += ["## What the paper says\n", "| claim | measured | holds |", "|---|---|---|"]
     words = {True: "yes", False: "**no**", None: "not measured"}
     parts += [f"| {each.text} | {each.numbers} | {words[each.held]} |" for each in claims(cells)]
@@ -62,95 +48,55 @@ def _numbers(ends: list[End]) -> str:
     )
 
 
-def claims(cells: Cells) -> list[Claim]:
-    """The paper's ranking, each step held to the numbers (m from the goal after 1 m)."""
-    return [
-        _better(cells, "A fresh battery helps", "fresh battery", "none", BATTERY),
-        _alike(
-            cells, "Scaling at 100 % cannot give what is missing", "voltage scaling, 100 %", "none", BATTERY
-        ),
-        _better(
-            cells, "Scaling works at 80 %", "voltage scaling, 80 %", "voltage scaling, 100 %", BATTERY, 0.2
-        ),
-        _better(cells, "Matching motors by swapping helps", "motor swapping", "none", MOTORS),
-        _better(cells, "Static k is more robust than swapping", "static k", "motor swapping", MOTORS),
-        _worse(cells, "Static k is lost when a motor is replaced", "static k"),
-        _better(
-            cells, "The wheel PID beats static k on any battery", "wheel PID on back-EMF", "static k", BATTERY
-        ),
-        _better(cells, "An IMU keeps the heading of unequal motors", "IMU heading only", "none", MOTORS, 0.5),
-        _better(
-            cells,
-            "Fusion of back-EMF and IMU is best with a replaced motor",
-            "back-EMF + IMU fusion",
-            "wheel PID on back-EMF",
-            REPLACED,
-        ),
-        _best(cells, BATTERY),
-        _best(cells, MOTORS),
-        _best(cells, REPLACED),
-    ]
+def as_json(cells: Cells) -> str:
+    """Every robot's errors: a list of mitigation, condition, manoeuvre and ends."""
+    return json.dumps(
+        [
+            {"mitigation": method, "condition": condition, "manoeuvre": name, "ends": [*map(asdict, ends)]}
+            for (method, condition, name), ends in cells.items()
+        ]
+    )
 
 
-def _metre(cells: Cells, method: str, condition: str) -> float | None:
-    ends = cells.get((method, condition, "1 m"))
-    return None if ends is None else off(ends)
-
-
-def _better(cells: Cells, text: str, better: str, worse: str, condition: str, share: float = 1.0) -> Claim:
-    one, other = _metre(cells, better, condition), _metre(cells, worse, condition)
-    if one is None or other is None:
-        return Claim(text, f"needs {condition}", None)
-    numbers = f"{condition}: {1e3 * one:.1f} mm against {1e3 * other:.1f} mm ({worse})"
-    return Claim(text, numbers, one < share * other)
-
-
-def _alike(cells: Cells, text: str, one: str, other: str, condition: str) -> Claim:
-    first, second = _metre(cells, one, condition), _metre(cells, other, condition)
-    if first is None or second is None:
-        return Claim(text, f"needs {condition}", None)
-    numbers = f"{condition}: {1e3 * first:.1f} mm against {1e3 * second:.1f} mm ({other})"
-    return Claim(text, numbers, first > 0.8 * second)
-
-
-def _worse(cells: Cells, text: str, method: str) -> Claim:
-    before, after = _metre(cells, method, MOTORS), _metre(cells, method, REPLACED)
-    if before is None or after is None:
-        return Claim(text, f"needs {REPLACED}", None)
-    return Claim(text, f"{1e3 * before:.1f} mm, replaced {1e3 * after:.1f} mm", after > 3.0 * before)
-
-
-def _best(cells: Cells, condition: str) -> Claim:
-    text = f"Fusion is best of all: {condition}"
-    found = {method: _metre(cells, method, condition) for method in METHODS}
-    known = {method: value for method, value in found.items() if value is not None}
-    if len(known) < len(METHODS):
-        return Claim(text, f"needs {condition}", None)
-    order = sorted(known, key=lambda method: known[method])
-    numbers = ", ".join(f"{method} {1e3 * known[method]:.1f} mm" for method in order[:3])
-    # Within a millimetre two methods are alike: the tape that both are calibrated by is no better.
-    best = known["back-EMF + IMU fusion"] <= known[order[0]] + 1e-3
-    return Claim(text, numbers, best)
+def from_json(text: str) -> Cells:
+    """The cells that `as_json` wrote."""
+    return {
+        (each["mitigation"], each["condition"], each["manoeuvre"]): [End(**end) for end in each["ends"]]
+        for each in json.loads(text)
+    }
 
 
 def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
-    """How far from the goal after 1 m, by mitigation and condition."""
+    """A map for each manoeuvre: mm from the goal, of the turn its degrees; by mitigation and condition."""
     import matplotlib
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(figsize=(10.0, 4.8), layout="constrained")
-    methods = list(METHODS)
-    width = 0.8 / len(conditions)
-    for index, condition in enumerate(conditions):
-        values = [max(0.1, 1e3 * off(cells[(method, condition, "1 m")])) for method in methods]
-        places = [place + (index - 0.5 * (len(conditions) - 1)) * width for place in range(len(methods))]
-        axes.bar(places, values, width, label=condition)
-    axes.set_yscale("log")
-    axes.set_ylabel("mm from the goal after 1 m (95 %)")
-    axes.set_xticks(range(len(methods)), [each.replace(", ", ",\n") for each in methods], rotation=20)
-    axes.legend(ncols=4, fontsize="small")
-    axes.grid(axis="y", alpha=0.3)
+    figure, axes = plt.subplots(2, 2, figsize=(13.0, 9.0), layout="constrained", sharex=True, sharey=True)
+    for panel, name in zip(axes.flat, MANOEUVRES, strict=True):
+        turning = name == "turn 90"
+        values = np.array(
+            [
+                [
+                    math.degrees(high(ends, "heading")) if turning else 1e3 * off(ends)
+                    for ends in (cells[(method, condition, name)] for condition in conditions)
+                ]
+                for method in METHODS
+            ]
+        )
+        _map(panel, values, f"{name}: {'degrees off' if turning else 'mm from the goal'} (95 %)", conditions)
     figure.savefig(path, format=path.suffix.lstrip(".") or "svg")
     plt.close(figure)
+
+
+def _map(panel: Axes, values: np.ndarray, title: str, conditions: tuple[str, ...]) -> None:
+    """Colours by the logarithm, with the numbers in them."""
+    scale = np.log10(np.maximum(values, 0.05))
+    panel.imshow(scale, cmap="RdYlGn_r", aspect="auto", vmin=-1.0, vmax=2.5)
+    for (row, column), value in np.ndenumerate(values):
+        text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
+        panel.text(column, row, text, ha="center", va="center", fontsize=8)
+    panel.set_title(title, fontsize=10)
+    panel.set_xticks(range(len(conditions)), conditions, rotation=25, ha="right", fontsize=8)
+    panel.set_yticks(range(len(METHODS)), list(METHODS), fontsize=8)
