@@ -23,6 +23,7 @@ COMMANDS: tuple[str, ...] = (
     "excite",
     "init",
     "replay",
+    "sweep",
     "tune",
     "view",
 )

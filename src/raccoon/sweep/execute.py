@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from typing import TypeVar
 
 Result = TypeVar("Result")
@@ -14,26 +14,33 @@ TRIES = 2
 
 
 class Crew:
-    """Gives an executor, and a new one after its workers died.
+    """An executor, and where it can be opened anew, another one after its workers died.
 
-    open: makes one. window: how many calls are handed to it at once.
+    executor: one that is open, or a function that opens one. window: how many calls are handed to it at once.
+    Only an executor that was opened here is closed here.
     """
 
-    def __init__(self, open_executor: Callable[[], Executor], window: int) -> None:
+    def __init__(self, executor: Executor | Callable[[], Executor], window: int) -> None:
         if window < 1:
             raise ValueError(f"window is {window}: at least one call must be under way")
-        self._open = open_executor
+        self._open = None if isinstance(executor, Executor) else executor
         self.window = window
-        self.executor = open_executor()
+        self.executor = executor if isinstance(executor, Executor) else executor()
 
     def renew(self) -> None:
-        """A new executor in place of one that broke."""
+        """A new executor in place of one that broke. Raises BrokenExecutor where none can be opened."""
+        if self._open is None:
+            raise BrokenExecutor(
+                "the executor broke and came from outside; open another and run the sweep again:"
+                " it goes on where it stopped"
+            )
         self.executor.shutdown(wait=False, cancel_futures=True)
         self.executor = self._open()
 
     def close(self) -> None:
-        """Give up what is not running yet and let the workers go."""
-        self.executor.shutdown(wait=True, cancel_futures=True)
+        """Let the workers go where they were opened here."""
+        if self._open is not None:
+            self.executor.shutdown(wait=True, cancel_futures=True)
 
 
 def run_all(
@@ -46,7 +53,8 @@ def run_all(
 
     A call whose worker died is made again. When a pool breaks, any of the calls under way can be the cause,
     so they are repeated one at a time; a number that then takes its worker down `TRIES` times gets the
-    result of `give_up`. What a call raises by itself comes through.
+    result of `give_up`. What a call raises by itself comes through, and so does an executor that broke and
+    cannot be opened anew.
     """
     waiting = deque(numbers)
     suspects: deque[int] = deque()
@@ -61,53 +69,56 @@ def run_all(
 def _together(
     work: Work[Result], waiting: deque[int], suspects: deque[int], crew: Crew
 ) -> Iterator[tuple[int, Result]]:
-    """Work through `waiting` until it is empty or the workers die; then all under way are suspects."""
+    """Work through `waiting` until it is empty or the pool breaks; then all under way are suspects."""
     running: dict[Future[Result], int] = {}
     try:
         while waiting or running:
-            while waiting and len(running) < crew.window:
-                running[crew.executor.submit(work, waiting[0])] = waiting[0]
-                waiting.popleft()
+            _fill(work, waiting, running, crew)
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
-                number = running[future]
-                result = future.result()
-                del running[future]
-                yield number, result
-    except BaseException as error:
-        if not is_loss(error):
-            for future in running:
-                future.cancel()
-            raise
+                if _lost_worker(future):
+                    suspects.append(running.pop(future))
+                else:
+                    result = future.result()
+                    yield running.pop(future), result
+    except BrokenExecutor:
         yield from _survivors(running, suspects)
         crew.renew()
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _fill(work: Work[Result], waiting: deque[int], running: dict[Future[Result], int], crew: Crew) -> None:
+    while waiting and len(running) < crew.window:
+        running[crew.executor.submit(work, waiting[0])] = waiting[0]
+        waiting.popleft()
 
 
 def _survivors(running: dict[Future[Result], int], suspects: deque[int]) -> Iterator[tuple[int, Result]]:
-    """Results that arrived before the workers died; the rest must be made again."""
+    """Results that arrived before the pool broke; the rest must be made again."""
     for future, number in running.items():
         if future.done() and not future.cancelled() and future.exception() is None:
             yield number, future.result()
         else:
-            future.cancel()
             suspects.append(number)
 
 
 def _alone(work: Work[Result], number: int, crew: Crew, give_up: Callable[[int], Result]) -> Result:
     for _ in range(TRIES):
         try:
-            return crew.executor.submit(work, number).result()
-        except BaseException as error:
-            if not is_loss(error):
-                raise
+            future = crew.executor.submit(work, number)
+            wait((future,))
+            if not _lost_worker(future):
+                return future.result()
+        except BrokenExecutor:
             crew.renew()
     return give_up(number)
 
 
-def is_loss(error: BaseException) -> bool:
-    """Whether an error says that a worker died, and not that the call failed."""
-    # Dask's error by name: importing it to ask would need the package.
-    names = {kind.__name__ for kind in type(error).__mro__}
-    return isinstance(error, BrokenExecutor | CancelledError) or bool(
-        names & {"KilledWorker", "CancelledError"}
-    )
+def _lost_worker(future: Future[Result]) -> bool:
+    """Whether a finished call failed because workers died under it, while the executor goes on."""
+    if future.cancelled():
+        return False
+    # Dask's error by name: importing it to ask would need the package. It comes after several deaths.
+    return any(kind.__name__ == "KilledWorker" for kind in type(future.exception()).__mro__)

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.core.schema import Bounds
 from raccoon.sim.effects import effect
 from raccoon.sim.parameters import Parameters
+from raccoon.sweep.faults import KINDS
 
 if TYPE_CHECKING:
     from numpy.random import Generator
 
 LIGHT = "light.ambient"
-"""The one factor that is no effect: light over the whole table, 0 indoors to 1 direct sun."""
+"""Light over the whole table, 0 indoors to 1 direct sun. It and the faults are no effects of the robot."""
 _SIDES = ("left", "right")
 
 
@@ -26,6 +28,7 @@ class Factor:
 
     low, high: ends of a uniform distribution, or with `normal` its mean minus and plus one standard
     deviation. where: left, right or an analog port; None where the effect is the robot's or both sides'.
+    A fault has no parameter: low = high is the share of matches that have it.
     """
 
     effect: str
@@ -40,31 +43,57 @@ class Factor:
             raise ConfigError(
                 f"{self.name}: {self.low}:{self.high}: allowed are two numbers, the lower first"
             )
-        if self.effect != LIGHT:
-            for value in (self.low, self.high):
-                effect(self.effect).check(self.parameter, value)
-        elif not 0.0 <= self.low <= self.high <= 1.0:
-            raise ConfigError(f"{LIGHT}: {self.low}:{self.high}: allowed are numbers from 0 to 1")
+        if not self.is_of_robot and (self.where or self.parameter):
+            raise ConfigError(f"{self.name}: it has neither parameters nor places")
+        if self.is_fault and self.low != self.high:
+            raise ConfigError(
+                f"{self.name}: {self.low}:{self.high}: give the one share of matches that have it"
+            )
+        for value in (0.5 * (self.low + self.high),) if self.normal else (self.low, self.high):
+            self._check(value)
+
+    @property
+    def is_fault(self) -> bool:
+        """Whether it is a fault that a match has or has not."""
+        return self.effect in KINDS
+
+    @property
+    def is_of_robot(self) -> bool:
+        """Whether it is a parameter of one of the simulated robot's effects."""
+        return not self.is_fault and self.effect != LIGHT
 
     @property
     def name(self) -> str:
         """Name of its column, such as motor.back_emf_constant.factor@left."""
-        if self.effect == LIGHT:
-            return LIGHT
-        return f"{self.effect}.{self.parameter}" + (f"@{self.where}" if self.where else "")
+        parts = (self.effect, self.parameter) if self.parameter else (self.effect,)
+        return ".".join(parts) + (f"@{self.where}" if self.where else "")
 
     @property
     def unit(self) -> str:
         """Unit of its values; empty for a factor."""
-        return "" if self.effect == LIGHT else effect(self.effect).parameter(self.parameter).unit
+        return effect(self.effect).parameter(self.parameter).unit if self.is_of_robot else ""
 
     def draw(self, random: Generator) -> float:
-        """A value, inside the bounds of the parameter."""
+        """A value, inside the bounds of the parameter; of a fault 1 or 0."""
+        if self.is_fault:
+            return float(random.uniform() < self.low)
         if not self.normal:
             return float(random.uniform(self.low, self.high))
-        value = float(random.normal((self.low + self.high) / 2.0, (self.high - self.low) / 2.0))
-        bounds = effect(self.effect).parameter(self.parameter).bounds
-        return value if bounds.allows(value) else min(max(value, self.low), self.high)
+        middle, sd = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
+        bounds = self._bounds()
+        drawn = (float(random.normal(middle, sd)) for _ in range(100))
+        return next((value for value in drawn if bounds.allows(value)), middle)
+
+    def _bounds(self) -> Bounds:
+        if self.is_of_robot:
+            return effect(self.effect).parameter(self.parameter).bounds
+        return Bounds(0.0, 1.0)
+
+    def _check(self, value: float) -> None:
+        if self.is_of_robot:
+            effect(self.effect).check(self.parameter, value)
+        elif not self._bounds().allows(value):
+            raise ConfigError(f"{self.effect} is {value}: allowed are {self._bounds()}")
 
 
 def _normal(name: str, parameter: str, mean: float, sd: float, where: str | None = None) -> Factor:
@@ -100,6 +129,11 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
     return (*factors, *_tophat_factors(robot))
 
 
+def fault_factors(share: float) -> tuple[Factor, ...]:
+    """Every fault, each in so many of the matches (0 to 1)."""
+    return tuple(Factor(kind, "", share, share) for kind in KINDS)
+
+
 def _tophat_factors(robot: RobotConfig) -> list[Factor]:
     ports = sorted({str(tophat.analog) for tophat in robot.tophats.values()})
     factors = [Factor(LIGHT, "", 0.0, 0.2)] if ports else []
@@ -115,14 +149,17 @@ _TEXT = re.compile(r"(?P<effect>[a-z_]+\.[a-z_]+)(\.(?P<parameter>[a-z_]+))?(@(?
 def parse_factor(text: str) -> Factor:
     """A factor from `battery.open_circuit_voltage=6.1:7.0` or `motor.back_emf_constant.factor@left=1.0~0.03`.
 
-    `low:high` is uniform, `mean~sd` normal, a single number fixed. The parameter may be left out where the
+    `low:high` is uniform, `mean~sd` normal, a single number fixed, of a fault the share of matches that have
+    it. The parameter may be left out where the
     effect has only one. Raises ConfigError.
     """
     found = _TEXT.fullmatch(text.strip())
     if found is None:
         raise ConfigError(f"{text!r}: write EFFECT[.PARAMETER][@WHERE]=LOW:HIGH or =MEAN~SD or =VALUE")
     name, parameter = found["effect"], found["parameter"] or ""
-    if name != LIGHT:
+    if name.startswith("fault.") and name not in KINDS:
+        raise ConfigError(f"{text!r}: there is no such fault; allowed are {', '.join(KINDS)}")
+    if name != LIGHT and name not in KINDS:
         entry = effect(name)
         if not parameter and len(entry.parameters) > 1:
             names = ", ".join(each.name for each in entry.parameters)
@@ -151,7 +188,7 @@ def robot_with(robot: RobotConfig, factors: tuple[Factor, ...], values: dict[str
     """The simulated robot with the drawn values. Raises ConfigError where a place does not exist on it."""
     parameters = Parameters.from_robot(robot)
     for factor in factors:
-        if factor.effect != LIGHT:
+        if factor.is_of_robot:
             value = {factor.parameter: values[factor.name]}
             parameters = parameters.with_effect(factor.effect, factor.where, **value)
     return parameters

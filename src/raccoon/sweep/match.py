@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import math
-from contextlib import redirect_stdout
+import threading
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,9 @@ from typing import Any
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.port import Port
+from raccoon.sim.world import World
 from raccoon.sweep.factors import LIGHT, Factor, robot_with
+from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
 from raccoon.sweep.watch import MatchOver, WatchedPort, wall_limit
 
@@ -22,6 +26,8 @@ of every factor."""
 OK, FAILED, CRASHED = "ok", "failed", "crashed"
 SETTLE = 0.5
 """S after the program's end until the robot stands."""
+FAULTS_WITHIN = 10.0
+"""S from the start until a fault has begun, if the match has one."""
 MAX_REASON = 200
 
 
@@ -29,14 +35,16 @@ MAX_REASON = 200
 class Match:
     """What all matches of a sweep share.
 
-    within, within_angle: m and rad that a match may end from where the nominal robot ends. seconds: of a
-    match. real_seconds: that computing it may take. end: pose (m, m, rad) of the nominal robot, None where
-    the end does not count.
+    world: the table; None is the Botball-size one. start: pose on it (m, m, rad). within, within_angle: m and
+    rad that a match may end from where the nominal robot ends. seconds: of a match. real_seconds: that
+    computing it may take. end: pose (m, m, rad) of the nominal robot, None where the end does not count.
     """
 
     program: Program
     robot: RobotConfig
     factors: tuple[Factor, ...]
+    world: World | None = None
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     within: float = 0.05
     within_angle: float = math.radians(10.0)
     seconds: float = 120.0
@@ -52,12 +60,25 @@ class Match:
             if names.count(name) > 1:
                 raise ConfigError(f"{name} is varied twice")
 
+        robot_with(self.robot, self.factors, self.values(0))  # refuses places that the robot does not have
+
+    def ending_at(self, end: Sequence[float] | None) -> Match:
+        """The same match, with a goal or without."""
+        return replace(self, end=None if end is None else (end[0], end[1], end[2]))
+
     def values(self, seed: int) -> dict[str, float]:
         """The drawn value of every factor."""
         import numpy as np
 
         random = np.random.default_rng(seed)
         return {factor.name: factor.draw(random) for factor in self.factors}
+
+    def broken(self, values: dict[str, float], seed: int) -> Broken:
+        """The faults among the values, and when they begin: somewhere in the first FAULTS_WITHIN seconds."""
+        import numpy as np
+
+        kinds = tuple(name for name in KINDS if values.get(name))
+        return Broken(kinds, float(np.random.default_rng((seed, 1)).uniform(0.0, FAULTS_WITHIN)))
 
 
 def seed_of(sweep_seed: int, run: int) -> int:
@@ -102,7 +123,7 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     port = WatchedPort(_simulated(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), redirect_stdout(io.StringIO()):
+        with wall_limit(match.real_seconds), _quiet():
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:
@@ -112,21 +133,31 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     return _row(match, port, reason[:MAX_REASON])
 
 
+def _quiet() -> AbstractContextManager[Any]:
+    """What a program prints is lost; other threads share the standard output, so there it is left alone."""
+    if threading.current_thread() is threading.main_thread():
+        return redirect_stdout(io.StringIO())
+    return nullcontext()
+
+
 def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
     from raccoon.sim.port import SimPort
     from raccoon.sim.world import Box, Light, World
 
-    world = World.default()
+    world = World.default() if match.world is None else match.world
     if LIGHT in values:
         everywhere = Box((-math.inf, -math.inf), (math.inf, math.inf))
         world = replace(world, lights=(*world.lights, Light(everywhere, values[LIGHT])))
-    return SimPort(
+    port = SimPort(
         robot_with(match.robot, match.factors, values),
         world,
         robot=match.robot,
         seed=seed,
         rate_hz=match.robot.controller.rate_hz,
+        start=match.start,
     )
+    broken = match.broken(values, seed)
+    return FaultyPort(port, broken) if broken.kinds else port
 
 
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
@@ -149,7 +180,7 @@ def _row(match: Match, port: WatchedPort, reason: str) -> Row:
     if port.truth is not None:
         x, y, heading = port.truth.x, port.truth.y, port.truth.heading
     position_error, heading_error = math.nan, math.nan
-    if match.end is not None:
+    if match.end is not None and port.truth is not None:
         position_error = math.hypot(x - match.end[0], y - match.end[1])
         heading_error = abs(math.remainder(heading - match.end[2], math.tau))
         if not reason and not position_error <= match.within:

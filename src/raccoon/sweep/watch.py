@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import signal
 import threading
 from collections.abc import Iterator
@@ -41,13 +42,23 @@ class WatchedPort:
 
 @contextmanager
 def wall_limit(seconds: float) -> Iterator[None]:
-    """MatchOver after so many real seconds. Only in the main thread, where signals arrive, else no limit."""
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
-        yield
-        return
+    """MatchOver after so many real seconds.
 
+    A signal brings it to the main thread, also out of a sleep. To other threads (of a Dask worker) it comes
+    between two lines of Python.
+    """
+    if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
+        with _alarm(seconds):
+            yield
+    else:
+        with _interruption(seconds):
+            yield
+
+
+@contextmanager
+def _alarm(seconds: float) -> Iterator[None]:
     def ring(_number: int, _frame: FrameType | None) -> None:
-        raise MatchOver(f"computes for more than {seconds:g} real seconds")
+        raise _too_long(seconds)
 
     previous = signal.signal(signal.SIGALRM, ring)
     signal.setitimer(signal.ITIMER_REAL, seconds)
@@ -56,3 +67,31 @@ def wall_limit(seconds: float) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, previous)
+
+
+@contextmanager
+def _interruption(seconds: float) -> Iterator[None]:
+    lock, done, thread = threading.Lock(), threading.Event(), threading.get_ident()
+
+    def ring() -> None:
+        with lock:
+            if not done.is_set():
+                interrupt = ctypes.pythonapi.PyThreadState_SetAsyncExc
+                interrupt(ctypes.c_ulong(thread), ctypes.py_object(MatchOver))
+
+    timer = threading.Timer(seconds, ring)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    except MatchOver as over:
+        raise over if over.args else _too_long(seconds) from None
+    finally:
+        with lock:
+            done.set()
+        timer.cancel()
+        timer.join()
+
+
+def _too_long(seconds: float) -> MatchOver:
+    return MatchOver(f"computes for more than {seconds:g} real seconds")

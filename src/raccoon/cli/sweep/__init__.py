@@ -1,0 +1,54 @@
+"""`raccoon sweep`: a team's program on hundreds of robots, batteries, lights and floors that differ."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+HELP = "play a program many times on simulated robots that differ: how often it fails, and why"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the command."""
+    parser.add_argument("program", type=Path, help="a Python file that defines mission(robot)")
+    parser.add_argument("--runs", type=int, default=200, help="matches to play (200)")
+    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot (robot.toml)")
+    parser.add_argument("--seed", type=int, default=0, help="of everything random (0)")
+    parser.add_argument(
+        "--out", type=Path, help="table of all matches, .csv or .parquet; taken up again there"
+    )
+    _configure_workers(parser)
+    _configure_matches(parser)
+    parser.add_argument("--only", type=int, metavar="RUN", help="play just this match of the sweep")
+    parser.add_argument("--record", type=Path, help="with --only: where its trace goes")
+
+
+def _configure_workers(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--executor", choices=("processes", "dask"), default="processes")
+    parser.add_argument("--workers", type=int, help="processes (one for each core)")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler; without it one is started here")
+
+
+def _configure_matches(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--vary",
+        action="append",
+        default=[],
+        metavar="EFFECT[.PARAMETER][@WHERE]=RANGE",
+        help="LOW:HIGH, MEAN~SD or a number, in place of what is varied by default",
+    )
+    parser.add_argument("--only-varied", action="store_true", help="vary nothing but what --vary names")
+    parser.add_argument("--faults", type=float, default=0.0, help="share of matches with each fault (0)")
+    parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
+    parser.add_argument("--start", type=float, nargs=3, metavar=("X", "Y", "DEG"), default=(0.0, 0.0, 0.0))
+    parser.add_argument("--within", type=float, default=0.05, help="m from the nominal robot's end (0.05)")
+    parser.add_argument("--within-angle", type=float, default=10.0, help="deg from it (10)")
+    parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")
+    parser.add_argument("--seconds", type=float, default=120.0, help="a match may take (120)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play and print; 0 whatever the program does."""
+    from raccoon.cli.sweep.play import one, sweep_and_print
+
+    return one(args) if args.only is not None else sweep_and_print(args)

@@ -1,0 +1,80 @@
+"""What the command does: a match from its arguments, a sweep of it, and what that says."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from contextlib import AbstractContextManager
+
+from raccoon.cli.sweep.bar import Bar
+from raccoon.cli.sweep.report import print_report, print_row
+from raccoon.core.config import load_robot
+from raccoon.core.errors import ConfigError
+from raccoon.sim.world import World
+from raccoon.sweep.execute import Crew
+from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
+from raccoon.sweep.match import Match, play, seed_of
+from raccoon.sweep.program import Program
+from raccoon.sweep.runs import sweep, with_nominal_end
+from raccoon.sweep.workers import dask_crew, process_crew
+
+
+def sweep_and_print(args: argparse.Namespace) -> int:
+    """Play all matches."""
+    match = match_of(args)
+    with Bar(args.runs) as bar:
+        rows = sweep(match, args.runs, seed=args.seed, executor=_crew(args), out=args.out, progress=bar.show)
+    print_report(match, rows, args.seed)
+    if args.out is not None:
+        print(f"\nevery match: {args.out}")
+    return 0
+
+
+def one(args: argparse.Namespace) -> int:
+    """Play one match of a sweep again, and record it where asked to."""
+    match = match_of(args)
+    print_row(play(match, args.only, seed_of(args.seed, args.only), args.record))
+    if args.record is not None:
+        print(f"recorded: {args.record}")
+    return 0
+
+
+def match_of(args: argparse.Namespace) -> Match:
+    """The match that the arguments describe. Raises ConfigError, FileNotFoundError."""
+    robot = load_robot(args.robot)
+    x, y, degrees = args.start
+    match = Match(
+        Program.read(args.program),
+        robot,
+        _factors(args, () if args.only_varied else default_factors(robot)),
+        world=None if args.table is None else World.from_file(args.table),
+        start=(x, y, math.radians(degrees)),
+        within=args.within,
+        within_angle=math.radians(args.within_angle),
+        seconds=args.seconds,
+    )
+    if not match.factors:
+        raise ConfigError("nothing is varied: leave out --only-varied, or give --vary")
+    return match if args.any_end else with_nominal_end(match)
+
+
+def _factors(args: argparse.Namespace, usual: tuple[Factor, ...]) -> tuple[Factor, ...]:
+    given = [parse_factor(text) for text in args.vary]
+    if args.faults:
+        usual = (*usual, *fault_factors(args.faults))
+    # One for both sides replaces those of each side.
+    own = {(each.effect, each.parameter, each.where) for each in given}
+    kept = [
+        each
+        for each in usual
+        if not own & {(each.effect, each.parameter, each.where), (each.effect, each.parameter, None)}
+    ]
+    return (*kept, *given)
+
+
+def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
+    if args.executor == "dask":
+        return dask_crew(args.scheduler, args.workers)
+    if args.scheduler is not None:
+        raise ConfigError("--scheduler belongs to --executor dask")
+    return process_crew(args.workers)

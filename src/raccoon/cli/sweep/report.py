@@ -1,0 +1,72 @@
+"""A sweep in words."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.sweep.factors import Factor
+from raccoon.sweep.match import OK, Match, Row
+from raccoon.sweep.summary import Sensitivity, Summary, summary
+
+MOST = 3
+"""Parameters that are named."""
+REASONS = 6
+
+
+def print_report(match: Match, rows: list[Row], seed: int) -> None:
+    """Failure rate, reasons, and what it is most sensitive to."""
+    units = {each.name: each for each in match.factors}
+    found = summary(rows, list(units))
+    low, high = found.rate.interval
+    print(f"{match.program.name}: {found.rate.failed} of {found.rate.played} matches failed (seed {seed}).")
+    print(f"failure rate {_percent(found.rate.value)}, 95 % interval {_percent(low)} to {_percent(high)}")
+    for reason, count in found.reasons[:REASONS]:
+        print(f"  {count:6d} x {reason}")
+    _print_first_failure(rows)
+    _print_sensitivities(found, units)
+
+
+def _print_first_failure(rows: list[Row]) -> None:
+    failed = [row for row in rows if row["status"] != OK]
+    if failed:
+        print(
+            f"  see one: --only {failed[0]['run']} --record run.jsonl.gz, then raccoon view run run.jsonl.gz"
+        )
+
+
+def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:
+    what = "failure" if found.of == "failure" else "the distance from the goal"
+    strongest = found.sensitivities[:MOST]
+    if not strongest:
+        print("\nNothing can be said about what it depends on: too few matches, or all ended alike.")
+        return
+    print(f"\nMost sensitive to (share of the variance of {what} that goes with it):")
+    for number, each in enumerate(strongest, start=1):
+        unsure = "" if each.is_clear else "   within chance; play more matches"
+        print(f"  {number}. {each.name:44} {_percent(max(0.0, each.share)):>7}{unsure}")
+        print(f"     {_groups(each, found.of, units[each.name].unit)}")
+
+
+def _groups(each: Sensitivity, of: str, unit: str) -> str:
+    """Outcomes of the worst and of the best group."""
+    worst = max(each.groups, key=lambda group: group[2])
+    best = min(each.groups, key=lambda group: group[2])
+    parts = []
+    for low, high, outcome in (worst, best):
+        values = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+        result = f"{_percent(outcome)} fail" if of == "failure" else f"{1e3 * outcome:.0f} mm off"
+        parts.append(f"{values} {unit}".rstrip() + f": {result}")
+    return ";  ".join(parts)
+
+
+def print_row(row: Row) -> None:
+    """One match, a line a value."""
+    for name, value in row.items():
+        if isinstance(value, float):
+            print(f"{name:48} {'' if math.isnan(value) else f'{value:.6g}'}")
+        else:
+            print(f"{name:48} {value}")
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.1f} %"

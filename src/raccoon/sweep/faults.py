@@ -1,0 +1,80 @@
+"""Faults of a match: what breaks at some moment of it, put between the simulated robot and the program."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+from raccoon.core.port import Port
+from raccoon.core.readings import Inputs, Outputs, Vector
+
+T = TypeVar("T")
+PREFIX = "fault."
+KINDS: Mapping[str, str] = {
+    "fault.imu_silent": "the IMU says nothing any more",
+    "fault.imu_frozen": "the IMU repeats its last reading",
+    "fault.bemf_frozen": "the motors' back-EMF and counters repeat their last readings",
+    "fault.tophats_unplugged": "all tophats read the top of their range",
+    "fault.motors_off": "the motors get no commands for half a second",
+    "fault.lost_cycles": "every second cycle is lost for two seconds",
+}
+"""What each does from the moment at which it begins."""
+OUTAGE, STUTTER = 0.5, 2.0
+"""S that motors are off, and that cycles are lost."""
+
+
+@dataclass(frozen=True, slots=True)
+class Broken:
+    """Which faults a match has, and the s of its time at which they begin."""
+
+    kinds: tuple[str, ...]
+    begin: float
+
+
+class FaultyPort:
+    """Wraps a port; from `begin` on its faults are in what is read and written."""
+
+    def __init__(self, port: Port, broken: Broken) -> None:
+        self._port = port
+        self._broken = broken
+        self._time = 0.0
+        self._last: Inputs | None = None
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        if self._has("fault.lost_cycles", STUTTER):
+            inputs = self._port.read()
+        self._time = inputs.time
+        if self._time < self._broken.begin or self._last is None:
+            self._last = inputs
+            return inputs
+        return self._damaged(inputs, self._last)
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(Outputs() if self._has("fault.motors_off", OUTAGE) else outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+    def _has(self, kind: str, lasting: float = float("inf")) -> bool:
+        age = self._time - self._broken.begin
+        return kind in self._broken.kinds and 0.0 <= age < lasting
+
+    def _damaged(self, inputs: Inputs, last: Inputs) -> Inputs:
+        if self._has("fault.imu_frozen"):
+            inputs = replace(
+                inputs, gyro=_again(inputs.gyro, last.gyro), accel=_again(inputs.accel, last.accel)
+            )
+        if self._has("fault.imu_silent"):
+            inputs = replace(inputs, gyro=None, accel=None)
+        if self._has("fault.bemf_frozen"):
+            inputs = replace(inputs, bemf=last.bemf, position=last.position)
+        if self._has("fault.tophats_unplugged"):
+            full = inputs.device.analog_full_scale
+            inputs = replace(inputs, analog=tuple(None if each is None else full for each in inputs.analog))
+        return inputs
+
+
+def _again(now: Vector | None, before: Vector | None) -> Vector | None:
+    return None if now is None else before

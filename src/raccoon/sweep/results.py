@@ -1,0 +1,217 @@
+"""The results of a sweep on disk: one row a match, written as they end, taken up again after any end.
+
+Rows are appended to a CSV file, so that a run that is killed loses at most the row it was writing. A small
+JSON file beside it says what was swept: a file is never continued by another sweep. When all matches are
+there the rows are sorted, so the finished file is the same however often it was interrupted. A `.parquet`
+is written from the same rows: from time to time while they come, and at the end.
+"""
+
+from __future__ import annotations
+
+import csv
+import fcntl
+import io
+import json
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, Any
+
+from raccoon.core.errors import ConfigError
+
+Row = dict[str, Any]
+ENDINGS = (".csv", ".parquet")
+_WHOLE, _TEXT = ("run", "seed"), ("status", "reason")
+GROWTH = 1.25
+"""A .parquet is written anew when so many times as many rows are there, so that its cost stays linear."""
+
+
+class Results:
+    """Rows by run. about: what was swept, as JSON; all but `end` must be the same to go on.
+
+    Raises ConfigError where the file is not that of this very sweep, or another sweep is writing it.
+    """
+
+    def __init__(self, path: str | Path, columns: tuple[str, ...], about: Mapping[str, Any]) -> None:
+        self.path = Path(path)
+        if self.path.suffix not in ENDINGS:
+            raise ConfigError(f"{path}: allowed are the endings {' and '.join(ENDINGS)}")
+        if self.path.suffix == ".parquet":
+            _pyarrow(self.path)
+        self._columns = columns
+        self._about_path = self.path.with_name(self.path.name + ".sweep.json")
+        self._rows_path = (
+            self.path if self.path.suffix == ".csv" else self.path.with_name(self.path.name + ".rows.csv")
+        )
+        self.about = self._known(about)
+        self._shown = 0
+        self.rows: dict[int, Row] = {}
+        self._file = self._opened()
+
+    def add(self, row: Row) -> None:
+        """Append a row: with this it is safe. Raises ValueError for a run that is there already."""
+        if row["run"] in self.rows:
+            raise ValueError(f"run {row['run']} is in {self.path} already")
+        self.rows[row["run"]] = row
+        self._file.write(_line(row[name] for name in self._columns))
+        self._file.flush()
+        if self._rows_path != self.path and len(self.rows) >= GROWTH * self._shown:
+            self._write_parquet()
+
+    def finish(self) -> None:
+        """Write all rows in the order of their runs, in place of those in the order of their ends."""
+        if self.path == self._rows_path:
+            _write(self.path, self._all_lines())
+        else:
+            self._write_parquet()
+            self._rows_path.unlink()
+
+    def close(self) -> None:
+        """Let go of the file; what was added stays. May be called twice."""
+        if self._rows_path.exists() and len(self.rows) > self._shown and self._rows_path != self.path:
+            self._write_parquet()
+        self._file.close()
+
+    def _all_lines(self) -> bytes:
+        lines = (_line(self.rows[run][name] for name in self._columns) for run in sorted(self.rows))
+        return (_line(self._columns) + "".join(lines)).encode()
+
+    def _known(self, about: Mapping[str, Any]) -> dict[str, Any]:
+        """What the file beside the table says, or `about` where there is none."""
+        wanted: dict[str, Any] = json.loads(json.dumps(about))
+        if not self._about_path.exists():
+            for path in {self.path, self._rows_path}:
+                if path.exists():
+                    raise ConfigError(f"{path} is there already and is not the result of a sweep")
+            return wanted
+        found = json.loads(self._about_path.read_text("utf-8"))
+        for name in wanted:
+            if name != "end" and found.get(name) != wanted[name]:
+                raise ConfigError(
+                    f"{self.path} is the result of a sweep with another {name}: {_short(found.get(name))},"
+                    f" and not {_short(wanted[name])}; choose another file"
+                )
+        return {**wanted, "end": found.get("end")}
+
+    def _opened(self) -> IO[str]:
+        """The file of rows, locked, with what it holds read and a torn last line cut off."""
+        if (
+            self.path.exists() and not self._rows_path.exists()
+        ):  # a finished .parquet that shall get more rows
+            self.rows = {row["run"]: row for row in read_results(self.path)}
+            _write(self._rows_path, self._all_lines())
+        file = self._rows_path.open("a+", encoding="utf-8", newline="")
+        try:
+            self._take_up(file)
+        except BaseException:
+            file.close()
+            raise
+        return file
+
+    def _take_up(self, file: IO[str]) -> None:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise ConfigError(f"{self.path}: another sweep is writing it") from None
+        _write(self._about_path, json.dumps(self.about, indent=1).encode())
+        file.seek(0)
+        text = file.read()
+        whole = text[: text.rfind("\n") + 1]
+        if len(whole) != len(text):
+            file.truncate(len(whole.encode()))
+        if not whole:
+            file.write(_line(self._columns))
+            file.flush()
+        self.rows = _read(whole, self._columns, self._rows_path)
+
+    def _write_parquet(self) -> None:
+        pyarrow = _pyarrow(self.path)
+        parquet = pyarrow.parquet
+        rows = [self.rows[run] for run in sorted(self.rows)]
+        arrays = {name: pyarrow.array([row[name] for row in rows], _kind(name)) for name in self._columns}
+        table = pyarrow.table(arrays).replace_schema_metadata({"raccoon.sweep": json.dumps(self.about)})
+        sink = io.BytesIO()
+        parquet.write_table(table, sink)
+        _write(self.path, sink.getvalue())
+        self._shown = len(rows)
+
+
+def read_results(path: str | Path) -> list[Row]:
+    """The rows of a file, in the order of their runs. Raises ConfigError, FileNotFoundError."""
+    path = Path(path)
+    if path.suffix == ".parquet":
+        rows: list[Row] = _pyarrow(path).parquet.read_table(path).to_pylist()
+        return rows
+    text = path.read_text("utf-8")
+    header = tuple(next(csv.reader(io.StringIO(text)), ()))
+    found = _read(text[: text.rfind("\n") + 1], header, path)
+    return [found[run] for run in sorted(found)]
+
+
+def _read(text: str, columns: tuple[str, ...], path: Path) -> dict[int, Row]:
+    lines = csv.reader(io.StringIO(text, newline=""))
+    header = tuple(next(lines, columns))
+    if header != columns or "run" not in header:
+        raise ConfigError(f"{path}: its columns are not those of this sweep: {', '.join(header[:12])}")
+    rows: dict[int, Row] = {}
+    for number, line in enumerate(lines, start=2):
+        try:
+            row = {name: _value(name, text) for name, text in zip(columns, line, strict=True)}
+        except ValueError as error:
+            raise ConfigError(f"{path}: row {number}: {error}") from None
+        if row["run"] in rows:
+            raise ConfigError(f"{path}: row {number}: run {row['run']} is there twice")
+        rows[row["run"]] = row
+    return rows
+
+
+def _value(name: str, text: str) -> Any:
+    if name in _WHOLE:
+        return int(text)
+    return text if name in _TEXT else float(text or "nan")
+
+
+def _line(values: Any) -> str:
+    shown = io.StringIO()
+    csv.writer(shown, lineterminator="\n").writerow([_text(each) for each in values])
+    return shown.getvalue()
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return "" if math.isnan(value) else repr(value)
+    return " ".join(str(value).split())
+
+
+def _kind(name: str) -> Any:
+    import pyarrow
+
+    return pyarrow.int64() if name in _WHOLE else pyarrow.string() if name in _TEXT else pyarrow.float64()
+
+
+def _pyarrow(path: Path) -> Any:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError:
+        raise ConfigError(f"{path}: Parquet needs pyarrow: pip install pyarrow, or choose .csv") from None
+    return pyarrow
+
+
+def _write(path: Path, content: bytes) -> None:
+    """All of a file or nothing of it."""
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+def _short(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else text[:57] + "..."

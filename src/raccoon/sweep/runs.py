@@ -1,0 +1,121 @@
+"""A sweep: many matches, each from its own seed, into one table."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, closing, nullcontext
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from raccoon.core.errors import ConfigError
+from raccoon.sweep.execute import Crew, run_all
+from raccoon.sweep.match import Match, Row, columns, crashed, nominal_end, play, seed_of
+from raccoon.sweep.results import Results
+from raccoon.sweep.workers import AHEAD, process_crew
+
+Progress = Callable[[int, int, int], None]
+"""Called with the numbers of matches played, wanted and failed."""
+
+
+def sweep(
+    match: Match,
+    runs: int,
+    *,
+    seed: int = 0,
+    executor: Executor | AbstractContextManager[Crew] | None = None,
+    workers: int | None = None,
+    out: str | Path | None = None,
+    progress: Progress | None = None,
+) -> list[Row]:
+    """Play runs 0 to runs - 1 of a match and give their rows in that order.
+
+    The seed of each run follows from `seed` and its number, so a row depends neither on the executor nor on
+    the order. executor: any concurrent.futures executor (it stays open), a crew of `sweep.workers`, or None
+    for processes of this computer. workers: how many of those, or how many matches an executor of yours
+    plays at once. out: a .csv or .parquet that takes each row as its match ends; where it holds rows of this
+    sweep already they are kept and only the rest is played, else ConfigError.
+    """
+    if runs < 1:
+        raise ConfigError(f"runs is {runs}: allowed are numbers from 1")
+    if out is None:
+        rows: dict[int, Row] = {}
+        _play_into(rows.__setitem__, match, seed, range(runs), _crew(executor, workers), progress, runs, rows)
+        return [rows[run] for run in range(runs)]
+    with closing(Results(out, columns(match), description(match, seed))) as results:
+        match = match.ending_at(results.about["end"])
+        missing = [run for run in range(runs) if run not in results.rows]
+
+        def keep(_run: int, row: Row) -> None:
+            results.add(row)
+
+        _play_into(keep, match, seed, missing, _crew(executor, workers), progress, runs, results.rows)
+        results.finish()
+        return [results.rows[run] for run in range(runs)]
+
+
+def _play_into(
+    keep: Callable[[int, Row], None],
+    match: Match,
+    seed: int,
+    missing: Any,
+    opened: AbstractContextManager[Crew],
+    progress: Progress | None,
+    runs: int,
+    rows: Mapping[int, Row],
+) -> None:
+    if not missing:
+        return
+    failed = sum(row["status"] != "ok" for row in rows.values())
+    with opened as crew:
+        for run, row in run_all(partial(_one, match, seed), missing, crew, partial(_lost, match, seed)):
+            keep(run, row)
+            failed += row["status"] != "ok"
+            if progress is not None:
+                progress(len(rows), runs, failed)
+
+
+def _crew(
+    executor: Executor | AbstractContextManager[Crew] | None, workers: int | None
+) -> AbstractContextManager[Crew]:
+    if executor is None:
+        return process_crew(workers)
+    if isinstance(executor, Executor):
+        return nullcontext(Crew(executor, AHEAD * (workers or _size(executor))))
+    return executor
+
+
+def _size(executor: Executor) -> int:
+    """How many calls an executor runs at once, as far as it says so."""
+    size = getattr(executor, "_max_workers", None)
+    return size if isinstance(size, int) and size > 0 else 4
+
+
+def _one(match: Match, seed: int, run: int) -> Row:
+    return play(match, run, seed_of(seed, run))
+
+
+def _lost(match: Match, seed: int, run: int) -> Row:
+    return crashed(match, run, seed_of(seed, run))
+
+
+def description(match: Match, seed: int) -> dict[str, Any]:
+    """What a table must agree in to be continued, as JSON."""
+    return {
+        "program": match.program.name,
+        "text of the program": match.program.digest,
+        "robot": hashlib.sha256(repr(match.robot).encode()).hexdigest(),
+        "table": hashlib.sha256(repr(match.world).encode()).hexdigest(),
+        "start": list(match.start),
+        "seed": seed,
+        "factors": [[each.name, each.low, each.high, each.normal] for each in match.factors],
+        "limits": [match.within, match.within_angle, match.seconds],
+        "end": None if match.end is None else list(match.end),
+    }
+
+
+def with_nominal_end(match: Match) -> Match:
+    """The match that is won where it ends near to where the robot of robot.toml ends. Raises ConfigError."""
+    return match.ending_at(nominal_end(match))

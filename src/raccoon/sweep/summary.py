@@ -1,0 +1,149 @@
+"""What a sweep says: how often the program fails, and which parameters that depends on."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+Row = dict[str, Any]
+GROUPS = 5
+"""Parts of equal size into which the values of a parameter are cut."""
+FEW = 5
+"""Failures, or successes, below which only the distance from the goal can tell what it depends on."""
+Z = 1.959964
+"""Standard deviations of a 95 % interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """Failures of matches, with the 95 % interval of the true rate (Wilson's)."""
+
+    failed: int
+    played: int
+
+    @property
+    def value(self) -> float:
+        """The share that failed; NaN where nothing was played."""
+        return self.failed / self.played if self.played else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the interval: those p at which failed is 1.96 standard deviations from played * p."""
+        n = self.played
+        if not n:
+            return 0.0, 1.0
+        middle = (self.value + Z * Z / (2 * n)) / (1 + Z * Z / n)
+        spread = math.sqrt(self.value * (1 - self.value) / n + Z * Z / (4 * n * n))
+        half = Z / (1 + Z * Z / n) * spread
+        return max(0.0, middle - half), min(1.0, middle + half)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """How much of what differs from match to match goes with one parameter.
+
+    share: of the variance, explained by which of `GROUPS` groups its value is in, less what chance explains
+    (0 to 1; can be a little below 0). chance: probability of such a share were it without effect, for the
+    best of all the parameters tried. groups: (lowest, highest value, mean outcome) of each group.
+    """
+
+    name: str
+    share: float
+    chance: float
+    groups: tuple[tuple[float, float, float], ...]
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether it is more than chance, at 5 %."""
+        return self.chance < 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """failed: the rate. reasons: how often each. of: what the sensitivities are of ("failure" or "error", m).
+
+    sensitivities: all parameters, the strongest first.
+    """
+
+    rate: Rate
+    reasons: tuple[tuple[str, int], ...]
+    of: str
+    sensitivities: tuple[Sensitivity, ...]
+
+
+def summary(rows: Sequence[Row], factors: Sequence[str]) -> Summary:
+    """Sum up rows whose columns `factors` were varied."""
+    failed = [row["status"] != "ok" for row in rows]
+    reasons = Counter(str(row["reason"]).split(":")[0] for row in rows if row["status"] != "ok")
+    rate = Rate(sum(failed), len(rows))
+    of, outcome = _outcome(rows, failed)
+    found = [_sensitivity(rows, name, outcome, len(factors)) for name in factors]
+    ranked = sorted((each for each in found if each is not None), key=lambda each: (-each.share, each.name))
+    return Summary(rate, tuple(reasons.most_common()), of, tuple(ranked))
+
+
+def _outcome(rows: Sequence[Row], failed: list[bool]) -> tuple[str, Floats]:
+    import numpy as np
+
+    errors = np.array([row["position_error"] for row in rows], dtype=np.float64)
+    rare = min(sum(failed), len(failed) - sum(failed)) < FEW
+    if rare and np.isfinite(errors).sum() > GROUPS:
+        return "error", errors
+    return "failure", np.array(failed, dtype=np.float64)
+
+
+def _sensitivity(rows: Sequence[Row], name: str, outcome: Floats, tried: int) -> Sensitivity | None:
+    """None where the values or outcomes are too few or all alike."""
+    import numpy as np
+
+    values = np.array([row[name] for row in rows], dtype=np.float64)
+    known = np.isfinite(values) & np.isfinite(outcome)
+    values, outcome = values[known], outcome[known]
+    group = _groups(values)
+    count = int(group.max()) + 1 if len(group) else 0
+    if count < 2 or len(values) <= count or np.ptp(outcome) == 0.0:
+        return None
+    share, chance = _explained(group, count, outcome)
+    parts = [(values[group == each], outcome[group == each]) for each in range(count)]
+    shown = tuple((float(v.min()), float(v.max()), float(o.mean())) for v, o in parts)
+    return Sensitivity(name, share, min(1.0, chance * tried), shown)
+
+
+def _groups(values: Floats) -> NDArray[np.int64]:
+    """Number of the group of each value: equal values share one, otherwise they are of equal size."""
+    import numpy as np
+
+    different, place = np.unique(values, return_inverse=True)
+    if len(different) <= GROUPS:
+        return place.astype(np.int64)
+    inner = np.quantile(values, np.arange(1, GROUPS) / GROUPS)
+    return np.unique(np.searchsorted(inner, values, side="right"), return_inverse=True)[1].astype(np.int64)
+
+
+def _explained(group: NDArray[np.int64], count: int, outcome: Floats) -> tuple[float, float]:
+    """Share of variance between the groups without what chance gives (epsilon squared), and the F test's p.
+
+    With S the sums of squares, n values and g groups: 1 - (S_within / (n - g)) / (S_all / (n - 1)).
+    """
+    import numpy as np
+    from scipy.special import fdtrc
+
+    size = np.bincount(group, minlength=count)
+    mean = np.bincount(group, outcome, count) / size
+    total = float(np.sum((outcome - outcome.mean()) ** 2))
+    within = float(np.sum((outcome - mean[group]) ** 2))
+    n = len(outcome)
+    if within <= 1e-12 * total:
+        return 1.0, 0.0
+    share = 1.0 - (within / (n - count)) / (total / (n - 1))
+    ratio = ((total - within) / (count - 1)) / (within / (n - count))
+    return share, float(fdtrc(count - 1, n - count, ratio))

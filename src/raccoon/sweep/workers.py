@@ -1,0 +1,85 @@
+"""Where matches are played: processes of this computer, or a Dask cluster."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import contextmanager
+
+from raccoon.core.errors import ConfigError
+from raccoon.sweep.execute import Crew
+
+AHEAD = 2
+"""Calls handed out for each worker: one to play, one to go on with."""
+
+
+@contextmanager
+def process_crew(workers: int | None = None) -> Iterator[Crew]:
+    """Processes of this computer, by default one for each core. Raises ConfigError."""
+    count = _checked(workers or len(os.sched_getaffinity(0)))
+
+    def pool() -> Executor:
+        return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin_worker)
+
+    crew = Crew(pool, AHEAD * count)
+    try:
+        yield crew
+    finally:
+        crew.close()
+
+
+@contextmanager
+def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Iterator[Crew]:
+    """The workers of a Dask scheduler, by default of one that is started on this computer.
+
+    workers: how many processes to start, or on a given scheduler how many matches to keep under way for
+    (by default for the threads it has). Raises ConfigError where Dask is absent or no scheduler answers.
+    """
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError:
+        raise ConfigError("--executor dask needs Dask: pip install 'raccoon[cluster]'") from None
+    if scheduler is None:
+        count = _checked(workers or len(os.sched_getaffinity(0)))
+        with (
+            LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster,
+            Client(cluster) as client,
+        ):
+            yield Crew(_executor(client), AHEAD * count)
+        return
+    try:
+        client = Client(scheduler, timeout="10s")
+    except (OSError, ValueError, TimeoutError) as error:
+        raise ConfigError(f"scheduler {scheduler!r}: it does not answer: {error}") from None
+    with client:
+        count = _checked(workers or max(1, sum(client.nthreads().values())))
+        yield Crew(_executor(client), AHEAD * count)
+
+
+def _executor(client: object) -> Executor:
+    # Not pure: Dask would hand out the old result of a call that it takes for the same.
+    executor: Executor = client.get_executor(pure=False)  # type: ignore[attr-defined]
+    return executor
+
+
+def _checked(workers: int) -> int:
+    if not 1 <= workers <= 4096:
+        raise ConfigError(f"workers is {workers}: allowed are numbers from 1 to 4096")
+    return workers
+
+
+def _begin_worker() -> None:
+    """Ctrl-C is for the sweep, which ends its workers; a worker does not outlive a sweep that is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+
+        def follow() -> None:
+            parent.join()
+            os._exit(1)
+
+        threading.Thread(target=follow, daemon=True).start()

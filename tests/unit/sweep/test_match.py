@@ -1,0 +1,173 @@
+"""One match: all of it follows from its seed, and no program gets out of it."""
+
+import sys
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from raccoon.core.config import RobotConfig, TophatConfig
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import Inputs, Outputs
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sweep.factors import Factor, default_factors, fault_factors
+from raccoon.sweep.faults import KINDS, Broken, FaultyPort
+from raccoon.sweep.match import Match, columns, crashed, nominal_end, play
+from raccoon.sweep.program import Program
+from raccoon.sweep.watch import wall_limit
+from sweep_work import BATTERY, tiny_match
+
+
+def played(text: str, **other: Any) -> dict[str, Any]:
+    match = Match(Program("p.py", text, "/nonexistent"), RobotConfig(), (BATTERY,), seconds=3.0, **other)
+    return play(match, 0, seed=1)
+
+
+def test_a_row_has_the_columns_of_the_match() -> None:
+    match = tiny_match()
+    row = play(match, 3, seed=9)
+    assert tuple(row) == columns(match)
+    assert (row["run"], row["seed"], row["status"]) == (3, 9, "ok")
+    assert 5.0 <= row["battery.open_circuit_voltage.voltage"] <= 8.0
+    assert repr(play(match, 3, seed=9)) == repr(row)
+    assert set(crashed(match, 3, seed=9)) == set(row)
+
+
+def test_a_record_of_a_match_is_a_trace(tmp_path: Path) -> None:
+    from raccoon.trace.format import read_trace
+
+    play(tiny_match(), 0, seed=1, record=tmp_path / "run.jsonl.gz")
+    assert len(read_trace(tmp_path / "run.jsonl.gz").ticks) > 100
+
+
+@pytest.mark.parametrize(
+    ("body", "reason"),
+    [
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("return False", "mission returned False"),
+        ("raise SystemExit(3)", "SystemExit: 3"),
+        ("robot.run(wait(60))", "not done after 3 s"),
+        (
+            "\n    while True:\n        try: robot.run(wait(1))\n        except Exception: pass",
+            "not done after 3 s",
+        ),
+    ],
+)
+def test_how_programs_fail(body: str, reason: str) -> None:
+    row = played(f"from raccoon import wait\n\ndef mission(robot):\n    {body}\n")
+    assert (row["status"], row["reason"]) == ("failed", reason)
+    assert row["x"] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("text", ["import nonsense_of_a_module", "mission = 3", "def mission("])
+def test_what_is_no_program_fails(text: str) -> None:
+    assert played(text)["status"] == "failed"
+
+
+def test_a_program_that_computes_for_ever_is_ended_in_the_main_thread_and_in_others() -> None:
+    text = "def mission(robot):\n    while True: pass"
+    rows = [played(text, real_seconds=0.1)]
+    thread = threading.Thread(target=lambda: rows.append(played(text, real_seconds=0.1)))
+    thread.start()
+    thread.join()
+    assert [row["reason"] for row in rows] == ["computes for more than 0.1 real seconds"] * 2
+
+
+def test_a_limit_that_is_not_reached_leaves_nothing_behind() -> None:
+    with wall_limit(60.0):
+        pass
+    before = threading.active_count()
+
+    def limited() -> None:
+        with wall_limit(60.0):
+            pass
+
+    thread = threading.Thread(target=limited)
+    thread.start()
+    thread.join()
+    assert threading.active_count() <= before
+
+
+def test_what_a_program_prints_does_not_show(capsys: pytest.CaptureFixture[str]) -> None:
+    assert played("def mission(robot): print('hello')")["status"] == "ok"
+    assert capsys.readouterr().out == ""
+
+
+def test_a_program_may_import_what_lies_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "beside_the_program.py").write_text("RESULT = False\n", encoding="utf-8")
+    path = tmp_path / "program.py"
+    path.write_text(
+        "import beside_the_program as b\n\ndef mission(robot): return b.RESULT\n", encoding="utf-8"
+    )
+    match = Match(Program.read(path), RobotConfig(), (BATTERY,))
+    assert play(match, 0, 1)["reason"] == "mission returned False"
+    sys.path.remove(str(tmp_path))
+    del sys.modules["beside_the_program"]
+
+
+def test_a_program_that_fails_on_the_nominal_robot_is_not_swept() -> None:
+    with pytest.raises(
+        ConfigError, match=r"p\.py fails on the nominal robot already: mission returned False"
+    ):
+        nominal_end(Match(Program("p.py", "mission = lambda robot: False", "/"), RobotConfig(), (BATTERY,)))
+
+
+@pytest.mark.parametrize(
+    ("other", "message"),
+    [
+        ({"within": 0.0}, "within is 0.0"),
+        ({"seconds": float("nan")}, "seconds is nan"),
+        ({"factors": (BATTERY, BATTERY)}, "varied twice"),
+        ({"factors": (Factor("drive.wheel_radius", "factor", 1.0, 1.1, where="7"),)}, "where is '7'"),
+    ],
+)
+def test_impossible_matches_are_refused(other: dict[str, Any], message: str) -> None:
+    wanted: dict[str, Any] = {"factors": (BATTERY,), **other}
+    with pytest.raises(ConfigError, match=message):
+        Match(Program("p.py", "", "/"), RobotConfig(), **wanted)
+
+
+def test_a_missing_program_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"/nowhere/p\.py"):
+        Program.read("/nowhere/p.py")
+
+
+def test_everything_that_varies_by_default_can_be_simulated() -> None:
+    robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
+    factors = (*default_factors(robot), *fault_factors(1.0))
+    row = play(Match(Program("p.py", "mission = lambda robot: None", "/"), robot, factors), 0, 5)
+    assert row["status"] == "ok"
+    assert row["light.ambient"] > 0.0
+    assert all(row[kind] == 1.0 for kind in KINDS)
+
+
+def faulty(kind: str) -> list[Inputs]:
+    robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
+    port = FaultyPort(SimPort(Parameters.from_robot(robot), seed=1), Broken((kind,), 0.5))
+    found = []
+    for _ in range(220):
+        found.append(port.read())
+        port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
+    port.close()
+    return found
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_faults_begin_when_they_shall(kind: str) -> None:
+    robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
+    healthy = SimPort(Parameters.from_robot(robot), seed=1)
+    for inputs in faulty(kind)[:100]:
+        assert inputs == healthy.read()
+        healthy.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
+
+
+def test_what_faults_do() -> None:
+    assert all(each.gyro is None for each in faulty("fault.imu_silent")[102:])
+    assert len({each.gyro for each in faulty("fault.imu_frozen")[102:]}) == 1
+    assert len({each.position for each in faulty("fault.bemf_frozen")[102:]}) == 1
+    assert {each.analog[2] for each in faulty("fault.tophats_unplugged")[102:]} == {4095}
+    assert faulty("fault.motors_off")[200].truth != faulty("fault.imu_silent")[200].truth
+    times = [each.time for each in faulty("fault.lost_cycles")]
+    assert times[150] - times[149] == pytest.approx(0.01)

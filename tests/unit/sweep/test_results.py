@@ -1,0 +1,160 @@
+"""The file of a sweep: what is written is safe, and goes on only where it belongs."""
+
+import builtins
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from raccoon.core.errors import ConfigError
+from raccoon.sweep.results import Results, read_results
+
+COLUMNS = ("run", "seed", "status", "reason", "x")
+ABOUT = {"program": "p.py", "seed": 3, "end": None}
+ENDINGS = ["csv", "parquet"]
+
+
+def row(run: int, **other: Any) -> dict[str, Any]:
+    return {"run": run, "seed": 2**62 + run, "status": "ok", "reason": "", "x": 0.1 * run, **other}
+
+
+@pytest.fixture(params=ENDINGS)
+def path(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    if request.param == "parquet":
+        pytest.importorskip("pyarrow")
+    return tmp_path / f"results.{request.param}"
+
+
+def test_what_is_written_is_read_again_to_the_last_bit(path: Path) -> None:
+    rows = [row(0, reason='he said "no", twice'), row(1, x=1e-300 / 3), row(2, reason="ä;\n b")]
+    results = Results(path, COLUMNS, ABOUT)
+    for each in (rows[2], rows[0], rows[1]):
+        results.add(each)
+    results.finish()
+    results.close()
+    found = read_results(path)
+    assert [each["run"] for each in found] == [0, 1, 2]
+    assert found[:2] == rows[:2]
+    assert sorted(each.name for each in path.parent.iterdir()) == [path.name, f"{path.name}.sweep.json"]
+
+
+def test_nan_stays_nan(path: Path) -> None:
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(0, x=math.nan))
+    results.finish()
+    results.close()
+    assert math.isnan(read_results(path)[0]["x"])
+
+
+def test_it_goes_on_where_it_was_left_and_with_more_runs(path: Path) -> None:
+    for runs in ((3, 0), (1,), (2, 4)):
+        results = Results(path, COLUMNS, ABOUT)
+        for run in runs:
+            results.add(row(run))
+        if runs == (1,):
+            results.finish()
+        results.close()
+    results = Results(path, COLUMNS, ABOUT)
+    assert sorted(results.rows) == [0, 1, 2, 3, 4]
+    results.finish()
+    results.close()
+    assert read_results(path) == [row(run) for run in range(5)]
+
+
+def test_parquet_shows_the_rows_while_they_come(tmp_path: Path) -> None:
+    pytest.importorskip("pyarrow")
+    path = tmp_path / "results.parquet"
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(0))
+    results.add(row(1))
+    assert read_results(path) == [row(0), row(1)]
+    results.close()
+
+
+@pytest.mark.parametrize("cut", [1, 5, 20])
+def test_a_torn_last_line_is_cut_off(tmp_path: Path, cut: int) -> None:
+    path = tmp_path / "results.csv"
+    results = Results(path, COLUMNS, ABOUT)
+    for run in range(3):
+        results.add(row(run))
+    results.close()
+    path.write_bytes(path.read_bytes()[:-cut])
+    results = Results(path, COLUMNS, ABOUT)
+    assert sorted(results.rows) == [0, 1]
+    results.add(row(2))
+    results.close()
+    assert read_results(path) == [row(run) for run in range(3)]
+
+
+def test_no_run_counts_twice(path: Path) -> None:
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(0))
+    with pytest.raises(ValueError, match="run 0 is in"):
+        results.add(row(0))
+    results.close()
+
+
+def test_a_row_that_is_there_twice_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "results.csv"
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(0))
+    results.close()
+    text = path.read_text()
+    path.write_text(text + text.split("\n")[1] + "\n")
+    with pytest.raises(ConfigError, match="row 3: run 0 is there twice"):
+        Results(path, COLUMNS, ABOUT)
+
+
+def test_another_sweep_does_not_go_on_in_it(path: Path) -> None:
+    Results(path, COLUMNS, ABOUT).close()
+    with pytest.raises(ConfigError, match="another seed: 3, and not 4"):
+        Results(path, COLUMNS, {**ABOUT, "seed": 4})
+
+
+def test_the_goal_is_that_of_the_first_time(path: Path) -> None:
+    Results(path, COLUMNS, {**ABOUT, "end": [1.0, 2.0, 3.0]}).close()
+    results = Results(path, COLUMNS, {**ABOUT, "end": [1.0, 2.0, 3.5]})
+    assert results.about["end"] == [1.0, 2.0, 3.0]
+    results.close()
+
+
+def test_a_file_of_something_else_is_left_alone(path: Path) -> None:
+    path.write_text("my notes")
+    with pytest.raises(ConfigError, match="is not the result of a sweep"):
+        Results(path, COLUMNS, ABOUT)
+    assert path.read_text() == "my notes"
+
+
+def test_two_sweeps_do_not_write_one_file(path: Path) -> None:
+    first = Results(path, COLUMNS, ABOUT)
+    with pytest.raises(ConfigError, match="another sweep is writing it"):
+        Results(path, COLUMNS, ABOUT)
+    first.close()
+
+
+def test_other_endings_and_other_columns_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"endings \.csv and \.parquet"):
+        Results(tmp_path / "results.xls", COLUMNS, ABOUT)
+    Results(tmp_path / "results.csv", COLUMNS, ABOUT).close()
+    with pytest.raises(ConfigError, match="its columns are not those"):
+        Results(tmp_path / "results.csv", (*COLUMNS, "y"), ABOUT)
+
+
+def test_without_pyarrow_parquet_is_refused_before_anything_is_played(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = builtins.__import__
+
+    def absent(name: str, *args: Any, **kwargs: Any) -> Any:
+        if name.split(".")[0] == "pyarrow":
+            raise ImportError(name)
+        return found(name, *args, **kwargs)
+
+    for name in [name for name in sys.modules if name.split(".")[0] == "pyarrow"]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(builtins, "__import__", absent)
+    with pytest.raises(ConfigError, match="Parquet needs pyarrow"):
+        Results(tmp_path / "results.parquet", COLUMNS, ABOUT)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,89 @@
+"""How often it fails, and what that depends on."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raccoon.sweep.summary import Rate, summary
+
+NAMES = ("left", "both_ends", "switch", "nothing", "constant")
+
+
+@pytest.mark.parametrize(
+    ("failed", "played", "low", "high"),
+    # Wilson's interval as in statistical tables (checked with scipy.stats.binomtest's "wilson").
+    [(0, 10, 0.0, 0.2775), (10, 10, 0.7225, 1.0), (37, 200, 0.1373, 0.2446), (1, 3, 0.0615, 0.7923)],
+)
+def test_interval(failed: int, played: int, low: float, high: float) -> None:
+    assert Rate(failed, played).interval == pytest.approx((low, high), abs=1e-4)
+
+
+def test_interval_is_that_of_scipy() -> None:
+    stats = pytest.importorskip("scipy.stats")
+    theirs = stats.binomtest(23, 117).proportion_ci(method="wilson")
+    assert Rate(23, 117).interval == pytest.approx((theirs.low, theirs.high), abs=1e-6)
+
+
+def test_interval_holds_the_truth_as_often_as_it_says() -> None:
+    random = np.random.default_rng(3)
+    hits = [
+        low <= 0.1 <= high
+        for low, high in (Rate(int(random.binomial(100, 0.1)), 100).interval for _ in range(2000))
+    ]
+    assert np.mean(hits) == pytest.approx(0.95, abs=0.02)
+
+
+def rows_of(count: int, fails: Any, seed: int = 1) -> list[dict[str, Any]]:
+    random = np.random.default_rng(seed)
+    rows = []
+    for _ in range(count):
+        values = dict(zip(NAMES, random.uniform(-1.0, 1.0, len(NAMES)), strict=True))
+        values |= {"switch": float(values["switch"] > 0.6), "constant": 2.0}
+        failed = bool(fails(values, random))
+        rows.append(
+            {
+                "status": "failed" if failed else "ok",
+                "reason": "ZeroDivisionError: division" if failed else "",
+                "position_error": abs(values["left"]) * 0.01,
+                **values,
+            }
+        )
+    return rows
+
+
+def test_it_names_what_failures_depend_on_also_at_both_ends() -> None:
+    def fails(values: dict[str, float], random: np.random.Generator) -> bool:
+        return bool(random.uniform() < 0.02 + 0.5 * (abs(values["both_ends"]) > 0.7) + 0.3 * values["switch"])
+
+    found = summary(rows_of(600, fails), NAMES)
+    assert found.of == "failure"
+    assert {each.name for each in found.sensitivities[:2]} == {"both_ends", "switch"}
+    assert all(each.is_clear for each in found.sensitivities[:2])
+    assert not any(each.is_clear for each in found.sensitivities[2:])
+    assert {each.name for each in found.sensitivities} == {"left", "both_ends", "switch", "nothing"}
+    assert found.reasons[0][0] == "ZeroDivisionError"
+
+
+def test_chance_is_not_taken_for_a_cause() -> None:
+    clear = [
+        any(
+            each.is_clear
+            for each in summary(rows_of(100, lambda _, r: r.uniform() < 0.3, seed), NAMES).sensitivities
+        )
+        for seed in range(200)
+    ]
+    assert np.mean(clear) < 0.1
+
+
+def test_with_hardly_a_failure_the_distance_from_the_goal_tells() -> None:
+    found = summary(rows_of(200, lambda *_: False), NAMES)
+    assert (found.of, found.sensitivities[0].name) == ("error", "left")
+    assert found.rate.interval[1] < 0.02
+
+
+def test_with_nothing_to_say_it_says_nothing() -> None:
+    rows = [{**row, "position_error": math.nan} for row in rows_of(30, lambda *_: False)]
+    assert summary(rows, NAMES).sensitivities == ()
+    assert summary([], NAMES).rate.interval == (0.0, 1.0)
