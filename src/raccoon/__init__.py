@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         after_time,
         analog_above,
         analog_below,
+        blocked,
         bumped,
         on_black,
         on_white,
@@ -61,10 +62,12 @@ if TYPE_CHECKING:
     )
     from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
+    from raccoon.robot.mechanisms import move, move_by, release, spin, zero
     from raccoon.robot.motions import MotionResult, arc, drive, motors, pivot, straight, turn, turn_to
     from raccoon.robot.opening import open_robot, replay
     from raccoon.robot.paths import drive_to, follow_path
     from raccoon.robot.robot import Robot
+    from raccoon.robot.servos import servo, servo_off
 
 __version__ = "0.1.0"
 
@@ -101,6 +104,7 @@ _HOMES = {
         "after_time",
         "analog_above",
         "analog_below",
+        "blocked",
         "bumped",
         "on_black",
         "on_white",
@@ -138,6 +142,8 @@ _HOMES = {
         "wait_for_light",
     ),
     "raccoon.robot.robot": ("Robot",),
+    "raccoon.robot.mechanisms": ("move", "move_by", "release", "spin", "zero"),
+    "raccoon.robot.servos": ("servo", "servo_off"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -169,6 +175,7 @@ __all__ = [
     "analog_below",
     "arc",
     "background",
+    "blocked",
     "bumped",
     "calibrate_drive",
     "calibrate_tophats",
@@ -182,6 +189,8 @@ __all__ = [
     "load_robot",
     "mission",
     "motors",
+    "move",
+    "move_by",
     "on_black",
     "on_white",
     "open_robot",
@@ -190,10 +199,14 @@ __all__ = [
     "pivot",
     "pressed",
     "race",
+    "release",
     "repeat",
     "replay",
     "run_match",
     "seq",
+    "servo",
+    "servo_off",
+    "spin",
     "stalled",
     "straight",
     "timed",
@@ -203,6 +216,7 @@ __all__ = [
     "wait_for",
     "wait_for_light",
     "when",
+    "zero",
 ]
 
 

@@ -24,13 +24,14 @@ from raccoon.core.nominal import (
     NominalModel,
     parse_model,
 )
-from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS, SERVO_PULSE_US
 from raccoon.core.schema import (
     NOT_NEGATIVE,
     POSITIVE,
     Bounds,
     Measured,
     measured,
+    named,
     number,
     optional,
     port,
@@ -52,11 +53,13 @@ __all__ = [
     "FrictionModel",
     "ImuModel",
     "Measured",
+    "MechanismConfig",
     "MotionConfig",
     "MotorConfig",
     "MotorModel",
     "NominalModel",
     "RobotConfig",
+    "ServoConfig",
     "TophatConfig",
     "load_robot",
     "parse_robot",
@@ -124,6 +127,43 @@ class TophatConfig:
     left: float = number(0.0, "m", "to the left of the middle", Bounds(-1.0, 1.0))
 
 
+PULSES = Bounds(SERVO_PULSE_US[0], SERVO_PULSE_US[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ServoConfig:
+    """`[servo.NAME]`: one servo, its mechanical range and the places a program calls by name."""
+
+    port: int = port(0, "servo port", SERVO_PORTS)
+    lowest_us: float = number(600.0, "us", "shortest pulse the mechanism stands", PULSES)
+    highest_us: float = number(2400.0, "us", "longest pulse the mechanism stands", PULSES)
+    speed_us: float = number(3000.0, "us/s", "how fast the loaded servo turns, as change of pulse", POSITIVE)
+    positions_us: Mapping[str, float] = named("us", "names for pulses, such as { open = 1200 }", PULSES)
+
+    def __post_init__(self) -> None:
+        if self.lowest_us >= self.highest_us:
+            raise ConfigError(
+                f"lowest_us = {self.lowest_us:g}: it must be below highest_us = {self.highest_us:g}"
+            )
+        for name, pulse in self.positions_us.items():
+            if not self.lowest_us <= pulse <= self.highest_us:
+                raise ConfigError(
+                    f"positions_us.{name} = {pulse:g}: allowed are numbers from {self.lowest_us:g} to"
+                    f" {self.highest_us:g}"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismConfig:
+    """`[mechanism.NAME]`: an arm or a gripper on a motor of its own, beside the drive."""
+
+    motor: int = port(2, "motor port", MOTOR_PORTS)
+    speed: float = number(3.0, "rad/s", "of moves", POSITIVE)
+    acceleration: float = number(20.0, "rad/s2", "of moves", POSITIVE)
+    inertia: float = number(0.01, "kg m2", "that the motor feels", POSITIVE)
+    tolerance: float = number(0.03, "rad", "a move ends this near its goal", POSITIVE)
+
+
 @dataclass(frozen=True, slots=True)
 class MotionConfig:
     """`[motion]`: how fast the robot moves unless a motion says otherwise, and how closely it ends."""
@@ -148,6 +188,8 @@ class RobotConfig:
     drive: DriveConfig = field(default_factory=DriveConfig)
     motors: Mapping[int, MotorConfig] = field(default_factory=dict)
     tophats: Mapping[str, TophatConfig] = field(default_factory=dict)
+    servos: Mapping[str, ServoConfig] = field(default_factory=dict)
+    mechanisms: Mapping[str, MechanismConfig] = field(default_factory=dict)
     motion: MotionConfig = field(default_factory=MotionConfig)
     model: NominalModel = field(default_factory=NominalModel)
 
@@ -156,6 +198,10 @@ class RobotConfig:
             raise ConfigError(
                 f"drive.left and drive.right are both motor port {self.drive.left}: they must differ"
             )
+
+        for name, each in self.mechanisms.items():
+            if each.motor in (self.drive.left, self.drive.right):
+                raise ConfigError(f"mechanism.{name}.motor = {each.motor}: the drive is on that port")
 
     def motor(self, motor_port: int) -> MotorConfig:
         """The configuration of a motor port, the default where the file says nothing."""
@@ -183,20 +229,25 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
 
     Raises ConfigError naming key, value and what is allowed.
     """
-    known = ("name", "controller", "battery", "drive", "motor", "tophat", "motion", "model")
+    known = (
+        "name",
+        "controller",
+        "battery",
+        "drive",
+        "motor",
+        "tophat",
+        "servo",
+        "mechanism",
+        "motion",
+        "model",
+    )
     refuse_unknown(table, known, "")
     name = table.get("name", "robot")
     if not isinstance(name, str):
         raise ConfigError(f"name = {name!r}: it must be a text")
-    analog_users: dict[int, str] = {}
-    tophats = {}
-    for sensor, entry in subtable(table, "tophat", "").items():
-        tophat = section(TophatConfig, entry, f"tophat.{sensor}")
-        if tophat.analog in analog_users:
-            user = analog_users[tophat.analog]
-            raise ConfigError(f"tophat.{sensor}.analog = {tophat.analog}: the port is taken by {user}")
-        analog_users[tophat.analog] = f"tophat.{sensor}"
-        tophats[sensor] = tophat
+    tophats = _named(table, "tophat", TophatConfig, "analog")
+    servos = _named(table, "servo", ServoConfig, "port")
+    mechanisms = _named(table, "mechanism", MechanismConfig, "motor")
     return RobotConfig(
         name=name,
         controller=section(ControllerConfig, table.get("controller", {}), "controller"),
@@ -207,6 +258,8 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
             for key, entry in subtable(table, "motor", "").items()
         },
         tophats=tophats,
+        servos=servos,
+        mechanisms=mechanisms,
         motion=section(MotionConfig, table.get("motion", {}), "motion"),
         model=parse_model(subtable(table, "model", "")),
     )
@@ -215,8 +268,24 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
 _SECTION_NOTES = {
     "motor.0": "  # one section a motor port, 0 to 3",
     "tophat.front": "  # one section a tophat, by any name",
+    "servo.claw": "  # one section a servo, by any name",
+    "mechanism.arm": "  # one section a motor that moves something else than the robot, by any name",
     "model.motor": "  # both motors; [model.motor.left] and [model.motor.right] override it",
 }
+
+
+def _named(table: Mapping[str, Any], group: str, kind: type[Any], port_key: str) -> dict[str, Any]:
+    """The sections `[group.NAME]`; no two may sit on the same port."""
+    users: dict[int, str] = {}
+    found = {}
+    for name, entry in subtable(table, group, "").items():
+        where = f"{group}.{name}"
+        found[name] = section(kind, entry, where)
+        taken = getattr(found[name], port_key)
+        if taken in users:
+            raise ConfigError(f"{where}.{port_key} = {taken}: the port is taken by {users[taken]}")
+        users[taken] = where
+    return found
 
 
 def _motor_port(key: str) -> int:
@@ -233,6 +302,8 @@ def template() -> str:
         ("drive", DriveConfig),
         ("motor.0", MotorConfig),
         ("tophat.front", TophatConfig),
+        ("servo.claw", ServoConfig),
+        ("mechanism.arm", MechanismConfig),
         ("motion", MotionConfig),
         *((f"model.{key}", kind) for key, kind in MODEL_SECTIONS.items()),
     )

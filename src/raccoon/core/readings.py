@@ -13,6 +13,8 @@ from enum import StrEnum
 
 MOTOR_PORTS = 4
 SERVO_PORTS = 4
+SERVO_PULSE_US = (600, 2400)
+"""Shortest and longest pulse a controller makes."""
 ANALOG_PORTS = 6
 DIGITAL_PORTS = 10
 
@@ -70,6 +72,10 @@ class Device:
     """What one word of a device is worth. Multiply a word by its scale to get SI.
 
     position_counts_seconds: back-EMF counts times seconds in one tick of a position counter.
+    bemf_lag: s by which filtered back-EMF and the counters that sum it are behind the motor: the angle now is
+    that of the counter and `bemf_lag` times the back-EMF. None where the device does not know it; then
+    model.bemf.filter_time_constant of robot.toml counts, as it does wherever robot.toml gives one.
+    bemf_dead_zone: counts; motion whose back-EMF is smaller may be reported as 0, and not be counted.
     """
 
     name: str
@@ -79,6 +85,8 @@ class Device:
     accel_m_s2: float
     battery_volts: float
     analog_full_scale: int = 4095
+    bemf_lag: float | None = None
+    bemf_dead_zone: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +157,9 @@ class Outputs:
             if not -1.0 <= duty <= 1.0:
                 raise ValueError(f"duty of motor {port} is {duty}: allowed are numbers from -1 to 1")
         for port, pulse in enumerate(self.servo_us):
-            if pulse is not None and not 600 <= pulse <= 2400:
-                raise ValueError(f"pulse of servo {port} is {pulse} us: allowed are 600 to 2400")
+            low, high = SERVO_PULSE_US
+            if pulse is not None and not low <= pulse <= high:
+                raise ValueError(f"pulse of servo {port} is {pulse} us: allowed are {low} to {high}")
 
 
 STOP = Outputs()

@@ -1,16 +1,16 @@
 """How a configuration section is described: fields with unit, bounds and meaning, and the checks that follow.
 
-A section is a frozen dataclass whose fields are made with `number`, `measured`, `optional`, `word`, `port`
-and `switch`. Reading, checking and the reference page need nothing but the fields.
+A section is a frozen dataclass whose fields are made with `number`, `measured`, `optional`, `word`, `port`,
+`switch` and `named`. Reading, checking and the reference page need nothing but the fields.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from datetime import date, datetime
-from typing import Any, cast, get_args, get_type_hints
+from typing import Any, cast, get_args, get_origin, get_type_hints
 
 from raccoon.core.errors import ConfigError
 
@@ -93,6 +93,11 @@ def switch(default: bool, meaning: str) -> Any:
     return field(default=default, metadata={"meaning": meaning})
 
 
+def named(unit: str, meaning: str, bounds: Bounds) -> Any:
+    """Field for numbers under names of the user's choice, none by default."""
+    return field(default_factory=dict, metadata={"unit": unit, "meaning": meaning, "bounds": bounds})
+
+
 def section(kind: type[Any], entry: object, where: str) -> Any:
     """The section of class `kind` from a table; `where` is its name in messages. Raises ConfigError."""
     if not isinstance(entry, Mapping):
@@ -100,9 +105,11 @@ def section(kind: type[Any], entry: object, where: str) -> Any:
     known = {each.name: each for each in fields(kind)}
     refuse_unknown(entry, tuple(known), where)
     hints = get_type_hints(kind)
-    return kind(
-        **{key: _value(known[key], hints[key], value, f"{where}.{key}") for key, value in entry.items()}
-    )
+    values = {key: _value(known[key], hints[key], value, f"{where}.{key}") for key, value in entry.items()}
+    try:
+        return kind(**values)
+    except ConfigError as error:  # values that do not go together
+        raise ConfigError(f"{where}.{error}") from None
 
 
 def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
@@ -122,6 +129,10 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
                 f"{where} = {value!r}: allowed are the ports {bounds.low:.0f} to {bounds.high:.0f}"
             )
         return value
+    if get_origin(hint) is Mapping:
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{where} = {value!r}: it must be a table of numbers")
+        return {key: _number(entry, bounds, f"{where}.{key}") for key, entry in value.items()}
     if hint is Measured or Measured in get_args(hint):
         return _measured(value, bounds, where)
     return _number(value, bounds, where)
@@ -189,4 +200,6 @@ def _shown(default: object) -> str:
         return "true" if default else "false"
     if isinstance(default, str):
         return f'"{default}"'
+    if default is MISSING:
+        return "{}"
     return "" if default is None else str(default)

@@ -154,6 +154,16 @@ def stalled() -> Condition:
     return when(lambda robot: bool(robot.drive.wheels.stalled), "stalled")
 
 
+def blocked(mechanism: str) -> Condition:
+    """The named mechanism is driven and does not turn: it is at its end stop, or holds something."""
+
+    def start(robot: Robot) -> Test:
+        found = robot.mechanism(mechanism)
+        return lambda: found.stalled
+
+    return Condition(f"{mechanism} blocked", start)
+
+
 def bumped() -> Condition:
     """A wheel stalls, or the wheels do not move as the accelerometer feels the robot move."""
     return when(

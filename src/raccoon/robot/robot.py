@@ -10,13 +10,14 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar, runtime_checkable
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.errors import HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
+from raccoon.robot.attachments import Attachments, named
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.drive import Drive
 from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
@@ -25,6 +26,8 @@ from raccoon.robot.sensors import TophatSensor
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
     from raccoon.robot.match import StepTime
+    from raccoon.robot.mechanisms import Mechanism
+    from raccoon.robot.servos import Servo
 
 T = TypeVar("T")
 
@@ -61,6 +64,7 @@ class Robot:
         self.pack = PackState(
             self.config.battery.chemistry, self.config.battery.cells, battery.value, max(battery.std, 0.05)
         )
+        self.attachments = Attachments(self.config)
         self.tophats = {name: TophatSensor(name, each) for name, each in self.config.tophats.items()}
         self.ticks = 0
         """Cycles so far."""
@@ -131,6 +135,7 @@ class Robot:
         if self.battery.voltage is not None:
             drawn = self.drive.current(estimate.left_speed, estimate.right_speed, self.battery.voltage)
             self.pack.update(inputs.time, inputs.battery_voltage, drawn)
+        self.attachments.sense(inputs, self.dt)
         for sensor in self.tophats.values():
             sensor.update(inputs)
         if self._notes is not None:
@@ -142,29 +147,29 @@ class Robot:
                 next(body)
             except StopIteration:
                 self._background.remove(body)
-        self._outputs = self.drive.outputs(self.estimate, self.dt, self.battery.voltage)
+        voltage = self.battery.voltage
+        driven = self.drive.outputs(self.estimate, self.dt, voltage)
+        self._outputs = self.attachments.added_to(driven, self.dt, voltage)
         self.port.write(self._outputs)
 
     # -- stopping -----------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """Motors off now."""
+        """Motors off now; servos hold."""
         self.drive.stop()
-        self._outputs = STOP
-        self.port.write(STOP)
+        self._outputs = self.attachments.stopped()
+        self.port.write(self._outputs)
 
     def _halt(self) -> None:
         """Motors off on the way out of an error, which must not be hidden by a second one."""
         self._end_background()
-        self.drive.stop()
-        self._outputs = STOP
         try:
-            self.port.write(STOP)
+            self.stop()
         except (OSError, ValueError, AssertionError):
             self.close()
 
     def close(self) -> None:
-        """Motors off, port released. May be called twice."""
+        """Motors and servos off, port released. May be called twice."""
         if self._closed:
             return
         self._closed = True
@@ -232,11 +237,15 @@ class Robot:
 
     def tophat(self, name: str) -> TophatSensor:
         """The tophat called `name` in robot.toml; ConfigError where there is none."""
-        try:
-            return self.tophats[name]
-        except KeyError:
-            known = ", ".join(self.tophats) or "none"
-            raise ConfigError(f"there is no tophat {name!r} in robot.toml; there is {known}") from None
+        return named("tophat", self.tophats, name)
+
+    def servo(self, name: str) -> Servo:
+        """The servo called `name` in robot.toml; ConfigError where there is none."""
+        return named("servo", self.attachments.servos, name)
+
+    def mechanism(self, name: str) -> Mechanism:
+        """The mechanism called `name` in robot.toml; ConfigError where there is none."""
+        return named("mechanism", self.attachments.mechanisms, name)
 
     def analog(self, port: int) -> float | None:
         """Counts of an analog port, None where it gave nothing."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,8 +20,10 @@ from raccoon.core.readings import (
     Words,
 )
 from raccoon.sim.chain import Noise
+from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, safe_step, sample_slots, wiring_signs
+from raccoon.sim.quantities import State
 from raccoon.sim.robot import SimulatedRobot, bridges
 from raccoon.sim.tophats import Tophat
 from raccoon.sim.words import Converter, Imu, Scatter
@@ -78,11 +81,16 @@ class SimPort:
         )
         self._ports = config.drive.left, config.drive.right
         self._signs = wiring_signs(parameters)
+        self.free_motors = {
+            each.motor: FreeMotor(config, each.motor, each.inertia) for each in config.mechanisms.values()
+        }
+        """The motors of the mechanisms by port."""
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz)
         tophats = [Tophat(each, parameters) for each in config.tophats.values()]
         self._converter = Converter(tophats, self._noise, self._scatter)
         self._cycles = max(1, round(1.0 / rate_hz / parameters.chain.cycle))
         self._truth = truth
+        self._device = replace(SIMULATOR, bemf_lag=config.model.bemf.filter_time_constant.value)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1
@@ -95,6 +103,8 @@ class SimPort:
         if self._cycle >= 0:
             duty, closed = bridges(self._outputs, self._ports, self._signs)
             self._robot.step(duty, closed, self._bemf_noise())
+            for port, motor in self.free_motors.items():
+                motor.step(self._outputs.duty[port], self._robot.state.battery, 1.0 / self._rate_hz)
         self._cycle += 1
         return self._inputs()
 
@@ -119,11 +129,12 @@ class SimPort:
         heading = math.cos(pose[2]), math.sin(pose[2])
         analog, surface = self._converter.analog(self._world, pose, heading, state.time)
         imu = self._imu.read(state)
+        bemf, position = self._motor_words(state)
         return Inputs(
             time=self._cycle / self._rate_hz,
-            device=SIMULATOR,
-            bemf=self._motor_words(state.bemf_left, state.bemf_right),
-            position=self._motor_words(state.position_left, state.position_right),
+            device=self._device,
+            bemf=bemf,
+            position=position,
             gyro=imu[0] if imu else None,
             accel=imu[1] if imu else None,
             analog=analog,
@@ -132,11 +143,22 @@ class SimPort:
             truth=Truth(*pose, surface) if self._truth else None,
         )
 
-    def _motor_words(self, left: float, right: float) -> Words:
-        words: list[float | None] = [0] * MOTOR_PORTS
-        words[self._ports[0]] = int(self._signs[0] * left)
-        words[self._ports[1]] = int(self._signs[1] * right)
-        return tuple(words)
+    def _motor_words(self, state: State) -> tuple[Words, Words]:
+        """Back-EMF counts and counter ticks of every port."""
+        left, right = self._ports
+        bemf: list[float | None] = [0] * MOTOR_PORTS
+        position: list[float | None] = [0] * MOTOR_PORTS
+        bemf[left], position[left] = (
+            int(self._signs[0] * state.bemf_left),
+            int(self._signs[0] * state.position_left),
+        )
+        bemf[right], position[right] = (
+            int(self._signs[1] * state.bemf_right),
+            int(self._signs[1] * state.position_right),
+        )
+        for port, motor in self.free_motors.items():
+            bemf[port], position[port] = motor.words
+        return tuple(bemf), tuple(position)
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:

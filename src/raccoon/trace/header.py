@@ -100,6 +100,9 @@ def robot_table(config: RobotConfig) -> dict[str, Any]:
         "drive": _plain(config.drive),
         "motor": {str(port): _plain(motor) for port, motor in config.motors.items()},
         "tophat": {name: _plain(tophat) for name, tophat in config.tophats.items()},
+        "servo": {name: _plain(servo) for name, servo in config.servos.items()},
+        "mechanism": {name: _plain(mechanism) for name, mechanism in config.mechanisms.items()},
+        "motion": _plain(config.motion),
         "model": model,
     }
 
@@ -108,9 +111,9 @@ def _plain(value: Any) -> Any:
     if is_dataclass(value):
         entries = ((each.name, getattr(value, each.name)) for each in fields(value))
         return {key: _plain(entry) for key, entry in entries if entry is not None}
-    if isinstance(value, date):
-        return value.isoformat()
-    return value
+    if isinstance(value, Mapping):
+        return dict(value)
+    return value.isoformat() if isinstance(value, date) else value
 
 
 def _with_dates(value: Any) -> Any:

@@ -5,7 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig, load_robot, template
+from raccoon.core.config import (
+    Measured,
+    MechanismConfig,
+    MotorConfig,
+    RobotConfig,
+    ServoConfig,
+    TophatConfig,
+    load_robot,
+    template,
+)
 from raccoon.core.errors import ConfigError
 
 EXAMPLE = """
@@ -87,6 +96,22 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
             r"tophat.b.analog = 1: the port is taken by tophat.a",
         ),
         ("[tophat.a]\nanalog = 6", r"tophat.a.analog = 6: allowed are the ports 0 to 5"),
+        (
+            "[servo.claw]\npositions_us = { open = 500 }",
+            r"servo.claw.positions_us.open = 500: allowed are numbers from 600 to 2400",
+        ),
+        (
+            "[servo.claw]\nhighest_us = 2000\npositions_us = { open = 2100 }",
+            r"servo.claw.positions_us.open = 2100: allowed are numbers from 600 to 2000",
+        ),
+        ("[servo.claw]\npositions_us = 1200", r"servo.claw.positions_us = 1200: it must be a table"),
+        (
+            "[servo.claw]\nlowest_us = 2000\nhighest_us = 1000",
+            r"servo.claw.lowest_us = 2000: it must be below highest_us = 1000",
+        ),
+        ("[servo.a]\n[servo.b]", r"servo.b.port = 0: the port is taken by servo.a"),
+        ("[mechanism.arm]\nmotor = 1", r"mechanism.arm.motor = 1: the drive is on that port"),
+        ("[mechanism.a]\n[mechanism.b]", r"mechanism.b.motor = 2: the port is taken by mechanism.a"),
         ("name = ", r"not a TOML file"),
     ],
 )
@@ -116,7 +141,10 @@ def test_a_measured_number_is_finite_with_a_real_std(value: float, std: float) -
 def test_the_template_is_the_default_robot_and_names_every_key(tmp_path: Path) -> None:
     text = template()
     assert load_robot(write(tmp_path, text)) == RobotConfig(
-        motors={0: MotorConfig()}, tophats={"front": TophatConfig()}
+        motors={0: MotorConfig()},
+        tophats={"front": TophatConfig()},
+        servos={"claw": ServoConfig()},
+        mechanisms={"arm": MechanismConfig()},
     )
     switched_on = "\n".join(
         line[2:] if line.startswith("# ") and "= " in line and "=  #" not in line else line

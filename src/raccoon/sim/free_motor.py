@@ -1,0 +1,52 @@
+"""A motor that drives no wheel: an arm or a gripper between two end stops, by the plain motor equation."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import SIMULATOR
+from raccoon.model.motor import steady_speed, time_constant
+
+
+class FreeMotor:
+    """One motor with the nominal constants of robot.toml and the inertia of its mechanism.
+
+    As the board's words have them, its readings carry the wiring sign, the back-EMF filter and whole counts.
+    """
+
+    def __init__(self, config: RobotConfig, port: int, inertia: float) -> None:
+        motor, friction = config.model.left, config.model.friction
+        self.angle = 0.0
+        """Rad, positive with positive duty before the wiring sign."""
+        self.speed = 0.0
+        self._sign = -1.0 if config.motor(port).inverted else 1.0
+        self._resistance = motor.armature_resistance.value
+        self._constant = motor.back_emf_constant.value
+        self._coulomb, self._viscous = friction.coulomb.value, friction.viscous.value
+        self._lag = time_constant(inertia, self._resistance, self._constant, self._viscous)
+        self._filter = max(config.model.bemf.filter_time_constant.value, 1e-6)
+        self.stops = (-math.inf, math.inf)
+        """Rad, where it is blocked either way, counted from where it begins."""
+        self._counts = 0.0
+        self._ticks = 0.0
+
+    def step(self, duty: float, battery_voltage: float, dt: float) -> None:
+        """Let `dt` s pass at a duty in the sign of the board."""
+        voltage = self._sign * duty * battery_voltage
+        goal = steady_speed(voltage, self._resistance, self._constant, self._coulomb, self._viscous)
+        start = self.speed
+        self.speed += (goal - start) * (1.0 - math.exp(-dt / self._lag))
+        low, high = self.stops
+        wanted = self.angle + 0.5 * (start + self.speed) * dt
+        self.angle = min(high, max(low, wanted))
+        if self.angle != wanted:
+            self.speed = 0.0
+        counts = self._constant * self.speed / SIMULATOR.bemf_volts
+        self._counts += (counts - self._counts) * (1.0 - math.exp(-dt / self._filter))
+        self._ticks += int(self._counts) * dt
+
+    @property
+    def words(self) -> tuple[int, int]:
+        """Back-EMF counts and ticks of the position counter."""
+        return int(self._sign * self._counts), int(self._sign * self._ticks)

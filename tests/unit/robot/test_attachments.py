@@ -1,0 +1,169 @@
+"""Servos and mechanisms: they get there, hold, say why not, and are off at the end."""
+
+import math
+
+import pytest
+
+from raccoon import (
+    ConfigError,
+    MotionTimeout,
+    RobotConfig,
+    blocked,
+    deg,
+    do,
+    move,
+    move_by,
+    open_robot,
+    parallel,
+    release,
+    seq,
+    servo,
+    servo_off,
+    spin,
+    straight,
+    wait,
+    zero,
+)
+from raccoon.core.config import MechanismConfig, MotorConfig, ServoConfig
+from raccoon.core.readings import Outputs
+from raccoon.sim.free_motor import FreeMotor
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+
+CLAW = ServoConfig(
+    port=1, lowest_us=900.0, highest_us=2100.0, positions_us={"open": 1200.0, "closed": 1900.0}
+)
+CONFIG = RobotConfig(servos={"claw": CLAW}, mechanisms={"arm": MechanismConfig(motor=3)})
+
+
+class Spy(SimPort):
+    """The simulated robot, and every command it was given."""
+
+    def __init__(self, config: RobotConfig = CONFIG) -> None:
+        super().__init__(Parameters.from_robot(config), robot=config)
+        self.written: list[Outputs] = []
+
+    def write(self, outputs: Outputs) -> None:
+        self.written.append(outputs)
+        super().write(outputs)
+
+    @property
+    def arm(self) -> FreeMotor:
+        return self.free_motors[3]
+
+
+def test_a_servo_gets_the_time_it_needs_and_holds() -> None:
+    port = Spy()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(servo("claw", "open"))
+        assert robot.time == pytest.approx((2100.0 - 1200.0) / 3000.0, abs=0.01)  # from the far end
+        robot.run(straight(0.05))
+        assert all(each.servo_us == (None, 1200, None, None) for each in port.written)
+        begin = robot.time
+        robot.run(servo("claw", 1300))
+        assert robot.time - begin == pytest.approx(0.1 / 3.0, abs=0.01)
+
+
+def test_a_slow_servo_goes_evenly() -> None:
+    port = Spy()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(servo("claw", "open"))
+        port.written.clear()
+        robot.run(servo("claw", "closed", seconds=1.4))
+    pulses = [each.servo_us[1] for each in port.written]
+    assert pulses == sorted(pulses, key=lambda pulse: pulse or 0)
+    assert pulses[140] == pytest.approx(1200 + 350, abs=5)
+    assert pulses[-1] == 1900
+
+
+def test_a_servo_is_off_before_its_first_use_and_when_switched_off() -> None:
+    port = Spy()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.02))
+        robot.run(seq(servo("claw", "open"), servo_off("claw")))
+    assert port.written[0].servo_us == port.written[-1].servo_us == (None,) * 4
+
+
+@pytest.mark.parametrize(
+    ("name", "to", "error"),
+    [
+        ("grip", "open", "there is no servo 'grip' in robot.toml; there is claw"),
+        ("claw", "opn", "servo.claw has no position 'opn'; positions_us has open, closed"),
+    ],
+)
+def test_unknown_names_are_said_with_those_there_are(name: str, to: str, error: str) -> None:
+    with open_robot(CONFIG, port=Spy()) as robot, pytest.raises(ConfigError, match=error):
+        robot.run(servo(name, to))
+
+
+def test_a_pulse_the_mechanism_does_not_stand_is_refused() -> None:
+    with (
+        open_robot(CONFIG, port=Spy()) as robot,
+        pytest.raises(ValueError, match="is 800 us: allowed are 900"),
+    ):
+        robot.run(servo("claw", 800))
+    with pytest.raises(ValueError, match="to is nan"):
+        servo("claw", math.nan)
+    with pytest.raises(ValueError, match="seconds is -1"):
+        servo("claw", "open", seconds=-1)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_an_arm_moves_to_its_angle_and_holds_it_while_the_robot_drives(inverted: bool) -> None:
+    config = RobotConfig(mechanisms=CONFIG.mechanisms, motors={3: MotorConfig(inverted=inverted)})
+    port = Spy(config)
+    with open_robot(config, port=port) as robot:
+        arrived, _ = robot.run(parallel(move("arm", deg(60)), straight(0.1)))
+        assert arrived == pytest.approx(deg(60), abs=0.03)
+        assert port.arm.angle == pytest.approx(deg(60), abs=0.05)
+        robot.run(move_by("arm", deg(-90), speed=2.0))
+        assert robot.mechanism("arm").angle == pytest.approx(deg(-30), abs=0.04)
+
+
+def test_at_rest_nothing_is_counted() -> None:
+    config = RobotConfig(mechanisms=CONFIG.mechanisms)
+    port = Spy(config)
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(0.1))
+        port.arm._counts = 8.0  # an offset of the back-EMF, as boards have
+        robot.run(wait(5.0))
+        assert robot.mechanism("arm").angle == 0.0
+
+
+def test_a_blocked_arm_is_named_with_its_port_and_released() -> None:
+    port = Spy()
+    port.arm.stops = (-0.5, 1.0)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(servo("claw", "closed"))
+        with pytest.raises(MotionTimeout, match=r"arm \(motor port 3\).*of 115 deg; power and no motion"):
+            robot.run(move("arm", 2.0))
+        assert port.written[-1] == Outputs(servo_us=(None, 1900, None, None))  # the claw keeps what it holds
+        assert robot.mechanism("arm").goal is None
+
+
+def test_homing_against_the_end_stop() -> None:
+    port = Spy()
+    port.arm.stops = (-0.5, 1.0)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(seq(spin("arm", -1.5).until(blocked("arm")), zero("arm")))
+        assert robot.mechanism("arm").angle == 0.0
+        robot.run(move("arm", 1.0))
+        assert port.arm.angle == pytest.approx(0.5, abs=0.06)
+        robot.run(release("arm"))
+        robot.run(wait(0.02))
+        assert port.written[-1].duty[3] == 0.0
+        assert not port.written[-1].brake[3]
+
+
+def test_an_exception_in_the_program_stops_the_arm() -> None:
+    port = Spy()
+
+    def fail(_: object) -> None:
+        raise RuntimeError("bug")
+
+    with open_robot(CONFIG, port=port) as robot:
+        with pytest.raises(RuntimeError, match="bug"):
+            robot.run(parallel(spin("arm", 2.0), seq(wait(0.2), do(fail))))
+        assert port.written[-1].duty == (0.0,) * 4
+        robot.run(wait(0.05))
+        assert port.written[-1].duty == (0.0,) * 4
