@@ -66,7 +66,8 @@ __all__ = [
     "template",
 ]
 
-CONTROLLERS = ("wombat", "wombat-raccoon", "create", "sim", "emulator", "emulator-raccoon")
+REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
+CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from raccoon.core.config import RobotConfig, load_robot
+from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.port import Port
-from raccoon.robot.loop import stopped_on_exit
+from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -41,7 +41,8 @@ def open_robot(
         opened = RecordingPort(opened, record, config=settings, seed=seed)
     with stopped_on_exit(opened.close):
         robot = Robot(opened, settings)
-        with stopped_on_exit(robot.close):
+        on_time = port is None and settings.controller.port in REAL_CONTROLLERS
+        with stopped_on_exit(robot.close), punctual() if on_time else nullcontext():
             yield robot
 
 

@@ -1,17 +1,21 @@
 """Motors stop on every way out of a program: return, error, Ctrl-C, SIGTERM, SIGHUP, sys.exit."""
 
+import gc
+import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import pytest
 
 from raccoon import Action, Robot, do, drive, open_robot
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
 from raccoon.robot.actions import Steps
+from raccoon.robot.loop import punctual
 
 CHILD = """
 import signal, sys
@@ -155,3 +159,34 @@ def test_signal_handlers_are_put_back() -> None:
         assert signal.getsignal(signal.SIGTERM) is handler
     finally:
         signal.signal(signal.SIGTERM, before)
+
+
+def test_ticks_are_not_delayed_by_what_was_loaded_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[object] = []
+
+    def refuse(*given: object) -> None:
+        asked.append(given)
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    before = gc.get_freeze_count()
+    with punctual():
+        assert gc.get_freeze_count() > before
+        assert len(gc.get_objects()) < 1000  # what a full collection would still look at
+    assert gc.get_freeze_count() == 0
+    assert len(asked) == 2  # priority was asked for and put back; without the right to it, it goes on
+
+
+def test_only_a_real_controller_gets_priority(monkeypatch: pytest.MonkeyPatch) -> None:
+    entered: list[str] = []
+
+    @contextmanager
+    def noted() -> Iterator[None]:
+        entered.append("punctual")
+        yield
+
+    monkeypatch.setattr("raccoon.robot.opening.punctual", noted)
+    monkeypatch.setattr("raccoon.robot.opening.open_port", lambda _config, **_: Bench())
+    for kind in ("sim", "wombat"):
+        with open_robot(RobotConfig(controller=ControllerConfig(port=kind))):
+            assert entered == ["punctual"] * (kind == "wombat")
