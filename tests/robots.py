@@ -10,6 +10,7 @@ from raccoon import Action, Robot, RobotConfig, open_robot, wait
 from raccoon.core.config import Measured, MotorConfig, TophatConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Truth
+from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
@@ -28,9 +29,12 @@ def simulated(
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     config: RobotConfig = CONFIG,
     effects: Mapping[str, Mapping[str, float]] = MappingProxyType({}),
+    chain: Chain | None = None,
 ) -> SimPort:
     """The calibrated robot; effects by id, with @left or @right where it is one side's."""
     parameters = Parameters.from_robot(config)
+    if chain is not None:
+        parameters = parameters.with_chain(chain)
     for name, values in effects.items():
         effect, _, side = name.partition("@")
         parameters = parameters.with_effect(effect, side or None, **values)

@@ -15,24 +15,57 @@ STALL_TIME = 0.35
 STALL_OVERDRIVE = 0.8
 """V beyond what friction takes before silence means anything."""
 ODD_SHARE = 0.25
-"""A motor that takes this much more or less than its model is reported."""
+"""A motor that takes this much more or less than its model, or under load than the other, is reported."""
+ODD_LOADS = (0.5, 2.0)
+"""Load factors beyond which both motors together are."""
+LEAST_ROWS = 12
+"""Windows before anything is said."""
 
 
 @dataclass(frozen=True, slots=True)
 class WheelState:
     """What the watch thinks of one wheel.
 
-    stalled: driven and not moving. oddity: what differs from the model, "" where nothing does.
-    speed_factor, load_factor: present over nominal V a rad/s (K_E) and V a N m (R / K_E), with their
-    standard deviations.
+    stalled: driven and not moving. known: enough was seen for the rest. speed_factor, load_factor: present
+    over nominal V a rad/s (K_E) and V a N m (R / K_E), with their standard deviations.
     """
 
     stalled: bool
-    oddity: str
+    known: bool
     speed_factor: float
     speed_factor_std: float
     load_factor: float
     load_factor_std: float
+
+    @property
+    def odd_speed(self) -> str:
+        """What is odd about the voltage that a speed takes, "" where nothing is."""
+        off = abs(self.speed_factor - 1.0)
+        if not self.known or off <= max(ODD_SHARE, 4.0 * self.speed_factor_std):
+            return ""
+        return f"takes {self.speed_factor:.2f} times the voltage a speed should: magnet (K_E) or calibration"
+
+
+def oddities(left: WheelState, right: WheelState) -> tuple[str, str]:
+    """What is odd about the left and about the right wheel, "" where nothing is.
+
+    Loads are compared with each other: a reading that comes d s late adds d V/(rad/s) to the voltage that an
+    acceleration seems to take (a sixth of it for 5 ms), and it does so on both sides.
+    """
+    if left.odd_speed or right.odd_speed or not (left.known and right.known):
+        return left.odd_speed, right.odd_speed
+    if min(left.load_factor, right.load_factor) <= 0.0:
+        return "", ""
+    ratio = left.load_factor / right.load_factor
+    std = math.hypot(left.load_factor_std / left.load_factor, right.load_factor_std / right.load_factor)
+    if max(ratio, 1.0 / ratio) - 1.0 > max(ODD_SHARE, 3.0 * std * max(ratio, 1.0 / ratio)):
+        words = "takes {:.2f} times the voltage that the other takes under load: resistance, magnet, friction"
+        return (words.format(ratio), "") if ratio > 1.0 else ("", words.format(1.0 / ratio))
+    both = 0.5 * (left.load_factor + right.load_factor)
+    if not ODD_LOADS[0] < both < ODD_LOADS[1]:
+        words = f"takes, like the other, {both:.1f} times the voltage a load should: weight, inertia_straight"
+        return words, words
+    return "", ""
 
 
 class WheelWatch:
@@ -43,15 +76,17 @@ class WheelWatch:
     resistance again shows as half as much more of both.
     """
 
-    __slots__ = ("_fit", "_model", "_silent", "_windows", "stalled")
+    __slots__ = ("_fit", "_least_slope", "_model", "_silent", "_static", "_windows", "stalled")
 
     def __init__(self, model: WheelModel) -> None:
         self._model = model
+        self._static = model.static_voltage
+        self._least_slope = STALL_SPEED_SHARE * model.gain
         self._windows = Windows()
         nominal = (model.static_voltage, 1.0 / model.gain, model.acceleration_voltage)
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
-        self._fit = RecursiveFit(nominal, spread, noise=0.12, memory=120.0)
+        self._fit = RecursiveFit(nominal, spread, noise=0.06, memory=120.0)
         self._silent = 0.0
         self.stalled = False
 
@@ -60,10 +95,9 @@ class WheelWatch:
         if speed is None:
             self._windows.clear()
             return
-        spare = abs(voltage) - self._model.static_voltage
-        moves = abs(speed) >= STALL_SPEED_SHARE * max(0.0, spare) * self._model.gain
-        driven = spare > STALL_OVERDRIVE
-        self._silent = 0.0 if moves or not driven else self._silent + dt
+        spare = abs(voltage) - self._static
+        moves = abs(speed) >= self._least_slope * spare
+        self._silent = 0.0 if moves or spare <= STALL_OVERDRIVE else self._silent + dt
         self.stalled = self._silent > STALL_TIME
         found = self._windows.add(voltage, speed, dt)
         if found is not None:
@@ -82,15 +116,4 @@ class WheelWatch:
         speed, speed_std = fit.values[1] * model.gain, fit.std(1) * model.gain
         load = fit.values[2] / model.acceleration_voltage
         load_std = fit.std(2) / model.acceleration_voltage
-        return WheelState(
-            self.stalled, self._oddity(speed, speed_std, load, load_std), speed, speed_std, load, load_std
-        )
-
-    def _oddity(self, speed: float, speed_std: float, load: float, load_std: float) -> str:
-        if self._fit.rows < 12:
-            return ""
-        if abs(speed - 1.0) > max(ODD_SHARE, 4.0 * speed_std):
-            return f"takes {speed:.2f} times the voltage a speed should: magnet (K_E) or calibration"
-        if abs(load - 1.0) > max(ODD_SHARE, 3.0 * load_std) and math.isfinite(load):
-            return f"takes {load:.2f} times the voltage a load should: resistance, magnet or weight"
-        return ""
+        return WheelState(self.stalled, fit.rows >= LEAST_ROWS, speed, speed_std, load, load_std)

@@ -71,13 +71,14 @@ class ExpectedSpeed:
 class Wheel:
     """Feedforward and feedback of one wheel, in volts."""
 
-    __slots__ = ("_active", "_applied", "expected", "model", "pid", "watch")
+    __slots__ = ("_active", "_applied", "_per_speed", "_static", "expected", "model", "pid", "watch")
 
     def __init__(self, model: WheelModel, gains: PidGains, filter_time_constant: float) -> None:
         self.model = model
         self.pid = Pid(gains)
         self.expected = ExpectedSpeed(model.time_constant, filter_time_constant)
         self.watch = WheelWatch(model)
+        self._static, self._per_speed = model.static_voltage, 1.0 / model.gain
         self._active = False
         self._applied = 0.0
 
@@ -97,6 +98,10 @@ class Wheel:
         else:
             self._applied = self.pid.step(reading, speed, dt, feedforward, limit)
         return self._applied
+
+    def top_speed(self, voltage: float) -> float:
+        """Rad/s at steady state with `voltage` V at the motor; asked in every cycle."""
+        return max(0.0, (voltage - self._static) / self._per_speed)
 
     def rest(self) -> None:
         """Forget the past."""
@@ -146,7 +151,7 @@ class WheelLoop:
     def top_speed(self, battery_voltage: float) -> float:
         """Rad/s that the weaker wheel reaches at `battery_voltage` V under load."""
         limit = MAX_DUTY * battery_voltage
-        return min(wheel.model.top_speed(limit) for wheel in (self._left, self._right))
+        return min(self._left.top_speed(limit), self._right.top_speed(limit))
 
     def step(
         self,
@@ -195,7 +200,7 @@ class WheelLoop:
         share = 1.0
         self.missing_speed = 0.0
         for speed, wheel in ((target.left, self._left), (target.right, self._right)):
-            top = wheel.model.top_speed(limit)
+            top = wheel.top_speed(limit)
             if abs(speed) > top:
                 share = min(share, top / abs(speed))
                 self.missing_speed = max(self.missing_speed, abs(speed) - top)

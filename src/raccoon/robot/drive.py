@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from raccoon.control.feedforward import wheel_models
 from raccoon.control.tuning import speed_loop_gains
 from raccoon.control.voltage import SpeedBudget
-from raccoon.control.watch import ODD_SHARE
+from raccoon.control.watch import ODD_SHARE, oddities
 from raccoon.control.wheels import REST, WheelLoop, WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
@@ -41,10 +41,13 @@ class Drive:
         self._half_track = 0.5 * model.track_width.value
         self._turn_inertia_share = model.inertia_turn.value / model.inertia_straight.value
         self._ports = (config.drive.left, config.drive.right)
+        self._brake = tuple(port in self._ports for port in range(MOTOR_PORTS))
         self._signs = tuple(
             (-1.0 if config.motor(port).inverted else 1.0) * config.motor(port).power_factor.value
             for port in self._ports
         )
+        self.remarks: dict[str, str] = {}
+        """What was said to be strange so far, the first of each kind."""
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
         self._given = (0.0, 0.0)
@@ -117,9 +120,9 @@ class Drive:
         self._given = (left, right)
         self.stop()
         duty = [0.0] * MOTOR_PORTS
-        for port, sign, value in zip(self._ports, self._signs, (left, right), strict=True):
-            duty[port] = max(-1.0, min(1.0, sign * value))
-        return Outputs(duty=tuple(duty), brake=tuple(port in self._ports for port in range(MOTOR_PORTS)))
+        duty[self._ports[0]] = max(-1.0, min(1.0, self._signs[0] * left))
+        duty[self._ports[1]] = max(-1.0, min(1.0, self._signs[1] * right))
+        return Outputs(duty=tuple(duty), brake=self._brake)
 
     def top_speed(self, battery_voltage: float) -> float:
         """M/s straight ahead that the weaker wheel can give at `battery_voltage` V."""
@@ -157,11 +160,11 @@ class Drive:
     def oddities(self) -> tuple[str, ...]:
         """What is strange about the motors, each with its port: a weak magnet, a high resistance."""
         found = []
-        wheels = zip(("left", "right"), self._ports, self.wheels.models, self.wheels.states, strict=True)
-        for side, port, model, state in wheels:
+        odd = oddities(*self.wheels.states)
+        wheels = zip(("left", "right"), self._ports, self.wheels.models, odd, strict=True)
+        for side, port, model, said in wheels:
             nominal = getattr(self._config.model, side).back_emf_constant.value
             share = model.back_emf_constant / nominal
-            said = state.oddity
             if abs(share - 1.0) > ODD_SHARE:
                 said = f"has {share:.2f} times the nominal K_E by its calibration"
             if said:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from raccoon.core.readings import SIMULATOR
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver, real_deadline
+from raccoon.robot.remarks import tell
 
 if TYPE_CHECKING:
     from raccoon.estimate.start_light import StartLightCalibration
@@ -47,19 +48,21 @@ class MatchReport:
     """How a match went.
 
     seconds: from the light to the end. finished: the program ended by itself. steps: every `timed` step.
-    result: what the program returned.
+    result: what the program returned. remarks: what was strange about the motors, in words.
     """
 
     seconds: float
     finished: bool
     steps: tuple[StepTime, ...]
     result: Any = None
+    remarks: tuple[str, ...] = ()
 
     def table(self) -> str:
         """The steps, one a line, for people."""
         lines = [f"{step.begin:7.2f} s  {step.seconds:7.2f} s  {step.label}" for step in self.steps]
         state = "finished" if self.finished else "stopped by the clock"
-        return "\n".join(["  begin    took     step", *lines, f"{self.seconds:7.2f} s  {state}"])
+        notes = [f"remark: {each}" for each in self.remarks]
+        return "\n".join(["  begin    took     step", *lines, f"{self.seconds:7.2f} s  {state}", *notes])
 
 
 class TimedStep(Action[T]):
@@ -157,7 +160,8 @@ def run_match(
         StepTime(each.name, each.begin - begin, each.end - begin, each.ended) for each in robot.steps[known:]
     )
     robot.note(f"match ends after {robot.time - begin:.2f} s")
-    return MatchReport(robot.time - begin, finished, steps, result)
+    tell(robot)
+    return MatchReport(robot.time - begin, finished, steps, result, tuple(robot.drive.remarks.values()))
 
 
 def _real(robot: Robot, alarm: bool | None) -> bool:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from raccoon.control.profile import Profile, ProfileState
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
+from raccoon.robot.remarks import tell
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -32,6 +33,8 @@ class MotionResult:
     duration: s. std: m, of the position as the odometry sees it. saturated: the battery could not give all.
     heading_std: rad. missing_speed: m/s that a saturated wheel was short of, at the worst moment.
     planned: share of the speed that was asked for which the weakest battery of the match allows (1: all).
+    remarks: what was strange, in words: doubts of the odometry on the way, motors that are not what
+    robot.toml says.
     """
 
     along: float
@@ -43,6 +46,7 @@ class MotionResult:
     heading_std: float = 0.0
     missing_speed: float = 0.0
     planned: float = 1.0
+    remarks: tuple[str, ...] = ()
 
 
 class Pace:
@@ -70,6 +74,8 @@ class Pace:
         self.begin = robot.time
         self.saturated = False
         self.missing_speed = 0.0
+        self.doubts: dict[str, None] = {}
+        """What the odometry complained of on the way, each once, in order."""
         self.finished = False
         """True once the profile has ended; the robot may still be closing in."""
 
@@ -95,6 +101,8 @@ class Pace:
         wheels, robot = self._robot.drive.wheels, self._robot
         self.saturated = self.saturated or wheels.saturated
         self.missing_speed = max(self.missing_speed, robot.drive.missing_speed)
+        if robot.estimate.reasons:
+            self.doubts.update(dict.fromkeys(robot.estimate.reasons))
         self._stalled = self._stalled + robot.dt if wheels.stalled else 0.0
 
     def _explain(self, progress: float) -> str:
@@ -105,7 +113,7 @@ class Pace:
 
 def reason(robot: Robot) -> str:
     """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says."""
-    said = (robot.drive.complaint(), *robot.estimate.reasons, *robot.drive.oddities())
+    said = (robot.drive.complaint(), *robot.estimate.reasons, *tell(robot))
     return "; ".join(said)
 
 
@@ -125,6 +133,7 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
         here.heading_std,
         pace.missing_speed,
         pace.planned,
+        (*pace.doubts, *tell(robot)),
     )
 
 

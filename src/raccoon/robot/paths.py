@@ -49,24 +49,37 @@ def drive_to(
         begin = robot.time
         start = robot.plan
         distance = math.hypot(x - start.x, y - start.y)
-        saturated = False
+        parts: list[MotionResult] = []
         if distance > HERE:
             bearing = math.atan2(y - start.y, x - start.x) + (math.pi if backwards else 0.0)
             angle = math.remainder(bearing - start.heading, math.tau)
-            saturated |= (yield from turning(robot, angle, timeout=timeout)).saturated
+            parts.append((yield from turning(robot, angle, timeout=timeout)))
             way = straight(-distance if backwards else distance, speed, tolerance=tolerance, timeout=timeout)
-            saturated |= (yield from way.start(robot)).saturated
+            parts.append((yield from way.start(robot)))
         if heading is not None:
             angle = math.remainder(heading - robot.plan.heading, math.tau)
-            saturated |= (yield from turning(robot, angle, timeout=timeout)).saturated
-        goal = Pose(x, y, robot.plan.heading)
-        here = robot.estimate
-        along, across = goal.offset_of(here.x, here.y)
-        std = math.hypot(here.x_std, here.y_std)
-        off = here.heading - goal.heading
-        return MotionResult(along, across, off, robot.time - begin, std, saturated, here.heading_std)
+            parts.append((yield from turning(robot, angle, timeout=timeout)))
+        return _whole(robot, Pose(x, y, robot.plan.heading), begin, parts)
 
     return Action(f"drive to ({x:g}, {y:g})", steps)
+
+
+def _whole(robot: Robot, goal: Pose, begin: float, parts: list[MotionResult]) -> MotionResult:
+    """The result of several motions against the goal of them all."""
+    here = robot.estimate
+    along, across = goal.offset_of(here.x, here.y)
+    return MotionResult(
+        along,
+        across,
+        here.heading - goal.heading,
+        robot.time - begin,
+        math.hypot(here.x_std, here.y_std),
+        any(each.saturated for each in parts),
+        here.heading_std,
+        max((each.missing_speed for each in parts), default=0.0),
+        min((each.planned for each in parts), default=1.0),
+        tuple(dict.fromkeys(said for each in parts for said in each.remarks)),
+    )
 
 
 def follow_path(

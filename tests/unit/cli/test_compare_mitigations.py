@@ -69,7 +69,8 @@ def test_the_paper_s_pairings_all_come() -> None:
 
     assert len({motors(number) for number in range(9)}) == len(PAIRINGS) == 9
     assert full_table()[PAPER] % 9 == 0
-    assert full_table()[MATCH] == 9 + 200
+    assert full_table()[DRAWN] == 200
+    assert full_table()[MATCH] == 9 + 50
 
 
 def test_the_batteries_cover_the_whole_range_evenly() -> None:

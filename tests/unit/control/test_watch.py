@@ -1,13 +1,14 @@
 """Identifying wheels, and noticing the ones that are not as they should be, on motors stepped here."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.identify import Windows, fit_voltages
-from raccoon.control.watch import WheelState, WheelWatch
+from raccoon.control.watch import WheelState, WheelWatch, oddities
 
 NOMINAL = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
 
@@ -54,20 +55,46 @@ def test_data_that_cannot_tell_is_refused() -> None:
 
 def test_a_nominal_motor_is_not_odd() -> None:
     state = watched(NOMINAL)
-    assert state.oddity == ""
+    assert oddities(state, state) == ("", "")
     assert state.speed_factor == pytest.approx(1.0, abs=0.05)
 
 
 def test_half_as_much_resistance_again_is_odd() -> None:
     state = watched(WheelModel(2.7, 1.08, 0.18, 0.004, 0.02))
-    assert "voltage a load should" in state.oddity
     assert state.load_factor == pytest.approx(1.5, abs=0.15)
+    left, right = oddities(state, watched(NOMINAL))
+    assert "that the other takes under load" in left
+    assert right == ""
+    assert oddities(watched(NOMINAL), state) == (right, left)
 
 
 def test_a_weak_magnet_is_odd() -> None:
     state = watched(WheelModel(1.8, 0.54, 0.18, 0.004, 0.02))
-    assert "K_E" in state.oddity
+    assert "K_E" in state.odd_speed
+    assert oddities(watched(NOMINAL), state) == ("", state.odd_speed)
     assert state.speed_factor == pytest.approx(0.5, abs=0.1)
+
+
+def late(state: WheelState, by: float) -> WheelState:
+    """What the watch makes of the same wheel where readings come so late, s."""
+    return replace(state, load_factor=state.load_factor + by / NOMINAL.gain / NOMINAL.acceleration_voltage)
+
+
+def test_late_readings_make_no_motor_odd() -> None:
+    state = watched(NOMINAL)
+    assert oddities(late(state, 0.010), late(state, 0.012)) == ("", "")
+
+
+def test_a_robot_of_twice_its_weight_is_odd_on_both_sides() -> None:
+    state = watched(WheelModel(1.8, 1.08, 0.18, 0.004, 0.05))
+    left, right = oddities(state, state)
+    assert left == right
+    assert "weight, inertia_straight" in left
+
+
+def test_too_little_to_go_by_is_no_verdict() -> None:
+    state = replace(watched(WheelModel(2.7, 0.54, 0.18, 0.004, 0.02)), known=False)
+    assert oddities(state, state) == ("", "")
 
 
 def test_a_driven_wheel_that_stands_is_stalled_and_forgets_at_rest() -> None:

@@ -1,13 +1,15 @@
 """Motors that are not what robot.toml says: still controlled, and reported with their port."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
 
-from raccoon import MotionTimeout, Robot, after_time, calibrate_drive, motors, straight, wait
+from raccoon import MotionTimeout, Robot, after_time, calibrate_drive, deg, motors, seq, straight, turn, wait
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.sim.chain import Chain
 from robots import CONFIG, run, simulated
 
 BARE = replace(CONFIG, motors={})
@@ -23,10 +25,11 @@ def test_half_the_magnet_is_calibrated_away_and_reported() -> None:
             return robot.inputs.truth.x
 
         calibrated = calibrate_drive(robot, taped, distance=0.6)
-    _, end, robot = run(straight(0.5), simulated(seed=2, config=BARE, effects=effects), calibrated)
+    result, end, robot = run(straight(0.5), simulated(seed=2, config=BARE, effects=effects), calibrated)
     assert end.x == pytest.approx(0.5, abs=0.005)
     assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.5)
     assert any("left motor (port 0) has 0.5" in said for said in robot.drive.oddities())
+    assert any("left motor (port 0) has 0.5" in said for said in result.remarks)
 
 
 def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
@@ -36,12 +39,33 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
     assert end.y == pytest.approx(0.0, abs=0.005)
     odd = robot.drive.oddities()
     assert len(odd) == 1
-    assert "left motor (port 0) takes" in odd[0]
+    assert "left motor (port 0) takes 1.4" in odd[0]
 
 
 def test_a_nominal_robot_is_not_complained_about() -> None:
-    _, _, robot = run(straight(1.0))
+    result, _, robot = run(straight(1.0))
     assert robot.drive.oddities() == ()
+    assert result.remarks == ()
+
+
+@pytest.mark.parametrize("chain", [None, Chain.firmware()], ids=["plain", "firmware"])
+def test_unequal_motors_as_the_paper_has_them_are_not_complained_about(chain: Chain | None) -> None:
+    factors = {"motor.armature_resistance@left": {"factor": 2.0 / 1.7}}
+    results, _, _ = run(seq(straight(0.3), turn(deg(90))), simulated(effects=factors, chain=chain))
+    assert [result.remarks for result in results] == [(), ()]
+
+
+def test_a_motor_changed_after_the_calibration_is_said_once_everywhere(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    port = Notes(6.6, {"motor.back_emf_constant@right": {"factor": 1.04}})
+    results, end, robot = run(seq(straight(0.3), straight(0.3)), port)
+    assert end.x < 0.595  # only a tape can tell how far a changed motor drives
+    said = "by the gyro the right wheel (motor port 1) turns 0.96"
+    assert all(any(each.startswith(said) for each in result.remarks) for result in results)
+    assert sum(note.startswith(f"remark: {said}") for note in port.notes) == 1
+    assert [record.name for record in caplog.records] == ["raccoon"]
+    assert len(robot.drive.remarks) == 1
 
 
 class Unplugged:
@@ -98,8 +122,9 @@ def test_a_speed_beyond_the_weakest_battery_is_planned_down_and_said() -> None:
 class Notes:
     """The simulated robot on a battery, with the remarks of its recording."""
 
-    def __init__(self, battery: float) -> None:
-        self._port = simulated(effects={"battery.open_circuit_voltage": {"voltage": battery}})
+    def __init__(self, battery: float, effects: Mapping[str, Mapping[str, float]] | None = None) -> None:
+        supply = {"battery.open_circuit_voltage": {"voltage": battery}}
+        self._port = simulated(effects={**supply, **(effects or {})})
         self.notes: list[str] = []
 
     def read(self) -> Inputs:

@@ -19,7 +19,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--quick", action="store_true", help=f"{QUICK} robots a column: a minute, and the worst of {QUICK}"
     )
     parser.add_argument(
-        "--robots", type=int, help="simulated robots a column (without it the full table, 60 to 209)"
+        "--robots", type=int, help="simulated robots a column (without it the full table, 24 to 200)"
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=1)

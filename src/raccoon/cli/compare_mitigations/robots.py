@@ -149,20 +149,20 @@ BATTERY, PAPER, DRAWN, REPLACED, MATCH = (
     "motors and battery",
 )
 CONDITIONS: dict[str, Condition] = {
-    BATTERY: Condition(_batteries, 60, "equal motors, tuned at 6.1 V, run on a battery between"),
+    BATTERY: Condition(_batteries, 24, "equal motors, tuned at 6.1 V, run on a battery between"),
     "battery sags": Condition(
-        _sagging, 60, "equal motors, 0.12 ohm, and 0.01 to 0.04 V a coulomb lost within the run"
+        _sagging, 24, "equal motors, 0.12 ohm, and 0.01 to 0.04 V a coulomb lost within the run"
     ),
-    PAPER: Condition(_paper_pairs, 99, "its three motors in all nine pairings, 6.6 V"),
+    PAPER: Condition(_paper_pairs, 27, "its three motors in all nine pairings, 6.6 V"),
     DRAWN: Condition(_drawn_pairs, 200, "both drawn from the mean and spread of the three, 6.6 V"),
     MATCH: Condition(
-        _match, 209, "the nine pairings and 200 drawn, tuned and run on different batteries that sag"
+        _match, 59, "the nine pairings and 50 drawn, tuned and run on different batteries that sag"
     ),
-    REPLACED: Condition(_replaced, 100, "drawn; after tuning and calibration another right motor is put in"),
+    REPLACED: Condition(_replaced, 50, "drawn; after tuning and calibration another right motor is put in"),
     "wheel slip": Condition(
-        _slipping, 60, "drawn, wheels that slip by 5 to 20 ms of acceleration in the run"
+        _slipping, 30, "drawn, wheels that slip by 5 to 20 ms of acceleration in the run"
     ),
-    "slope": Condition(_sloping, 60, "drawn, a slope of up to 0.03 N m a wheel in the run"),
+    "slope": Condition(_sloping, 30, "drawn, a slope of up to 0.03 N m a wheel in the run"),
 }
 
 

@@ -83,6 +83,12 @@ class Odometry:
         return self._estimate
 
     @property
+    def wheel_scales(self) -> tuple[float, float]:
+        """Speed as read over true speed, left and right: 1 where the calibration is right."""
+        flat = self._fusion.drive.flat
+        return flat[State.LEFT_SCALE], flat[State.RIGHT_SCALE]
+
+    @property
     def pose_covariance(self) -> NDArray[np.float64]:
         """Covariance of x, y (m) and heading (rad), (3, 3).
 

@@ -1,0 +1,57 @@
+"""What is strange about a robot's motors and wheels, for a motion's result, the recording and the log."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+LEAST_MISMATCH = 0.01
+"""Ratio of the wheels' scales, off its calibration, that is worth a word."""
+SIGMAS = 4.0
+"""And how many of the calibration's own standard deviations it must be."""
+
+
+def oddities(robot: Robot) -> tuple[str, ...]:
+    """Sentences that name side and port: motors not as they should be, scales that do not fit."""
+    return (*robot.drive.oddities(), *_mismatch(robot))
+
+
+def _mismatch(robot: Robot) -> tuple[str, ...]:
+    """The gyro tells the ratio of the wheels' scales, so a motor or wheel that was changed shows in it."""
+    drive = robot.config.drive
+    stored = [robot.config.motor(port).radians_per_tick for port in (drive.left, drive.right)]
+    known = [each.std / each.value for each in stored if each is not None]
+    if len(known) < 2:
+        return ()
+    left, right = robot.odometry.wheel_scales
+    off = right / left - 1.0
+    if abs(off) < max(LEAST_MISMATCH, SIGMAS * math.hypot(*known)):
+        return ()
+    share, percent = 1.0 / (1.0 + off), 100.0 * abs(off)
+    return (
+        f"by the gyro the right wheel (motor port {drive.right}) turns {share:.3f} times what its "
+        f"calibration says, against the left one (port {drive.left}): was a motor or wheel changed? "
+        f"distances may be off by {percent:.1f} %: calibrate again",
+    )
+
+
+def tell(robot: Robot) -> tuple[str, ...]:
+    """The oddities; what was not said before also goes into the recording and to the log "raccoon"."""
+    found = oddities(robot)
+    for said in found:
+        kind = re.sub(r"[-+.\d]+", "", said)
+        if kind not in robot.drive.remarks:
+            robot.drive.remarks[kind] = said
+            robot.note(f"remark: {said}")
+            _log(said)
+    return found
+
+
+def _log(said: str) -> None:
+    import logging
+
+    logging.getLogger("raccoon").warning("%s", said)
