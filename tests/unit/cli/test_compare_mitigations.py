@@ -6,7 +6,18 @@ from pathlib import Path
 import pytest
 
 from raccoon.cli.compare_mitigations.claims import claims
-from raccoon.cli.compare_mitigations.measure import MANOEUVRES, METHODS, Cells, ends_of, full_table
+from raccoon.cli.compare_mitigations.measure import (
+    MANOEUVRES,
+    METHODS,
+    Cells,
+    End,
+    as_cells,
+    ends_of,
+    full_table,
+    in_turn,
+)
+from raccoon.cli.compare_mitigations.measure import measured as measured_robots
+from raccoon.cli.compare_mitigations.results import stored, writer
 from raccoon.cli.compare_mitigations.robots import (
     BATTERY,
     CONDITIONS,
@@ -17,11 +28,12 @@ from raccoon.cli.compare_mitigations.robots import (
     REPLACED,
     trial,
 )
-from raccoon.cli.compare_mitigations.table import as_json, draw, from_json, markdown
+from raccoon.cli.compare_mitigations.table import draw, markdown
 from raccoon.cli.compare_mitigations.timed import TimedDrive, Tuned, after, leg, quarter_turn, tune
 from raccoon.cli.compare_mitigations.vehicles import simulated
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
 
 CONFIG = RobotConfig()
 
@@ -111,7 +123,6 @@ def test_tables_and_picture(tmp_path: Path) -> None:
     text = markdown(cells, {BATTERY: 1})
     assert all(f"## {name}" in text for name in MANOEUVRES)
     assert all(f"| {method} |" in text for method in METHODS)
-    assert from_json(as_json(cells)) == cells
     draw(cells, (BATTERY,), tmp_path / "table.svg")
     assert (tmp_path / "table.svg").stat().st_size > 1000
 
@@ -136,4 +147,33 @@ def test_the_command_prints_and_writes_one_column(tmp_path: Path, capsys: pytest
     column = ["--condition", BATTERY, "--robots", "1", "--markdown", str(out)]
     assert main(["compare-mitigations", *column]) == 0
     assert "Robots a column: battery 6.1-7.0 V 1." in out.read_text("utf-8")
-    assert "1 of 1 robots" in capsys.readouterr().err
+    assert "| fresh battery |" in capsys.readouterr().out
+
+
+def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
+    file, robots = tmp_path / "results.jsonl", {BATTERY: 2, DRAWN: 1}
+    ends = {"none": {"1 m": End(0.001, 0.002, 0.003, 5.0)}}
+    add = writer(file, 1)
+    for number in range(2):
+        add((BATTERY, number), ends)
+    with file.open("a") as unfinished:
+        unfinished.write('{"condition": "cut o')
+    add((DRAWN, 0), ends)
+    known = stored(file, 1)
+    assert (
+        measured_robots(robots, 1, 1, known=known)
+        == known
+        == {
+            (BATTERY, 0): ends,
+            (BATTERY, 1): ends,
+            (DRAWN, 0): ends,
+        }
+    )
+    assert len(as_cells(known)["none", BATTERY, "1 m"]) == 2
+    with pytest.raises(ConfigError, match="has results of --seed 1"):
+        stored(file, 2)
+
+
+def test_a_part_of_the_work_is_a_part_of_every_column() -> None:
+    order = in_turn({"a": 4, "b": 2})
+    assert order == [("a", 0), ("b", 0), ("a", 1), ("a", 2), ("b", 1), ("a", 3)]

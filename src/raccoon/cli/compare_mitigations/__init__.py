@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from raccoon.cli.compare_mitigations.measure import Cells
+    from collections.abc import Callable
+
+    from raccoon.cli.compare_mitigations.measure import Ends, Number
 
 HELP = "measure every mitigation against every battery and motor difference, on the simulator"
 QUICK = 2
@@ -26,22 +28,50 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--condition", action="append", help="only this column (may be given again)")
     parser.add_argument("--markdown", type=Path, metavar="OUT", help="also write the tables as Markdown")
     parser.add_argument("--plot", type=Path, metavar="OUT", help="also draw them (needs matplotlib)")
-    parser.add_argument("--json", type=Path, metavar="OUT", help="also write every robot's errors")
+    parser.add_argument(
+        "--results",
+        type=Path,
+        metavar="FILE",
+        help="keep every robot's errors there, one line each; robots that are in it are not driven again",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure and print, with what the paper says held to it. Exit status 0 when it ran."""
-    import sys
-
-    from raccoon.cli.compare_mitigations.measure import measured
-    from raccoon.cli.compare_mitigations.table import markdown
+    from raccoon.cli.compare_mitigations.measure import as_cells, measured
+    from raccoon.cli.compare_mitigations.results import stored
+    from raccoon.cli.compare_mitigations.table import draw, markdown
 
     robots = _robots(args)
-    cells = measured(robots, args.seed, args.processes, lambda said: print(said, file=sys.stderr))
+    known = {} if args.results is None else stored(args.results, args.seed)
+    found = measured(robots, args.seed, args.processes, known=known, done=_note(args, sum(robots.values())))
+    cells = as_cells(found)
     text = markdown(cells, robots)
     print(text)
-    _save(args, cells, tuple(robots), text)
+    if args.markdown is not None:
+        _write(args.markdown, text)
+    if args.plot is not None:
+        draw(cells, tuple(robots), args.plot)
     return 0
+
+
+def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, Ends]], None]:
+    """What happens with each robot that was driven: it is stored, and how far the work is is said."""
+    import sys
+
+    from raccoon.cli.compare_mitigations.results import writer
+
+    store = (lambda _robot, _ends: None) if args.results is None else writer(args.results, args.seed)
+    count = 0
+
+    def done(robot: Number, ends: dict[str, Ends]) -> None:
+        nonlocal count
+        count += 1
+        store(robot, ends)
+        if count % 20 == 0:
+            print(f"{count} robots driven, of {every} in the table", file=sys.stderr)
+
+    return done
 
 
 def _robots(args: argparse.Namespace) -> dict[str, int]:
@@ -59,17 +89,6 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
             raise ConfigError(f"--condition {name}: allowed are {', '.join(full)}")
     every = args.robots or (QUICK if args.quick else None)
     return {name: every or count for name, count in full.items() if name in (args.condition or full)}
-
-
-def _save(args: argparse.Namespace, cells: Cells, conditions: tuple[str, ...], text: str) -> None:
-    from raccoon.cli.compare_mitigations.table import as_json, draw
-
-    if args.markdown is not None:
-        _write(args.markdown, text)
-    if args.json is not None:
-        _write(args.json, as_json(cells))
-    if args.plot is not None:
-        draw(cells, conditions, args.plot)
 
 
 def _write(path: Path, text: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -198,34 +198,52 @@ def ends_of(
     return {method: METHODS[method](robot) for method in methods}
 
 
+Number = tuple[str, int]
+"""Condition and number of one robot."""
+Found = dict[Number, dict[str, Ends]]
+"""By robot, then by mitigation."""
+
+
 def _job(job: tuple[str, int, int]) -> dict[str, Ends]:
     return ends_of(*job)
 
 
 def measured(
-    robots: Mapping[str, int], seed: int, processes: int, tell: Callable[[str], None] = lambda _: None
-) -> Cells:
+    robots: Mapping[str, int],
+    seed: int,
+    processes: int,
+    *,
+    known: Mapping[Number, dict[str, Ends]] | None = None,
+    done: Callable[[Number, dict[str, Ends]], None] = lambda _robot, _ends: None,
+) -> Found:
     """So many robots of each condition; in several processes where there is more than one.
 
-    tell: called with a word on how far it is, now and then.
+    known: robots that need not be driven again. done: called with each robot that was driven.
     """
-    jobs = [(condition, number, seed) for condition, count in robots.items() for number in range(count)]
-    if processes > 1:
-        with ProcessPoolExecutor(processes) as pool:
-            return _gathered(jobs, pool.map(_job, jobs), tell)
-    return _gathered(jobs, map(_job, jobs), tell)
+    found = {robot: ends for robot, ends in (known or {}).items() if robot[1] < robots.get(robot[0], 0)}
+    missing = [robot for robot in in_turn(robots) if robot not in found]
+    jobs = [(*robot, seed) for robot in missing]
+    with ProcessPoolExecutor(processes) if processes > 1 else nullcontext() as pool:
+        results = map(_job, jobs) if pool is None else pool.map(_job, jobs)
+        for robot, ends in zip(missing, results, strict=True):
+            found[robot] = ends
+            done(robot, ends)
+    return found
 
 
-def _gathered(
-    jobs: list[tuple[str, int, int]], results: Iterable[dict[str, Ends]], tell: Callable[[str], None]
-) -> Cells:
+def in_turn(robots: Mapping[str, int]) -> list[Number]:
+    """All robots, every column filled at the same pace, so that a part of the work is a part of each."""
+    every = [(condition, number) for condition, count in robots.items() for number in range(count)]
+    return sorted(every, key=lambda robot: (robot[1] + 0.5) / robots[robot[0]])
+
+
+def as_cells(found: Found) -> Cells:
+    """The ends of all robots by mitigation, condition and manoeuvre."""
     cells: Cells = {}
-    for done, ((condition, _, _), found) in enumerate(zip(jobs, results, strict=True), start=1):
-        for method, ends in found.items():
+    for (condition, _), methods in sorted(found.items()):
+        for method, ends in methods.items():
             for name, end in ends.items():
                 cells.setdefault((method, condition, name), []).append(end)
-        if done % 20 == 0 or done == len(jobs):
-            tell(f"{done} of {len(jobs)} robots")
     return cells
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,24 +44,6 @@ def _numbers(ends: list[End]) -> str:
         f"{distance:.1f} / {lateral:.1f} / {math.degrees(high(ends, 'heading')):.1f} / "
         f"{high(ends, 'seconds'):.1f}"
     )
-
-
-def as_json(cells: Cells) -> str:
-    """Every robot's errors: a list of mitigation, condition, manoeuvre and ends."""
-    return json.dumps(
-        [
-            {"mitigation": method, "condition": condition, "manoeuvre": name, "ends": [*map(asdict, ends)]}
-            for (method, condition, name), ends in cells.items()
-        ]
-    )
-
-
-def from_json(text: str) -> Cells:
-    """The cells that `as_json` wrote."""
-    return {
-        (each["mitigation"], each["condition"], each["manoeuvre"]): [End(**end) for end in each["ends"]]
-        for each in json.loads(text)
-    }
 
 
 def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:

@@ -1,0 +1,56 @@
+"""What was driven, one line a robot, so that work that was stopped goes on where it was."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+from raccoon.cli.compare_mitigations.measure import End, Ends, Found, Number
+from raccoon.core.errors import ConfigError
+
+
+def stored(path: Path, seed: int) -> Found:
+    """The robots in a file of results; none where there is no file. A line that was cut off is left out.
+
+    Raises ConfigError where the results are those of another seed.
+    """
+    found: Found = {}
+    for line in path.read_text("utf-8").splitlines() if path.exists() else ():
+        try:
+            row = json.loads(line)
+        except ValueError:
+            continue
+        if row["seed"] != seed:
+            raise ConfigError(
+                f"{path} has results of --seed {row['seed']}: take another file than for {seed}"
+            )
+        found[row["condition"], row["number"]] = {
+            method: {name: End(**end) for name, end in ends.items()} for method, ends in row["ends"].items()
+        }
+    return found
+
+
+def writer(path: Path, seed: int) -> Callable[[Number, dict[str, Ends]], None]:
+    """What adds a robot to a file of results."""
+
+    def add(robot: Number, ends: dict[str, Ends]) -> None:
+        row = {"condition": robot[0], "number": robot[1], "seed": seed, "ends": _plain(ends)}
+        with path.open("a", encoding="utf-8") as file:
+            file.write("\n" * _cut_off(path) + json.dumps(row) + "\n")
+
+    return add
+
+
+def _plain(ends: dict[str, Ends]) -> dict[str, dict[str, dict[str, float]]]:
+    return {method: {name: asdict(end) for name, end in each.items()} for method, each in ends.items()}
+
+
+def _cut_off(path: Path) -> bool:
+    """Whether the last line lacks its end."""
+    with path.open("rb") as file:
+        if file.seek(0, 2) == 0:
+            return False
+        file.seek(-1, 2)
+        return file.read(1) != b"\n"
