@@ -43,6 +43,7 @@ def test_every_field_of_a_cycle() -> None:
         ),
         {"drive": (0.1, -math.inf, 5e-324)},
     )
+    assert first.inputs.device.bemf_lag is None
     assert second == Tick(Inputs(time=12.35, device=DEVICE))
 
 

@@ -168,5 +168,5 @@ def _real(robot: Robot, alarm: bool | None) -> bool:
     """Whether the robot's seconds are the wall's: not in simulation and not in a replay."""
     if alarm is not None:
         return alarm
-    simulated = robot.inputs is None or robot.inputs.device is SIMULATOR
+    simulated = robot.inputs is None or robot.inputs.device.name == SIMULATOR.name
     return robot.config.controller.port in REAL and not simulated and not hasattr(robot.port, "trace")

@@ -6,7 +6,7 @@ import pytest
 
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
-from raccoon.estimate.drive.wheels import WheelDecoder
+from raccoon.estimate.drive.wheels import WheelDecoder, lag_seconds
 
 PER_COUNT = SIMULATOR.bemf_volts / 1.08
 
@@ -100,3 +100,20 @@ def test_word_that_is_not_a_number_is_left_out_and_told(word: float) -> None:
     reading = decoder.decode(inputs(0.005, (word, 1.0), (word, 1.0)))
     assert (reading.left_speed, reading.left_angle, reading.not_a_number) == (None, None, True)
     assert reading.right_speed is not None
+
+
+def test_the_device_knows_its_lag_unless_robot_toml_does() -> None:
+    board = replace(SIMULATOR, bemf_lag=0.0128)
+    assert lag_seconds(RobotConfig(), board) == 0.0128
+    assert lag_seconds(RobotConfig(), SIMULATOR) == 0.0225
+    own = parse_robot({"model": {"bemf": {"filter_time_constant": {"value": 0.03, "std": 0.001}}}})
+    assert lag_seconds(own, board) == 0.03
+
+
+def test_a_zero_of_a_device_with_a_dead_zone_is_not_standing_still() -> None:
+    board = replace(SIMULATOR, bemf_dead_zone=40.0)
+    decoder = WheelDecoder(RobotConfig())
+    decoder.decode(replace(inputs(0.0, (0, 0), (0, 0)), device=board))
+    reading = decoder.decode(replace(inputs(0.005, (0, 12), (0, 0)), device=board))
+    assert (reading.left_blind, reading.right_blind) == (True, False)
+    assert not decoder.decode(inputs(0.010, (0, 0), (0, 0))).left_blind

@@ -75,6 +75,20 @@ def test_backemf_agrees_with_the_wheels(bench: Bench) -> None:
         assert counts * last.device.bemf_volts == pytest.approx(volts, rel=0.01)
 
 
+def test_the_counters_are_as_late_as_the_device_says(bench: Bench) -> None:
+    seen = bench.run(FORWARD, 80)
+    late = []
+    for _ in range(40):
+        inputs = bench.run(FORWARD, 1)[-1]
+        per_count = inputs.device.bemf_volts / K_E
+        moved = (inputs.position[0] or 0) - (seen[0].position[0] or 0)
+        missing = bench.robot.angles[0] - moved * inputs.device.position_counts_seconds * per_count
+        late.append(missing / bench.robot.speeds[0])
+    assert inputs.device.bemf_lag is not None
+    # Besides, a reading is half an update old on average.
+    assert 0.0 < sum(late) / len(late) - inputs.device.bemf_lag < 0.004
+
+
 @pytest.mark.parametrize("rate_hz", [50.0, 100.0, 333.0])
 def test_other_rates_see_the_same(rate_hz: float) -> None:
     bench = Bench("stock", rate_hz=rate_hz)

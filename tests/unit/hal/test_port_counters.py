@@ -78,6 +78,15 @@ def test_a_slow_motor_may_stop_at_once() -> None:
     assert not bemf.overdue
 
 
+def test_a_motor_that_is_driven_back_may_stop_at_once() -> None:
+    bemf = StockBemf(235.0)
+    bemf.update((15, -13, 0, 0), 0.0025)
+    for _ in range(5):
+        bemf.update((0, 0, 0, 0), 0.0025)
+        assert not bemf.overdue
+    assert bemf.value == (0.0, 0.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize("updates", [2, 3, 7])
 def test_a_late_look_counts_the_updates_it_missed(updates: int) -> None:
     bemf = StockBemf(235.0)

@@ -141,7 +141,15 @@ def test_numbers_that_are_none_are_damage(tmp_path: Path, text: bytes) -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"bemf_volts": 0}, {"bemf_volts": "1"}, {"gyro_rad_s": -1}, {"name": 5}, {"battery_volts": None}],
+    [
+        {"bemf_volts": 0},
+        {"bemf_volts": "1"},
+        {"gyro_rad_s": -1},
+        {"name": 5},
+        {"battery_volts": None},
+        {"bemf_lag": -0.1},
+        {"bemf_dead_zone": None},
+    ],
 )
 def test_a_wrong_device_is_damage(tmp_path: Path, change: dict[str, Any]) -> None:
     trace = read_trace(write(tmp_path / "bad.jsonl", {"device": DEVICE | change}, {"t": 0}))

@@ -1,6 +1,7 @@
 import gzip
 import json
 import math
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -91,6 +92,14 @@ def test_commands_and_remarks_before_the_first_cycle_are_kept(tmp_path: Path) ->
     assert trace.events[0].tick == -1
     assert trace.ticks[0].commands == (command(2), command(3))
     assert trace.ticks[0].outputs == command(3)
+
+
+def test_what_a_device_says_of_its_back_emf_comes_back(tmp_path: Path) -> None:
+    device = replace(SIMULATOR, bemf_lag=0.0128, bemf_dead_zone=40.0)
+    port = RecordingPort(ScriptedPort([replace(cycle(0), device=device)]), tmp_path / "run")
+    port.read()
+    port.close()
+    assert read_trace(port.path).ticks[0].inputs.device == device
 
 
 def test_device_is_written_when_it_changes(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from raccoon.estimate.drive.readings import GAP, DriveReadings, Pending
 from raccoon.estimate.drive.slip import BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
-from raccoon.estimate.drive.wheels import counts_scale
+from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
 from raccoon.estimate.ekf.filter import DriveFilter, covariance_of, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry, arc_end
@@ -191,6 +191,8 @@ class Odometry:
         """Scale of the words of this device; a new one starts the filter anew, where the old one stood."""
         self._device = device
         per_count = counts_scale(self._robot, "left", device)
+        self._left.lag = self._right.lag = lag_seconds(self._robot, device)
+        self._dead_variance = (device.bemf_dead_zone * per_count) ** 2 / 3.0  # anywhere within the dead zone
         self._tick = per_count * device.position_counts_seconds
         self._bemf_variance = (self._settings.bemf_noise_counts * per_count) ** 2 * SAMPLE_TIME
         mean, covariance = prior(self._robot, self._settings, device)
@@ -213,6 +215,7 @@ class Odometry:
             self._wheel_variance(self._right, read[1], span),
         )
         self._left.mean, self._right.mean = read[0], read[1]
+        self._left.blind = self._right.blind = 0.0
         if pending.gyro_count and pending.gyro_span > 0.5 * span:
             noise = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             read = (*read, pending.turn / pending.gyro_span)
@@ -235,7 +238,8 @@ class Odometry:
             noise += steps + self._bemf_variance / SAMPLE_TIME
         slip = self._settings.slip_noise**2 * abs(speed) / (self._geometry.wheel_radius * span)
         late = self._settings.timing * (speed - wheel.mean) / span
-        return noise + slip + late * late + 1e-10
+        unseen = self._dead_variance * min(wheel.blind / span, 1.0)
+        return noise + slip + late * late + unseen + 1e-10
 
     def _feel(self, span: float, still: bool, inputs: Inputs) -> None:
         """Compare the accelerometer with the wheels."""

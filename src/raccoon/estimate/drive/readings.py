@@ -73,6 +73,8 @@ class DriveReadings:
 
     def _take_wheels(self, dt: float, reading: WheelReading, inputs: Inputs) -> None:
         left, right = self.left, self.right
+        left.blind += dt * reading.left_blind
+        right.blind += dt * reading.right_blind
         if inputs.faults and Fault.STALE in inputs.faults:
             # A repeated frame says nothing; a counter that moved all the same does.
             left.update(dt, None, reading.left_angle or None)

@@ -27,17 +27,19 @@ class WheelTrack:
     lag: s, the board's filter. tick: rad of one counter tick, for the noise of a wheel without back-EMF.
     increment: rad in the last cycle. speed: rad/s now, smoothed. settled: rad/s, averaged over 0.1 s.
     mean: rad/s over the filter's last step, kept here for it.
-    silent: s without a reading. fine: True where back-EMF was read, which carries no steps.
+    silent: s without a reading. blind: s of the filter's present step in which the back-EMF was within the
+    device's dead zone, kept here for it. fine: True where back-EMF was read, which carries no steps.
     """
 
     __slots__ = (
         "_behind",
         "_filtered",
-        "_lag",
         "_moved",
         "_turned",
+        "blind",
         "fine",
         "increment",
+        "lag",
         "mean",
         "settled",
         "silent",
@@ -46,7 +48,8 @@ class WheelTrack:
     )
 
     def __init__(self, lag: float) -> None:
-        self._lag = lag
+        self.lag = lag
+        self.blind = 0.0
         self._filtered: float | None = None
         self._behind = 0.0
         self.increment = 0.0
@@ -104,7 +107,7 @@ class WheelTrack:
             pull = self._behind * dt / (COUNTER_PULL + dt)
             self._behind -= pull
             turned += pull
-        self.increment = turned + self._lag * (speed - before)
+        self.increment = turned + self.lag * (speed - before)
         self._filtered = speed
         self.fine = True
 

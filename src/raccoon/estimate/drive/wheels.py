@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import BemfModel, RobotConfig
 from raccoon.core.readings import Device, Fault, Inputs
 
 MAX_WHEEL_SPEED = 60.0
@@ -33,6 +33,8 @@ class WheelReading:
     else is set).
     left_jumped, right_jumped: the counter moved further than a wheel can, and was left out.
     not_a_number: a word was NaN or infinite, and was left out.
+    left_blind, right_blind: the back-EMF reads 0 and may do so while the wheel creeps: the device has a dead
+    zone.
     """
 
     left_speed: float | None = None
@@ -43,6 +45,8 @@ class WheelReading:
     left_jumped: bool = False
     right_jumped: bool = False
     not_a_number: bool = False
+    left_blind: bool = False
+    right_blind: bool = False
 
 
 def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
@@ -53,6 +57,15 @@ def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
     if calibrated is not None:
         return calibrated.value / device.position_counts_seconds
     return device.bemf_volts / float(getattr(robot.model, side).back_emf_constant.value)
+
+
+def lag_seconds(robot: RobotConfig, device: Device) -> float:
+    """S by which back-EMF and counter are behind the wheel: robot.toml's where it gives one, else the
+    device's.
+    """
+    own = robot.model.bemf.filter_time_constant
+    given = own != BemfModel().filter_time_constant
+    return own.value if given or device.bemf_lag is None else device.bemf_lag
 
 
 def offset_counts(robot: RobotConfig, side: str) -> float:
@@ -121,6 +134,9 @@ class _Wheel:
             return None
         return moved - self._offset * self._scale * since
 
+    def blind(self, inputs: Inputs) -> bool:
+        return inputs.bemf[self.port] == 0.0 and inputs.device.bemf_dead_zone > 0.0
+
     def _announced(self, inputs: Inputs) -> bool:
         return bool(inputs.faults) and any(fault in _JUMPS for fault in inputs.faults)
 
@@ -146,6 +162,7 @@ class WheelDecoder:
         left_angle, right_angle = left.angle(inputs, dt), right.angle(inputs, dt)
         reading = WheelReading(left.speed(inputs), right.speed(inputs), left_angle, right_angle, dt)
         reading.left_jumped, reading.right_jumped = left.jumped, right.jumped
+        reading.left_blind, reading.right_blind = left.blind(inputs), right.blind(inputs)
         reading.not_a_number = _bad(inputs, left.port) or _bad(inputs, right.port)
         return reading
 

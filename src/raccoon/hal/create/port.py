@@ -36,6 +36,7 @@ CREATE_2 = Device(
     gyro_rad_s=1.0,  # no IMU
     accel_m_s2=1.0,
     battery_volts=0.001,
+    bemf_lag=0.0,  # encoders are not filtered
 )
 CYCLE_TIMEOUT = 0.05
 """s without a frame after which a cycle is handed over empty: three stream periods and some."""

@@ -71,6 +71,10 @@ class StockBemf:
     TRUNCATION = 1.5
     SURELY_STOPPED = 16
     """Counts: f may drop to 0 from here, its dead zone being 10 and its decay 3/4."""
+    STOPPED_BY_FORCE = 64
+    """Counts: f may drop to 0 from here where the motor is driven back at the same moment."""
+    NEXT, MISSED = 1.3, 2.6
+    """Updates after which the next one must have come, and after which two are missing."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period = 1.0 / rate_hz
@@ -85,9 +89,11 @@ class StockBemf:
     def update(self, differences: Counts, seconds: float) -> None:
         """Take what the counters did in the last `seconds`. `fresh` tells whether `value` is new."""
         self._since_news += seconds
-        moving = max(map(abs, self.value)) > self.SURELY_STOPPED
+        fastest = max(map(abs, self.value))
+        moving = fastest > self.SURELY_STOPPED
         if not any(differences):
-            self.fresh = not moving and self._since_news > 1.3 * self._period
+            patience = self.MISSED if moving else self.NEXT
+            self.fresh = fastest <= self.STOPPED_BY_FORCE and self._since_news > patience * self._period
             if self.fresh:
                 self.value = (0.0, 0.0, 0.0, 0.0)
             return
@@ -122,7 +128,9 @@ class StockBemf:
     @property
     def overdue(self) -> bool:
         """Whether counters that must move have stood still for more than two updates."""
-        return max(map(abs, self.value)) > self.SURELY_STOPPED and self._since_news > 2.6 * self._period
+        if self._since_news <= self.MISSED * self._period:
+            return False
+        return max(map(abs, self.value)) > self.STOPPED_BY_FORCE
 
     @property
     def rate_hz(self) -> float | None:

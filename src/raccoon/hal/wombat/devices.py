@@ -15,6 +15,14 @@ RaccoonOS turns its vectors into the world frame of its own quaternion; the code
 **Position ticks.** The counters integrate back-EMF without a clock (stock, version 17), so what a tick is
 worth depends on the rate of the firmware's loop. Nominal rates are given here; pass a measured one to
 `stock_device` or `raccoon_device` where it is known.
+
+**Lag of the back-EMF.** Both firmwares smooth it, f <- f + a (raw - f), and count the smoothed value. Summed
+over the samples: sum(raw) = sum(f) + (1/a - 1) f, so the counter is behind by (1/a - 1) sample times the
+smoothed back-EMF, exactly: 3 samples for the stock weight of 1/4, 4 for RaccoonOS's 1/5, whose median of
+three adds one more.
+
+**Dead zone.** Motion so slow that it may not be counted: the stock filter, in whole counts and cut off below
+10, needs 40 counts to leave 0; RaccoonOS 21 cuts off below 25; 17 has none.
 """
 
 from __future__ import annotations
@@ -33,6 +41,10 @@ STOCK_COUNTS_PER_TICK = 250
 STOCK_BEMF_RATE_HZ = 235.0
 """Updates a second of the shipped stock firmware; the published source would make about 268."""
 
+STOCK_LAG_SAMPLES, RACCOON_LAG_SAMPLES = 3.0, 5.0
+STOCK_DEAD_ZONE, RACCOON_21_DEAD_ZONE = 40.0, 25.0
+"""Back-EMF counts."""
+
 RACCOON_BEMF_RATE_HZ = 181.0
 """Updates a second and motor of RaccoonOS: 200 by design; four motors' counters measured 175 to 187."""
 
@@ -48,19 +60,26 @@ def stock_device(bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> Device:
         gyro_rad_s=math.radians(1.0) / 16.4,
         accel_m_s2=GRAVITY / 8192,
         battery_volts=BATTERY_VOLTS_PER_COUNT,
+        bemf_lag=STOCK_LAG_SAMPLES / bemf_rate_hz,
+        bemf_dead_zone=STOCK_DEAD_ZONE,
     )
 
 
 def raccoon_device(version: int, bemf_rate_hz: float = RACCOON_BEMF_RATE_HZ) -> Device:
-    """Words of RaccoonOS 17 or 21. The rate matters to 17 alone: 21 multiplies by its own time step."""
-    counts_seconds = 1.0 if version >= 21 else 1.0 / _rate(bemf_rate_hz)
+    """Words of RaccoonOS 17 or 21.
+
+    What a tick is worth follows from the rate in 17 alone: 21 multiplies by its own time step.
+    """
+    rate_hz = _rate(bemf_rate_hz)
     return Device(
         name=f"wombat-raccoon-{version}",
         bemf_volts=BEMF_VOLTS_PER_COUNT,
-        position_counts_seconds=counts_seconds,
+        position_counts_seconds=1.0 if version >= 21 else 1.0 / rate_hz,
         gyro_rad_s=math.radians(1.0),
         accel_m_s2=1.0,
         battery_volts=BATTERY_VOLTS_PER_COUNT,
+        bemf_lag=RACCOON_LAG_SAMPLES / rate_hz,
+        bemf_dead_zone=RACCOON_21_DEAD_ZONE if version >= 21 else 0.0,
     )
 
 
