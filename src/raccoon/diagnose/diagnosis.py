@@ -20,9 +20,9 @@ from raccoon.diagnose.noise import white_noise, whiteness
 from raccoon.diagnose.outlook import Search
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.quality import brakes, check_units, moves
-from raccoon.diagnose.result import ChannelResult, Diagnosis, Unexplained, Verdict
+from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Unexplained, Verdict
 from raccoon.diagnose.rollout import Habits, PlantRollout, parameters_of
-from raccoon.diagnose.search import search_causes
+from raccoon.diagnose.search import pruned, search_causes
 from raccoon.diagnose.unknown import PREFIX, probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
@@ -37,6 +37,10 @@ FAR_FROM_NOISE = 2.5
 FAR = 40.0
 USUAL = 0.4
 """How much log misfit another filter than the firmware's must save."""
+CLEAR = 25.0
+"""Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
+HARM = 0.9
+"""Error on unseen data without a cause, over that with it, at which the cause is dropped."""
 LATE = "actuation.latency"
 LATENESS = (0.02, 0.5, 1.0, 1.7, 2.5, 3.5)
 
@@ -77,8 +81,21 @@ def diagnose(
             other_log = log_from_columns(holdout, robot)
             check_units(other_log, robot)
             other = _problem(other_log, robot, tuple(problem.causes.values()), habits, model)
-        judged = held_out(search, other)
+        search, judged = _proven(search, other)
         return _diagnosis(log, search, judged, habits, begin)
+
+
+def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
+    """The causes that stand on unseen data, and how they do there."""
+    judged = held_out(search, other)
+    while len(search.fit.point.active) > 1:
+        weak = [name for name in search.fit.point.active if search.gains.get(name, CLEAR) < CLEAR]
+        weak.sort(key=lambda name: judged.overall(judged.without[name]))
+        if not weak or judged.overall(judged.without[weak[0]]) > HARM * judged.overall(judged.after):
+            break
+        search = pruned(search, weak[0])
+        judged = held_out(search, other)
+    return search, judged
 
 
 def _problem(
@@ -183,6 +200,23 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         time.perf_counter() - begin,
         replace(model, robot=replace(model.robot, motors=problem.robot.motors)),
         log.notes,
+        curves=_curves(log, judged),
+    )
+
+
+def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
+    """Every channel on data that was not fitted, for pictures."""
+    measured, (before, after) = judged.measured, judged.residual
+    return tuple(
+        Curve(
+            each.name,
+            each.unit,
+            judged.time,
+            measured[:, index],
+            (measured - before)[:, index],
+            (measured - after)[:, index],
+        )
+        for index, each in enumerate(log.channels)
     )
 
 

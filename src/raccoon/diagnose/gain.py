@@ -33,12 +33,16 @@ class Masked:
 @dataclass(frozen=True, slots=True)
 class HeldOut:
     """Root mean squares on held-out bins. before, after, floor: (channels,). without: after dropping each
-    cause."""
+    cause. time (bins,), measured (bins, channels), residual (2, bins, channels): those bins themselves,
+    measured less simulated before and after, for pictures."""
 
     before: Array
     after: Array
     floor: Array
     without: dict[str, Array]
+    time: Array
+    measured: Array
+    residual: Array
 
     def overall(self, rms: Array) -> float:
         """One number for all channels, in units of their noise."""
@@ -77,7 +81,16 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     rms = np.sqrt((kept**2).mean(axis=1))
     rest = search.whitener.rest[split:] if other is None else search.whitener.rest
     floor = np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors)
-    return HeldOut(rms[0], rms[1], floor, dict(zip(names, rms[2:], strict=True)))
+    start = split if other is None else 0
+    return HeldOut(
+        rms[0],
+        rms[1],
+        floor,
+        dict(zip(names, rms[2:], strict=True)),
+        judged.features.time[start:],
+        judged.features.measured[start:],
+        kept[:2],
+    )
 
 
 def _refitted(problem: Problem, masked: Masked, start: Point) -> Fit:
