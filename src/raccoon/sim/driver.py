@@ -9,7 +9,7 @@ from typing import Any
 
 from raccoon.sim.equations import substep
 from raccoon.sim.quantities import Command, Plant, State
-from raccoon.sim.sensing import duty_at_motor, sensed
+from raccoon.sim.sensing import duty_at_motor, kept_shares, period_of, sensed
 from raccoon.sim.series import within_unit
 
 Order = tuple[float, float, float, float]
@@ -97,9 +97,14 @@ def advance(
     kept: fields of the state to record; out[i, r] gets field kept[i] at times[begin + r + 1].
     """
     turn = 0
+    period = -1.0
+    keeps = (0.0, 0.0, 0.0)
     for row in range(begin, end):
         dt = times[row + 1] - times[row]
         cycles = cycle_count(dt, cycle)
+        if period != period_of(dt / cycles):
+            period = period_of(dt / cycles)
+            keeps = kept_shares(p, period)
         steps = step_count(dt / cycles, longest_step)
         h = dt / (cycles * steps)
         per_h = 1.0 / h
@@ -114,7 +119,7 @@ def advance(
                 right = sample_place(slots[1], steps, step)
                 s = substep(s, p, command(mixed(older, newer, share), left, right), h, per_h)
             count = turn % len(noise[0])
-            s = sensed(s, p, dt / cycles, noise[0][count], noise[1][count])
+            s = sensed(s, p, dt / cycles, keeps, noise[0][count], noise[1][count])
             turn += 1
         for channel in range(len(kept)):
             out[channel, row - begin] = s[kept[channel]]

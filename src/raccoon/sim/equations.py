@@ -36,45 +36,50 @@ def circuit(s: State, p: Plant, u: Command, h: float) -> Circuit:
     """Battery and windings at the expected speeds: the battery's sag couples the motors."""
     left = expected(s.speed_left, s.acceleration_left, h)
     right = expected(s.speed_right, s.acceleration_right, h)
-    wire_left = winding(u.closed_left, p.resistance_left, p.heating_left, s.heat_left)
-    wire_right = winding(u.closed_right, p.resistance_right, p.heating_right, s.heat_right)
+    ohm_left = p.resistance_left
+    ohm_right = p.resistance_right
+    ohm_left *= 1.0 + p.heating_left * s.heat_left  # effect: motor.heating
+    ohm_right *= 1.0 + p.heating_right * s.heat_right  # effect: motor.heating
+    per_both = 1.0 / (ohm_left * ohm_right)  # one division for both: they are what costs most
+    wire_left = u.closed_left * (ohm_right * per_both)
+    wire_right = u.closed_right * (ohm_left * per_both)
     source = p.open_circuit_voltage
     source -= p.volts_per_coulomb * s.charge  # effect: battery.discharge
     sag = p.internal_resistance
-    share = 1.0 / (1.0 + sag * (wire_left * u.left * u.left + wire_right * u.right * u.right))
-    fed_left = u.left * wire_left * p.back_emf_left * left
-    fed_right = u.right * wire_right * p.back_emf_right * right
-    bus = (source + sag * (fed_left + fed_right)) * share
-    current_left = wire_left * (u.left * bus - p.back_emf_left * left)
-    current_right = wire_right * (u.right * bus - p.back_emf_right * right)
     held_left = 0.0
     held_right = 0.0
-    held_left = beyond(current_left, p.limit_left)  # effect: motor.current_limit
-    held_right = beyond(current_right, p.limit_right)  # effect: motor.current_limit
+    gain_left = u.left * wire_left
+    gain_right = u.right * wire_right
+    volts_left = p.back_emf_left * left
+    volts_right = p.back_emf_right * right
+    # The voltage and the currents times `scale`: finding a limit exceeded then takes no division.
+    scale = 1.0 + sag * (gain_left * u.left + gain_right * u.right)
+    bus = source + sag * (gain_left * volts_left + gain_right * volts_right)
+    free_left = gain_left * bus - wire_left * volts_left * scale
+    free_right = gain_right * bus - wire_right * volts_right * scale
+    held_left = beyond(free_left, p.limit_left * scale, p.limit_left)  # effect: motor.current_limit
+    held_right = beyond(free_right, p.limit_right * scale, p.limit_right)  # effect: motor.current_limit
     wire_left = wire_left if held_left == 0.0 else 0.0  # effect: motor.current_limit
     wire_right = wire_right if held_right == 0.0 else 0.0  # effect: motor.current_limit
-    current_left = current_left if held_left == 0.0 else held_left  # effect: motor.current_limit
-    current_right = current_right if held_right == 0.0 else held_right  # effect: motor.current_limit
-    share = 1.0 / (1.0 + sag * (wire_left * u.left * u.left + wire_right * u.right * u.right))
+    gain_left = gain_left if held_left == 0.0 else 0.0  # effect: motor.current_limit
+    gain_right = gain_right if held_right == 0.0 else 0.0  # effect: motor.current_limit
     source -= sag * (u.left * held_left + u.right * held_right)
-    pull_left = p.back_emf_left * wire_left * u.left
-    pull_right = p.back_emf_right * wire_right * u.right
+    share = 1.0 / (1.0 + sag * (gain_left * u.left + gain_right * u.right))
+    source *= share
+    sag *= share
+    bus = source + sag * (gain_left * volts_left + gain_right * volts_right)
     return Circuit(
-        source * share, sag * share, wire_left, wire_right, held_left, held_right,
-        pull_left, pull_right, current_left, current_right,
+        source, sag, wire_left, wire_right, held_left, held_right,
+        p.back_emf_left * gain_left, p.back_emf_right * gain_right,
+        gain_left * bus - wire_left * volts_left + held_left,
+        gain_right * bus - wire_right * volts_right + held_right,
     )  # fmt: skip
 
 
-def winding(closed: float, resistance: float, heating: float, heat: float) -> float:
-    """1/ohm of a winding that is connected for a share of the time."""
-    resistance *= 1.0 + heating * heat  # effect: motor.heating
-    return closed / resistance
-
-
-def beyond(current: float, limit: float) -> float:
-    """The limit's current, with its sign, where `current` is beyond it; else 0."""
-    over = limit if current > limit else 0.0
-    return -limit if current < -limit else over
+def beyond(current: float, bound: float, limit: float) -> float:
+    """`limit`, with the current's sign, where `current` is beyond `bound`; else 0."""
+    over = limit if current > bound else 0.0
+    return -limit if current < -bound else over
 
 
 def frictions(s: State, p: Plant, c: Circuit, h: float) -> tuple[Rubbing, Rubbing]:
@@ -117,9 +122,10 @@ def driven(s: State, p: Plant, c: Circuit, left: Rubbing, right: Rubbing, h: flo
     """
     drive_left = c.pull_left * c.source + p.back_emf_left * c.held_left
     drive_right = c.pull_right * c.source + p.back_emf_right * c.held_right
-    damp_left = p.back_emf_left * p.back_emf_left * c.wire_left - c.pull_left * c.pull_left * c.sag
+    fed_left = c.pull_left * c.sag
+    damp_left = p.back_emf_left * p.back_emf_left * c.wire_left - c.pull_left * fed_left
     damp_right = p.back_emf_right * p.back_emf_right * c.wire_right - c.pull_right * c.pull_right * c.sag
-    damp_both = -c.pull_left * c.pull_right * c.sag
+    damp_both = -c.pull_right * fed_left
     damp_left += left.drag
     damp_right += right.drag
     turning = abs(
@@ -156,15 +162,18 @@ def settled(
     Two sweeps from a guess of the right wheel's speed find which wheels move and where to; then the exact
     solution for that case.
     """
-    inverse_left = 1.0 / own_left
-    inverse_right = 1.0 / own_right
+    both = own_left * own_right
+    spare = both - other * other
+    per_all = 1.0 / (both * spare)  # one division for all three
+    inverse_left = own_right * spare * per_all
+    inverse_right = own_left * spare * per_all
+    inverse = both * per_all
     new_left = freed(push_left - other * guess, left.forward, left.backward) * inverse_left
     new_right = freed(push_right - other * new_left, right.forward, right.backward) * inverse_right
     new_left = freed(push_left - other * new_right, left.forward, left.backward) * inverse_left
     new_right = freed(push_right - other * new_left, right.forward, right.backward) * inverse_right
     net_left = push_left - (left.forward if new_left > 0.0 else -left.backward)
     net_right = push_right - (right.forward if new_right > 0.0 else -right.backward)
-    inverse = 1.0 / (own_left * own_right - other * other)
     both_left = (own_right * net_left - other * net_right) * inverse
     both_right = (own_left * net_right - other * net_left) * inverse
     exact_left = both_left if new_right != 0.0 else net_left * inverse_left
@@ -209,8 +218,7 @@ def moved(
         warmed(s.heat_right, current_right, h * p.heating_rate_right),
         s.charge + h * (u.left * current_left + u.right * current_right), current_left, current_right,
         c.source + c.sag * (c.pull_left * left + c.pull_right * right),
-        sampled(s.speed_left, left, u.sample_left, s.sampled_left),
-        sampled(s.speed_right, right, u.sample_right, s.sampled_right),
+        *sampled_both(s, left, right, u.sample_left, u.sample_right),
         s.recent_left, s.recent_right, s.older_left, s.older_right, s.filtered_left, s.filtered_right,
         s.bemf_left, s.bemf_right, s.position_left, s.position_right, s.battery,
     )  # fmt: skip
@@ -239,6 +247,16 @@ def rolled(
 def warmed(heat: float, current: float, share: float) -> float:
     """Squared current as the winding's temperature follows it; share: step over time constant."""
     return heat + share * (1.0 - 0.5 * share) * (current * current - heat)
+
+
+def sampled_both(
+    s: State, left: float, right: float, place_left: float, place_right: float
+) -> tuple[float, float]:
+    """What the controller last looked at, of both wheels, after a step to `left` and `right`."""
+    return (
+        sampled(s.speed_left, left, place_left, s.sampled_left),
+        sampled(s.speed_right, right, place_right, s.sampled_right),
+    )
 
 
 def sampled(before: float, after: float, place: float, last: float) -> float:

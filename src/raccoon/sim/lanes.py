@@ -7,7 +7,7 @@ stores; compiled, a vector unit does several robots at once.
 
 from __future__ import annotations
 
-from raccoon.sim.quantities import Circuit, Plant, Rubbing, State
+from raccoon.sim.quantities import Circuit, Plant, State
 
 BLOCK = 32  # robots: their numbers stay in the fastest cache
 STRIDE = 36  # from row to row: not a power of two, or rows would crowd into the same cache sets
@@ -16,23 +16,26 @@ PLANT_ROWS = len(Plant._fields)
 OLDER_ROW = STATE_ROWS + PLANT_ROWS
 NEWER_ROW, ORDER_ROW, CHANGE_ROW = OLDER_ROW + 4, OLDER_ROW + 8, OLDER_ROW + 12
 CIRCUIT_ROW = CHANGE_ROW + 1
-RUBBING_ROW = CIRCUIT_ROW + len(Circuit._fields)
-SPEED_ROW = RUBBING_ROW + 2 * len(Rubbing._fields)
-ROWS = SPEED_ROW + 2
-_FIRST_SENSED = State._fields.index("recent_left")  # fields before it change in a step, the others in a cycle
+SPEED_ROW = CIRCUIT_ROW + len(Circuit._fields)
+KEEP_ROW = SPEED_ROW + 2
+ROWS = KEEP_ROW + 3
+# Fields before these change in a step, when a motor is sampled, and in a cycle.
+_FIRST_SAMPLED, _FIRST_SENSED = (State._fields.index(name) for name in ("sampled_left", "recent_left"))
 
 
 def lanes_text() -> str:
     """Source of `advance_lanes`, which brings count <= BLOCK robots from times[begin] to times[end].
 
     Its arguments: a is the flat array, the others are as in `driver.advance`, except that noise[i]
-    has a column a robot and out[i, r, first + k] gets the field of robot k < count.
+    has a column a robot and out[i, r + 1, first + k] gets the field of robot k < count.
     """
     return _TEXT.format(
         block=BLOCK,
         stride=STRIDE,
         change=_cell(CHANGE_ROW),
         latency=_cell(STATE_ROWS + Plant._fields.index("latency")),
+        store_keeps=_stores(KEEP_ROW, "keeps", 16, 3),
+        keeps=_cells(KEEP_ROW, 3),
         store_now=_stores(ORDER_ROW, "order", 12),
         store_older=_stores(OLDER_ROW, "older", 12),
         store_newer=_stores(NEWER_ROW, "newer", 12),
@@ -41,17 +44,13 @@ def lanes_text() -> str:
         newer=_cells(NEWER_ROW, 4),
         order=_cells(ORDER_ROW, 4),
         circuit=_cells(CIRCUIT_ROW, len(Circuit._fields)),
-        rubbing_left=_cells(RUBBING_ROW, 3),
-        rubbing_right=_cells(RUBBING_ROW + 3, 3),
         speeds=_cells(SPEED_ROW, 2),
         store_circuit=_stores(CIRCUIT_ROW, "c", 20, len(Circuit._fields)),
-        store_rubbing="\n".join(
-            (_stores(RUBBING_ROW, "rubbing[0]", 20, 3), _stores(RUBBING_ROW + 3, "rubbing[1]", 20, 3))
-        ),
         store_speeds=_stores(SPEED_ROW, "speeds", 20, 2),
         state=_cells(0, STATE_ROWS),
         plant=_cells(STATE_ROWS, PLANT_ROWS),
-        store_step=_fields(0, _FIRST_SENSED, 20),
+        store_step=_fields(0, _FIRST_SAMPLED, 20),
+        store_sampled=_stores(_FIRST_SAMPLED, "looked", 20, 2),
         store_cycle=_fields(_FIRST_SENSED, STATE_ROWS, 16),
     )
 
@@ -76,6 +75,8 @@ def _fields(begin: int, end: int, indent: int) -> str:
 _TEXT = """
 def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, noise, kept, out, first, count):
     turn = 0
+    period = -1.0
+    last = (2.0, 2.0, 2.0, 2.0)
     late = False
     for k in range({block}):
         late = late or {latency} > 0.0
@@ -85,11 +86,18 @@ def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, no
         steps = step_count(dt / cycles, longest_step)
         h = dt / (cycles * steps)
         per_h = 1.0 / h
+        if period != period_of(dt / cycles):
+            period = period_of(dt / cycles)
+            for k in range({block}):
+                p = Plant({plant})
+                keeps = kept_shares(p, period)
+{store_keeps}
         now = order_of(commands, row)
-        for k in range(0 if late else {block}):
+        for k in range(0 if late or now == last else {block}):
             p = Plant({plant})
             order = effective(p, now)
 {store_now}
+        last = now
         for k in range({block} if late else 0):
             p = Plant({plant})
             index = in_force(times, row, p.latency)
@@ -112,13 +120,12 @@ def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, no
                     c = circuit(s, p, command(({order}), left, right), h)
 {store_circuit}
                     rubbing = frictions(s, p, c, h)
-{store_rubbing}
-                for k in range({block}):
-                    s = State({state})
-                    p = Plant({plant})
-                    c = Circuit({circuit})
-                    speeds = driven(s, p, c, Rubbing({rubbing_left}), Rubbing({rubbing_right}), h)
+                    speeds = driven(s, p, c, rubbing[0], rubbing[1], h)
 {store_speeds}
+                for k in range({block} if left > 0.0 or right > 0.0 else 0):
+                    s = State({state})
+                    looked = sampled_both(s, {speeds}, left, right)
+{store_sampled}
                 for k in range({block}):
                     s = State({state})
                     p = Plant({plant})
@@ -129,10 +136,10 @@ def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, no
             for k in range({block}):
                 s = State({state})
                 p = Plant({plant})
-                n = sensed(s, p, dt / cycles, noise[0, draw, k], noise[1, draw, k])
+                n = sensed(s, p, dt / cycles, ({keeps}), noise[0, draw, k], noise[1, draw, k])
 {store_cycle}
             turn += 1
         for channel in range(len(kept)):
             for k in range(count):
-                out[channel, row - begin, first + k] = a[kept[channel] * {stride} + k]
+                out[channel, row - begin + 1, first + k] = a[kept[channel] * {stride} + k]
 """

@@ -158,17 +158,22 @@ def wiring_signs(parameters: Parameters) -> tuple[float, float]:
 
 def state_at_rest(plant: Plant) -> State:
     """Standing at the origin, winding cold, battery rested, filters settled."""
-    zeros = dict.fromkeys(State._fields, 0.0)
-    settled = {
-        "bus": plant.open_circuit_voltage,
-        "battery": plant.open_circuit_voltage,
-        "heading_cos": 1.0,
-        "wheel_cos_left": 1.0,
-        "wheel_cos_right": 1.0,
-    }
-    for side in ("left", "right"):
-        offset = float(getattr(plant, f"offset_{side}"))
-        settled.update(dict.fromkeys((f"recent_{side}", f"older_{side}", f"filtered_{side}"), offset))
-        dead = abs(offset) <= float(getattr(plant, f"dead_zone_{side}"))
-        settled[f"bemf_{side}"] = 0.0 if dead else offset
-    return State(**{**zeros, **settled})
+    return State._make(states_at_rest(np.array([plant]))[0].tolist())
+
+
+def states_at_rest(plants: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same of many robots: (robots, fields of Plant) in, (robots, fields of State) out."""
+    column = {name: index for index, name in enumerate(State._fields)}
+    at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
+    states = np.zeros((len(plants), len(column)))
+    for name in ("heading_cos", "wheel_cos_left", "wheel_cos_right"):
+        states[:, column[name]] = 1.0
+    for name in ("bus", "battery"):
+        states[:, column[name]] = at["open_circuit_voltage"]
+    for side in SIDES:
+        offset = at[f"offset_{side}"]
+        for name in ("recent", "older", "filtered"):
+            states[:, column[f"{name}_{side}"]] = offset
+        dead = np.abs(offset) <= at[f"dead_zone_{side}"]
+        states[:, column[f"bemf_{side}"]] = np.where(dead, 0.0, offset)
+    return states

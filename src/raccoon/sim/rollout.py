@@ -14,7 +14,7 @@ from raccoon.sim.chain import Noise
 from raccoon.sim.commands import Commands
 from raccoon.sim.packing import Lanes
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import safe_step, state_at_rest
+from raccoon.sim.physical import safe_step, states_at_rest
 from raccoon.sim.quantities import Plant, State
 from raccoon.sim.running import Course, cycles_of, run
 
@@ -96,7 +96,7 @@ def rollout(
         min(longest_step, safe_step(lanes.plant)),
         _bemf_noise(noise, random, cycles_of(commands, begin, end, lanes.cycle), len(states)),
     )
-    final = run(lanes, states, course, kept, raw[:, 1:, :])
+    final = run(lanes, states, course, kept, raw)
     recorded = {name: raw[row].T for row, name in enumerate(fields)}
     time = commands.time[begin : end + 1]
     age = time - commands.time[0]
@@ -147,7 +147,7 @@ _PLAIN_FIELDS = {
 
 def initial_states(plant: Floats, initial: Initial | None) -> Floats:
     """One state a robot, (robots, fields of State): at rest, with what `initial` says."""
-    states = np.array([state_at_rest(Plant._make(row.tolist())) for row in plant])
+    states = states_at_rest(plant)
     if isinstance(initial, State):
         states[:] = initial
         return states

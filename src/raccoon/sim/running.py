@@ -39,7 +39,7 @@ def cycles_of(commands: Commands, begin: int, end: int, cycle: float) -> int:
 
 
 def run(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
-    """States at the end. out: (fields, rows, robots), filled with the fields `kept` after each row."""
+    """States at the end. out: (fields, rows + 1, robots), filled from row 1 on with the fields `kept`."""
     if len(states) <= FEW or not has_numba():
         return _run_few(lanes, states, course, kept, out)
     return _run_blocks(lanes, states, course, kept, out)
@@ -54,7 +54,7 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
         noise = tuple(np.ascontiguousarray(side[:, column]) for side in course.noise)
         final[robot] = advance(
             State._make(state), Plant._make(plant), commands.rows, commands.time, course.begin, course.end,
-            lanes.cycle, course.step, lanes.slots, noise, kept, out[:, :, robot],
+            lanes.cycle, course.step, lanes.slots, noise, kept, out[:, 1:, robot],
         )  # fmt: skip
     return final
 

@@ -24,22 +24,32 @@ def reported(counts: float, dead_zone: float) -> float:
     return counts
 
 
-def sensed(s: State, p: Plant, dt: float, noise_left: float, noise_right: float) -> State:
+def period_of(dt: float) -> float:
+    """`dt` in whole 2^-40 s (1 ps), so that rounding of the clock does not make it another period."""
+    return int(dt * 1099511627776.0 + 0.5) * (1.0 / 1099511627776.0)
+
+
+def kept_shares(p: Plant, dt: float) -> tuple[float, float, float]:
+    """What the filters of left and right back-EMF and of the battery keep of their values in `dt` seconds."""
+    return decay(dt * p.filter_rate_left), decay(dt * p.filter_rate_right), decay(dt * p.battery_rate)
+
+
+def sensed(
+    s: State, p: Plant, dt: float, keeps: tuple[float, float, float], noise_left: float, noise_right: float
+) -> State:
     """The controller's cycle: back-EMF words, counters and battery word from what it sampled.
 
-    dt: s since the last cycle. noise: counts on the raw samples.
+    dt: s since the last cycle. keeps: `kept_shares` of it. noise: counts on the raw samples.
     """
     raw_left = p.counts_left * s.sampled_left + p.offset_left + noise_left
     raw_right = p.counts_right * s.sampled_right + p.offset_right + noise_right
-    keep_left = decay(dt * p.filter_rate_left)
-    keep_right = decay(dt * p.filter_rate_right)
+    keep_left, keep_right, keep = keeps
     filtered_left = filtered(raw_left, s.recent_left, s.older_left, s.filtered_left, keep_left, p.median)
     filtered_right = filtered(
         raw_right, s.recent_right, s.older_right, s.filtered_right, keep_right, p.median
     )
     bemf_left = reported(filtered_left, p.dead_zone_left)
     bemf_right = reported(filtered_right, p.dead_zone_right)
-    keep = decay(dt * p.battery_rate)
     return State(
         s.time, s.speed_left, s.speed_right, s.acceleration_left, s.acceleration_right,
         s.play_left, s.play_right, s.forward_speed, s.yaw_rate,

@@ -20,10 +20,10 @@ def decay(x: float) -> float:
 
 
 def rotated(cosine: float, sine: float, angle: float) -> tuple[float, float]:
-    """Cosine and sine after turning on by a small angle (below 0.1 rad: to the last bits)."""
+    """Cosine and sine after turning on by a small angle (below 0.02 rad: to the last bits)."""
     a = angle * angle
-    s = angle * (1.0 - a * (1.0 / 6.0 - a * (1.0 / 120.0 - a * (1.0 / 5040.0))))
-    c = 1.0 - a * (1.0 / 2.0 - a * (1.0 / 24.0 - a * (1.0 / 720.0 - a * (1.0 / 40320.0))))
+    s = angle * (1.0 - a * (1.0 / 6.0 - a * (1.0 / 120.0)))
+    c = 1.0 - a * (0.5 - a * (1.0 / 24.0 - a * (1.0 / 720.0)))
     return cosine * c - sine * s, sine * c + cosine * s
 
 
@@ -41,9 +41,8 @@ def within_unit(share: float) -> float:
 
 def freed(push: float, forward: float, backward: float) -> float:
     """What is left of a push after dry friction: 0 inside -backward..forward (it sticks)."""
-    ahead = push - forward if push > forward else 0.0
-    astern = push + backward if push < -backward else 0.0
-    return ahead + astern
+    held = push if push < forward else forward
+    return push - (held if held > -backward else -backward)
 
 
 def middle_of(first: float, second: float, third: float) -> float:
