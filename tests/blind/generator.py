@@ -92,15 +92,15 @@ def _applied(base: Mapping[str, float], hidden: Sequence[Hidden]) -> dict[str, f
 def make(
     seed: int,
     hidden: Sequence[Hidden] = (),
-    drive: str = "exciting",
+    drive: str | Array = "exciting",
     seconds: float = 40.0,
     noise: Noise | None = None,
     imu_rate: float | None = None,
 ) -> Blind:
-    """Draw one robot and one drive and record it."""
+    """Draw one robot and one drive and record it. drive: a name in `drives`, or duty (n, 2) at 200 Hz."""
     rng = np.random.default_rng(seed)
     noise = Noise() if noise is None else noise
-    commands = getattr(drives, drive)(rng, seconds)
+    commands = getattr(drives, drive)(rng, seconds) if isinstance(drive, str) else drive
     lead = np.tile(rng.uniform(-0.5, 0.5, 2) * (rng.random() < 0.5), (int(LEAD_IN / CYCLE), 1))
     duty = np.round(np.vstack([lead, commands]), 4)
     n = len(duty)

@@ -57,8 +57,12 @@ def _heating(rng: np.random.Generator, size: float, where: str) -> tuple[Values,
     return {"gain": gain, "time_constant": tau}, {"heat_gain": gain, "heat_tau": tau}
 
 
+BACKGROUND = 0.2
+"""Size up to which a current limit fades with it; one of 0.4 of its size and less would never be reached."""
+
+
 def _current_limit(rng: np.random.Generator, size: float, where: str) -> tuple[Values, Values]:
-    limit = rng.uniform(0.9, 1.9) / (0.4 + 0.6 * size)
+    limit = rng.uniform(0.9, 1.9) / (0.4 + 0.6 * size if size > BACKGROUND else max(size, 1e-3))
     return {"limit": limit}, {"current_limit": limit}
 
 

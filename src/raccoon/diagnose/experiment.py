@@ -91,24 +91,30 @@ def manoeuvre(name: str) -> Array:
 
 
 def advise(
-    robot: RobotConfig, cause: str, rivals: Sequence[str] = (), *, within: float = 2.0, seconds: float = 20.0
+    robot: RobotConfig,
+    cause: str,
+    rivals: Sequence[str] = (),
+    *,
+    within: float = 2.0,
+    seconds: float = 20.0,
+    size: float = 1.0,
 ) -> list[Advice]:
     """Manoeuvres by the evidence they would give for `cause` against `rivals` (names such as id@left).
 
-    within: m, how far from its start the robot may get. seconds: the longest drive. Raises ConfigError for an
-    unknown cause.
+    within: m, how far from its start the robot may get. seconds: the longest drive. size: of the deviation
+    that is looked for, in usual ones. Raises ConfigError for an unknown cause.
     """
     known = {each.name: each for each in drive_causes()}
     for name in (cause, *rivals):
         if name not in known:
             raise ConfigError(f"cause {name!r}: there is none of that name; see raccoon effects")
     chosen = {name: known[name] for name in (cause, *rivals)}
-    found = [_advice(robot, name, cause, chosen) for name in MANOEUVRES]
+    found = [_advice(robot, name, cause, chosen, size) for name in MANOEUVRES]
     allowed = [each for each in found if each.reach <= within and each.seconds <= seconds]
     return sorted(allowed, key=lambda each: -each.evidence)
 
 
-def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Cause]) -> Advice:
+def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Cause], size: float) -> Advice:
     duty = manoeuvre(name)
     log = planned_log(duty)
     habits = Habits(Chain.firmware(), brake=False)
@@ -131,7 +137,7 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     ]
     others = np.vstack([own, *against])
     evidence = max(_unabsorbed(column, others) for columns in wanted for column in columns)
-    return Advice(name, evidence, _reach(problem), len(duty) / RATE)
+    return Advice(name, evidence * size**2, _reach(problem), len(duty) / RATE)
 
 
 def planned_log(duty: Array) -> Log:

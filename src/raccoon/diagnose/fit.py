@@ -52,16 +52,22 @@ def unbound(problem: Problem, point: Point) -> NDArray[np.bool_]:
     return np.asarray((vector > low + 1e-9) & (vector < high - 1e-9))
 
 
+SETTLED = 0.05
+"""Decrease of the cost in an iteration from which a fit has arrived."""
+
+
 @dataclass(slots=True)
 class _Track:
-    """One start on its way: the best so far, where it goes next, how carefully."""
+    """One start on its way: the best so far, where it goes next, how carefully, whether it has arrived."""
 
     trial: Point
     best: Fit | None = None
     damping: float = 0.01
+    arrived: bool = False
 
     def consider(self, problem: Problem, fit: Fit) -> None:
         if self.best is None or fit.cost < self.best.cost:
+            self.arrived = self.best is not None and self.best.cost - fit.cost < SETTLED
             self.best = fit
             self.damping = max(self.damping / 5.0, 1e-6)
         else:
@@ -96,14 +102,17 @@ def fit_many(
     columns of later coordinates are simulated anew in every iteration."""
     tracks = [_Track(start) for start in starts]
     for _ in range(iterations):
+        going = [track for track in tracks if not track.arrived]
+        if not going:
+            break
         points: list[Point] = []
         spans = []
-        for track in tracks:
+        for track in going:
             near, steps = neighbours(problem, track.trial, len(frozen))
             spans.append((len(points), steps))
             points.extend([track.trial, *near])
         white = whitener(problem.features.measured - problem.predict(points))
-        for track, (place, steps) in zip(tracks, spans, strict=True):
+        for track, (place, steps) in zip(going, spans, strict=True):
             own = white[place]
             local = (own - white[place + 1 : place + 1 + len(steps)]) / steps[:, None]
             cost = float(own @ own + track.trial.vector() @ track.trial.vector())
@@ -112,7 +121,7 @@ def fit_many(
     return [track.best for track in tracks if track.best is not None]
 
 
-def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 3) -> Fit:
-    """Fit everything from one start, all columns simulated in every iteration."""
+def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 6) -> Fit:
+    """Fit everything from one start, all columns simulated in every iteration, until it has arrived."""
     rows = problem.features.measured.size
     return fit_many(problem, whitener, [start], np.zeros((0, rows)), iterations)[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.sim.effects import Place, all_effects, effect
@@ -27,7 +27,11 @@ WIDTH_FACTOR = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Coordinate:
-    """One number u. settings: what it moves; each gets `value(u)` added, or multiplied where `factor`."""
+    """One number u. settings: what it moves; each gets `value(u)` added, or multiplied where `factor`.
+
+    step: in u, over which columns are taken. jumps: whether readings jump where it acts, so that a column is
+    also how uncertain they are there.
+    """
 
     name: str
     settings: tuple[Setting, ...]
@@ -35,6 +39,8 @@ class Coordinate:
     factor: bool = False
     low: float = -math.inf
     high: float = math.inf
+    step: float = 0.05
+    jumps: bool = False
 
     def apply(self, settings: Settings, u: float) -> None:
         """Move the settings."""
@@ -196,11 +202,15 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "imu.latency": (0.5, 1.2),
     "drive.backlash": (0.5, 1.0),
     "drive.wheel_slip": (0.5, 1.5),
-    "bemf.dead_zone": (1.0, 2.0),
+    "bemf.dead_zone": (1.0, 2.0, 3.0, 4.0),
     "actuation.deadband": (0.5, 1.5),
     "motor.current_limit": (0.5, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),
 }
+
+
+DEAD_ZONE_STEP = 0.25
+"""Of a dead zone's width, 20 counts: as much as readings scatter when they cross it."""
 
 
 def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
@@ -225,7 +235,10 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
         return Cause(id, where, (_multiplied(id, where, width),), (((0.5,),),))
     low = 0.0 if first.neutral == 0.0 and first.bounds.low == 0.0 else -math.inf
     guesses = tuple(((u,),) for u in _GUESSES.get(id, (0.5,)))
-    return Cause(id, where, (_added(id, where, first.name, width, low=low),), guesses)
+    coordinate = _added(id, where, first.name, width, low=low)
+    if id == "bemf.dead_zone":
+        coordinate = replace(coordinate, step=DEAD_ZONE_STEP, jumps=True)
+    return Cause(id, where, (coordinate,), guesses)
 
 
 def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -151,12 +151,25 @@ def whitener_for(
     for _ in range(1 if before is not None else 2):
         rest, _ = _unexplained(noise, every, slow, linear.target)
         noise = fit_noise(rest, ORDER, floors, regimes)
+    noise = _less_at_jumps(problem, linear, noise)
     rest, share = _unexplained(noise, every, slow, linear.target)
     nothing = [
         NEGLIGIBLE * UNEVEN.get(each.name.partition("@")[0], 1.0) * each.columns for each in linear.groups
     ]
     nothing.extend(each.columns for each in extra if each.name in unknown)
     return Whitener(noise, *_slow_directions(noise, np.concatenate([share * slow, *nothing])), rest)
+
+
+def _less_at_jumps(problem: Problem, linear: Linear, noise: NoiseModel) -> NoiseModel:
+    """Bins in which readings jump count as little as the jump is uncertain: by a step of its coordinate."""
+    steps = problem.steps(linear.point)
+    coordinates = [each for name in linear.point.active for each in problem.causes[name].coordinates]
+    jumps = [len(problem.base) + index for index, each in enumerate(coordinates) if each.jumps]
+    if not jumps:
+        return noise
+    spread = noise.whiten(linear.own[jumps] * steps[jumps, None, None])
+    size = (spread**2).mean(axis=2).sum(axis=0)
+    return replace(noise, weights=noise.weights / np.sqrt(1.0 + size))
 
 
 def regimes_of(problem: Problem) -> NDArray[np.intp]:
@@ -222,11 +235,17 @@ class Table:
     off: tuple[tuple[Group, list[int]], ...]
 
 
-def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: int) -> Table:
-    """Whiten everything once and keep its inner products."""
+def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: int) -> tuple[Table, Table]:
+    """Whiten everything once and keep its inner products: under the whole noise, and without slow
+    friction."""
     groups = (*linear.groups, *extra)
-    every = np.concatenate([linear.own, *(each.columns for each in groups)])
-    white = whitener(np.concatenate([every, linear.target[None]]))
+    every = np.concatenate([linear.own, *(each.columns for each in groups), linear.target[None]])
+    plain = whitener.without_slow()(every)
+    white = whitener.slowed(plain)
+    return _table(linear, groups, white, base), _table(linear, groups, plain, base)
+
+
+def _table(linear: Linear, groups: Sequence[Group], white: Array, base: int) -> Table:
     bins, channels = linear.residual.shape
     edges = np.linspace(0, bins, BLOCKS + 1).astype(int) * channels
     blocks = []

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.gain import HeldOut
-from raccoon.diagnose.hypotheses import Cause, places
+from raccoon.diagnose.hypotheses import Cause, Setting, Settings, places
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.outlook import Search, blocks_of
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
@@ -103,15 +103,23 @@ def parameters(search: Search, cause: Cause, covariance: Array) -> dict[str, Par
     found = {}
     for each in effect(cause.id).parameters:
         key = (cause.id, place, each.name)
-        slope = np.array([(other[key] - here[key]) / 1e-4 for other in moved])
+        value = _number(here, key)
+        slope = np.array([(_number(other, key) - value) / 1e-4 for other in moved])
         slope = np.where(np.isfinite(slope), slope, 0.0)
         nominal = problem.neutral[key]
-        form = (
-            FORM_ERROR * abs(here[key] - nominal) if math.isfinite(nominal) else FORM_ERROR * abs(here[key])
-        )
+        form = FORM_ERROR * abs(value - nominal if math.isfinite(nominal) else value)
         std = math.sqrt(max(float(slope @ covariance @ slope), 0.0) + form**2)
-        found[each.name] = ParameterResult(float(here[key]), std, each.unit, float(nominal))
+        found[each.name] = ParameterResult(value, std, each.unit, float(nominal))
     return found
+
+
+def _number(settings: Settings, key: Setting) -> float:
+    """A setting; an inertia with what robot.toml leaves open of it, which is counted apart."""
+    value = float(settings[key])
+    if key[0] != "drive.inertia":
+        return value
+    open_ = settings[("inertia", None, "straight")] * settings[("inertia", None, "turn")]
+    return value * math.sqrt(open_)
 
 
 def confounded(search: Search, cause: Cause) -> tuple[str, ...]:

@@ -17,6 +17,8 @@ from raccoon.diagnose.rollout import Rollout
 
 Array = NDArray[np.float64]
 
+BASE_STEP = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class Point:
@@ -68,9 +70,12 @@ class Whitener:
     def __call__(self, signals: Array) -> Array:
         """(..., bins, channels) -> (..., rows)."""
         white = self.noise.whiten(signals)
-        rows = white.reshape(*white.shape[:-2], -1)
+        return self.slowed(np.asarray(white.reshape(*white.shape[:-2], -1), float))
+
+    def slowed(self, rows: Array) -> Array:
+        """Rows that are white but for slow friction, white with it too."""
         if self.shrink.size == 0:
-            return np.asarray(rows, float)
+            return rows
         return np.asarray(rows - ((rows @ self.slow) * self.shrink) @ self.slow.T, float)
 
 
@@ -110,6 +115,11 @@ class Problem:
         """Everything as robot.toml says."""
         return Point(np.zeros(len(self.base)))
 
+    def steps(self, point: Point) -> Array:
+        """How far to move each coordinate of the point's vector for its column."""
+        causes = [coordinate.step for name in point.active for coordinate in self.causes[name].coordinates]
+        return np.array([BASE_STEP] * len(self.base) + causes)
+
     def limits(self, point: Point) -> tuple[Array, Array]:
         """Bounds of the point's vector."""
         coordinates = [*self.base]
@@ -118,17 +128,14 @@ class Problem:
         return np.array([each.low for each in coordinates]), np.array([each.high for each in coordinates])
 
 
-BASE_STEP = 0.5
-ACTIVE_STEP = 0.05
-
-
 def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:
     """The points one step away along each coordinate from `start` on, and the steps."""
     vector = point.vector()
     _, high = problem.limits(point)
+    wanted = problem.steps(point)
     points, steps = [], []
     for index in range(start, len(vector)):
-        step = BASE_STEP if index < len(point.base) else ACTIVE_STEP
+        step = float(wanted[index])
         if vector[index] + step > high[index]:
             step = -step
         changed = vector.copy()

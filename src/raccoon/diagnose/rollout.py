@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,8 +109,8 @@ class PlantRollout:
     def _lanes(self, variants: Sequence[Settings]) -> Lanes:
         """Packed by hand, since `Lanes.of` asks for one robot.toml and the inertias differ."""
         chain = self._habits.chain
-        robots = [parameters_of(each, self._neutral, self._robot, chain) for each in variants]
-        first = robots[0]
+        first = parameters_of(variants[0], self._neutral, self._robot, chain)
+        robots = [cast(Parameters, Variant(self._turned(each), chain, each)) for each in variants]
         return Lanes(
             plant=np.array([plant_numbers(each) for each in robots]),
             gyro=np.array([_gyro(each, first) for each in variants]),
@@ -119,6 +119,23 @@ class PlantRollout:
             slots=sample_slots(first),
             cycle=chain.cycle,
         )
+
+    def _turned(self, settings: Settings) -> RobotConfig:
+        straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
+        return self._robot if straight == turn == 1.0 else _with_inertia(self._robot, straight, turn)
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """As much of `Parameters` as the plant's numbers ask for: a diagnosis packs some thousand of them."""
+
+    robot: RobotConfig
+    chain: Chain
+    settings: Settings
+
+    def value(self, id: str, name: str, where: str | None = None) -> float:  # noqa: A002
+        """The setting."""
+        return self.settings[(id, where, name)]
 
 
 def _gyro(settings: Settings, robot: Parameters) -> tuple[float, float, float, float]:

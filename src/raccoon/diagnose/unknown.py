@@ -97,6 +97,13 @@ def _hats(values: Array, count: int) -> Array:
     return np.maximum(0.0, 1.0 - np.abs(np.clip(values, low, high)[None] - knots[:, None]) / width)
 
 
+def _bent(curves: Array, values: Array) -> Array:
+    """The curves without their straight part: a bias and a drift are in the catalogue."""
+    straight = np.stack([np.ones_like(values), values - values.mean()])
+    straight /= np.linalg.norm(straight, axis=1)[:, None]
+    return np.asarray(curves - (curves @ straight.T) @ straight, float)
+
+
 def _waves(angle: Array, harmonics: int) -> Array:
     orders = np.arange(1, harmonics + 1)[:, None] * angle[None]
     return np.concatenate([np.sin(orders), np.cos(orders)])
@@ -158,8 +165,8 @@ def _sensor_groups(features: Features, motion: Motion) -> list[Group]:
     found = []
     for role, covariate, curve, size in (
         ("gyro", "gyro over speed", _hats(forward, 6), GYRO),
-        ("gyro", "gyro over time", _hats(motion.time, 8), GYRO),
-        ("battery", "battery over time", _hats(motion.time, 8), BATTERY),
+        ("gyro", "gyro over time", _bent(_hats(motion.time, 8), motion.time), GYRO),
+        ("battery", "battery over time", _bent(_hats(motion.time, 8), motion.time), BATTERY),
     ):
         if role in features.roles:
             columns = np.zeros((len(curve), *features.measured.shape))

@@ -1,0 +1,157 @@
+"""What the diagnosis is tried on: rows of the table, each a stream of blind robots from seeds."""
+
+from __future__ import annotations
+
+import sys
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from blind.generator import Blind, Noise, make
+from blind.hidden import CAUSES, UNKNOWN, Hidden, draw, draw_unknown
+from blind.plant import NEUTRAL
+
+TAIL = 20.0
+"""s of drive after the recording, which the diagnosis never sees: what its gain is measured on."""
+BACKGROUND = 0.15
+"""Largest size of the others where everything is wrong at once."""
+WORST_BACKGROUND = 0.1
+"""The same for the worst case."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One trial: row of the table, cause (or kind), and which of its trials it is."""
+
+    row: str
+    cause: str
+    index: int
+
+    @property
+    def key(self) -> str:
+        return f"{self.row}/{self.cause}/{self.index}"
+
+    def rng(self, seed: int) -> np.random.Generator:
+        """Randomness of this trial alone: it does not depend on what else is run, or in which order."""
+        return np.random.default_rng([seed, zlib.crc32(self.key.encode())])
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table. causes: what is tried, each `share` times --trials."""
+
+    causes: tuple[str, ...]
+    share: float
+    size: float = 1.0
+    drive: str = "exciting"
+    seconds: float = 40.0
+    noise: float = 1.0
+    tail: float = 0.0
+
+
+_ALL = tuple(CAUSES)
+TWINS: Mapping[str, tuple[tuple[str, ...], frozenset[str]]] = {
+    "imu.gyro_scale": (
+        ("gyro_scale",),
+        frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),
+    ),
+    "drive.track_width": (
+        ("track",),
+        frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),
+    ),
+    "drive.wheel_radius": (
+        ("radius_l", "radius_r"),
+        frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),
+    ),
+    "motor.armature_resistance": (
+        ("resistance_l", "resistance_r"),
+        frozenset({"motor.armature_resistance", "drive.inertia", "friction.coulomb"}),
+    ),
+}
+"""Cause on the whole robot: the plant's numbers, and the class that must be reported."""
+
+ROWS: Mapping[str, Row] = {
+    "single": Row(_ALL, 1.0, tail=TAIL),
+    "clean": Row(("none",), 10.0),
+    "two": Row(("two",), 10.0, tail=TAIL),
+    "several": Row(("several",), 6.0, tail=TAIL),
+    "everything": Row(("everything",), 4.0, tail=TAIL),
+    "small": Row(_ALL, 0.5, size=0.3),
+    "contest": Row(_ALL, 0.5, drive="contest", seconds=30.0),
+    "short": Row(_ALL, 0.5, seconds=12.0),
+    "worst": Row(_ALL, 0.5, size=0.5, drive="contest", seconds=30.0, noise=2.0),
+    "unknown": Row(tuple(UNKNOWN), 2.0),
+    "twins": Row(tuple(TWINS), 1.0),
+    "advised": Row(_ALL, 0.5, seconds=10.0),
+}
+
+
+def cases(rows: list[str], trials: int) -> Iterator[Case]:
+    """All cases, round by round, so that a run that is cut short has some of everything."""
+    wanted: list[tuple[float, str, str, int]] = []
+    for name in rows:
+        row = ROWS[name]
+        count = max(int(row.share * trials + 0.5), 1)
+        for cause in row.causes:
+            wanted.extend(((index + 0.5) / count, name, cause, index) for index in range(count))
+    wanted.sort(key=lambda each: each[0])
+    for _, name, cause, index in wanted:
+        yield Case(name, cause, index)
+
+
+def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:
+    """What is hidden in a case's robot."""
+    size = ROWS[case.row].size
+    if case.row == "clean":
+        return []
+    if case.row == "unknown":
+        return [draw_unknown(case.cause, rng)]
+    if case.row == "twins":
+        return [_twin(case.cause, rng)]
+    if case.row == "two":
+        return _different(rng, 2)
+    if case.row == "several":
+        return _different(rng, int(rng.integers(3, 6)))
+    if case.row == "everything":
+        return [draw(each, rng, _share(rng, index)) for index, each in enumerate(_shuffled(rng))]
+    found = [draw(case.cause, rng, size)]
+    if case.row == "worst":
+        others = [each for each in _shuffled(rng) if each != case.cause]
+        found += [draw(each, rng, float(rng.uniform(0.0, WORST_BACKGROUND))) for each in others]
+    return found
+
+
+def _twin(cause: str, rng: np.random.Generator) -> Hidden:
+    factor = 1.0 + float(rng.uniform(0.06, 0.12) * rng.choice([-1.0, 1.0])) * (
+        2.0 if cause.startswith("motor") else 1.0
+    )
+    return Hidden(cause, None, {"factor": factor}, {each: NEUTRAL[each] * factor for each in TWINS[cause][0]})
+
+
+def _shuffled(rng: np.random.Generator) -> list[str]:
+    return [_ALL[index] for index in rng.permutation(len(_ALL))]
+
+
+def _share(rng: np.random.Generator, index: int) -> float:
+    return 1.0 if index == 0 else float(rng.uniform(0.0, BACKGROUND))
+
+
+def _different(rng: np.random.Generator, count: int) -> list[Hidden]:
+    return [draw(each, rng) for each in _shuffled(rng)[:count]]
+
+
+def recording(case: Case, hidden: list[Hidden], rng: np.random.Generator) -> Blind:
+    """The blind robot's drive: the recording and the tail behind it."""
+    row = ROWS[case.row]
+    return make(
+        int(rng.integers(2**31)),
+        hidden,
+        drive=row.drive,
+        seconds=row.seconds + row.tail,
+        noise=Noise().times(row.noise),
+    )
