@@ -8,12 +8,14 @@ its `finally` stops what it started.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from raccoon.core.errors import MotionTimeout
+from raccoon.robot.conditions import JOIN, Condition
+from raccoon.robot.limits import check_kind
 
 if TYPE_CHECKING:
-    from raccoon.robot.conditions import Condition
     from raccoon.robot.robot import Robot
 
 T = TypeVar("T")
@@ -39,6 +41,7 @@ class Action(Generic[T_co]):
 
     def until(self, condition: Condition) -> Action[T_co | None]:
         """This action, ended as soon as `condition` holds. The result is None where it was ended."""
+        check_kind(condition, Condition, f"{self.name}: until()", JOIN)
 
         def steps(robot: Robot) -> Steps[T_co | None]:
             holds = condition.start(robot)
@@ -79,7 +82,8 @@ class Action(Generic[T_co]):
         return Action(self.name, steps)
 
     def timeout_or(self, seconds: float, otherwise: Action[U]) -> Action[T_co | U]:
-        """This action, or, where it is not done after `seconds` s, `otherwise`."""
+        """This action, or `otherwise` where it is not done after `seconds` s, or gives up (MotionTimeout)."""
+        check_kind(otherwise, Action, f"{self.name}: timeout_or()")
         limited = self.timeout(seconds)
 
         def steps(robot: Robot) -> Steps[T_co | U]:
@@ -92,10 +96,16 @@ class Action(Generic[T_co]):
 
     def then(self, following: Callable[[T_co], Action[U]]) -> Action[U]:
         """This action, then the one that `following` makes of its result."""
+        if not callable(following):
+            raise TypeError(
+                f"{self.name}: then() takes a function, not {following!r}: then(lambda result: ...)"
+            )
 
         def steps(robot: Robot) -> Steps[U]:
             result = yield from self.start(robot)
-            return (yield from following(result).start(robot))
+            made = following(result)
+            check_kind(made, Action, f"{self.name}: what then() is given must make")
+            return (yield from made.start(robot))
 
         return Action(f"{self.name}, then", steps)
 
@@ -105,6 +115,7 @@ class Action(Generic[T_co]):
 
 def seq(*actions: Action[Any]) -> Action[list[Any]]:
     """One after the other; the result is the list of their results."""
+    _check("seq", actions)
 
     def steps(robot: Robot) -> Steps[list[Any]]:
         results = []
@@ -117,6 +128,7 @@ def seq(*actions: Action[Any]) -> Action[list[Any]]:
 
 def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
     """`action` again and again, for ever or `times` times."""
+    _check("repeat", (action,))
     if times is not None and times < 0:
         raise ValueError(f"times is {times}: allowed are whole numbers from 0, or None for ever")
 
@@ -135,28 +147,24 @@ def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
 def parallel(*actions: Action[Any]) -> Action[list[Any]]:
     """All at once, until every one has ended; the result is the list of their results.
 
-    If one fails, the others are stopped and its error is raised.
+    If one fails, the others are stopped and its error is raised. Only one of them can drive the wheels.
     """
+    _check("parallel", actions)
 
     def steps(robot: Robot) -> Steps[list[Any]]:
         results: list[Any] = [None] * len(actions)
-        running: dict[int, Steps[Any]] = {}
-        try:
-            for index, action in enumerate(actions):
-                running[index] = action.start(robot)
+        with ExitStack() as cleanly:
+            running = dict(enumerate(cleanly.enter_context(closing(each.start(robot))) for each in actions))
             while True:
-                for index in list(running):
+                for index, body in list(running.items()):
                     try:
-                        next(running[index])
+                        next(body)
                     except StopIteration as end:
                         results[index] = end.value
                         del running[index]
                 if not running:
                     return results
                 yield
-        finally:
-            for body in running.values():
-                body.close()
 
     return Action(_names("parallel", actions), steps)
 
@@ -168,10 +176,11 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
     """
     if not actions:
         raise ValueError("race has no actions: give it at least one")
+    _check("race", actions)
 
     def steps(robot: Robot) -> Steps[tuple[int, Any]]:
-        bodies = [action.start(robot) for action in actions]
-        try:
+        with ExitStack() as cleanly:
+            bodies = [cleanly.enter_context(closing(action.start(robot))) for action in actions]
             while True:
                 for index, body in enumerate(bodies):
                     try:
@@ -179,15 +188,13 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
                     except StopIteration as end:
                         return index, end.value
                 yield
-        finally:
-            for body in bodies:
-                body.close()
 
     return Action(_names("race", actions), steps)
 
 
 def background(action: Action[Any]) -> Action[None]:
     """Start `action` and go on at once; it runs beside whatever follows until it ends or the program does."""
+    _check("background", (action,))
 
     def steps(robot: Robot) -> Steps[None]:
         robot.add_background(action)
@@ -198,6 +205,8 @@ def background(action: Action[Any]) -> Action[None]:
 
 def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]:
     """Call a function of the robot once; takes no time."""
+    if not callable(function):
+        raise TypeError(f"do() takes a function of the robot, not {function!r}: do(lambda robot: ...)")
 
     def steps(robot: Robot) -> Steps[T]:
         yield from ()
@@ -221,6 +230,7 @@ def wait(seconds: float) -> Action[None]:
 
 def wait_for(condition: Condition) -> Action[None]:
     """Let time pass until `condition` holds."""
+    check_kind(condition, Condition, "wait_for()", JOIN)
 
     def steps(robot: Robot) -> Steps[None]:
         holds = condition.start(robot)
@@ -228,6 +238,13 @@ def wait_for(condition: Condition) -> Action[None]:
             yield
 
     return Action(f"wait for {condition.name}", steps)
+
+
+def _check(kind: str, actions: tuple[Any, ...]) -> None:
+    """Raise TypeError where something is no action: a list of them, a function that was not called."""
+    for action in actions:
+        hint = f": write {kind}(*actions) for a list" if isinstance(action, list | tuple) else ""
+        check_kind(action, Action, f"{kind}()", hint)
 
 
 def _positive(name: str, value: float) -> None:

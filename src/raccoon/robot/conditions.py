@@ -9,10 +9,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS
+from raccoon.robot.limits import check_angle, check_kind, check_port, check_way
+
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 Test = Callable[[], bool]
+JOIN = "; when(lambda robot: ...) makes one of any test"
 
 
 class Condition:
@@ -30,9 +34,11 @@ class Condition:
         return self._start(robot)
 
     def __and__(self, other: Condition) -> Condition:
+        check_kind(other, Condition, "&", JOIN)
         return _both(self, other, f"({self.name} and {other.name})", all)
 
     def __or__(self, other: Condition) -> Condition:
+        check_kind(other, Condition, "|", JOIN)
         return _both(self, other, f"({self.name} or {other.name})", any)
 
     def __invert__(self) -> Condition:
@@ -63,12 +69,16 @@ def _both(
 
 
 def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
-    """Any predicate of the robot."""
+    """Any predicate of the robot, asked once a tick."""
+    if not callable(test):
+        raise TypeError(f"when() takes a function of the robot, not {test!r}: when(lambda robot: ...)")
     return Condition(name, lambda robot: lambda: test(robot))
 
 
 def after_time(seconds: float) -> Condition:
     """`seconds` s after the start of the action."""
+    if not 0.0 <= seconds < float("inf"):
+        raise ValueError(f"seconds is {seconds}: allowed are numbers from 0")
 
     def start(robot: Robot) -> Test:
         begin = robot.time
@@ -79,6 +89,7 @@ def after_time(seconds: float) -> Condition:
 
 def after_distance(distance: float) -> Condition:
     """After `distance` m of travel, forwards or backwards, since the start of the action."""
+    check_way(distance=distance)
 
     def start(robot: Robot) -> Test:
         begin = robot.estimate.distance
@@ -89,6 +100,7 @@ def after_distance(distance: float) -> Condition:
 
 def after_angle(angle: float) -> Condition:
     """After turning by `angle` rad, either way, since the start of the action."""
+    check_angle(angle=angle)
 
     def start(robot: Robot) -> Test:
         begin = robot.estimate.heading
@@ -136,16 +148,19 @@ def _surface(tophat: str, black: bool) -> Condition:
 
 def analog_above(port: int, counts: float) -> Condition:
     """The analog port reads more than `counts`."""
+    check_port("analog", port, ANALOG_PORTS)
     return when(lambda robot: _is_above(robot.analog(port), counts), f"analog {port} above {counts:g}")
 
 
 def analog_below(port: int, counts: float) -> Condition:
     """The analog port reads less than `counts`."""
+    check_port("analog", port, ANALOG_PORTS)
     return when(lambda robot: _is_below(robot.analog(port), counts), f"analog {port} below {counts:g}")
 
 
 def pressed(port: int) -> Condition:
     """The digital port is closed."""
+    check_port("digital", port, DIGITAL_PORTS)
     return when(lambda robot: robot.digital(port) is True, f"digital {port} pressed")
 
 

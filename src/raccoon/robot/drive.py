@@ -24,7 +24,7 @@ LEAST_SHARE = 0.3
 
 
 class Drive:
-    """Two driven wheels. Motions call `velocity` or `duties` each tick they want something.
+    """Two driven wheels. Motions call `velocity`, `duties` or `push` once in each tick they want something.
 
     Without a command in a tick the wheels stop: nothing runs on by being forgotten.
     """
@@ -51,6 +51,7 @@ class Drive:
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
         self._given = (0.0, 0.0)
+        self._claimed = False
 
     def _loop(self, device: Device | None) -> WheelLoop:
         left, right = wheel_models(self._config, device)
@@ -75,6 +76,7 @@ class Drive:
 
         acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed.
         """
+        self._claim()
         turn = turn_rate * self._half_track
         gain = acceleration / self._radius
         spin = turn_acceleration * self._half_track / self._radius * self._turn_inertia_share
@@ -88,10 +90,12 @@ class Drive:
         for name, duty in (("left", left), ("right", right)):
             if not -1.0 <= duty <= 1.0:
                 raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+        self._claim()
         self._open_loop = (left, right)
 
     def push(self, forward: float, battery_voltage: float | None) -> None:
         """In this tick, give both motors the voltage for `forward` m/s and no more, whatever they do."""
+        self._claim()
         voltage = self.wheels.battery if battery_voltage is None else battery_voltage
         left, right = (
             max(-1.0, min(1.0, wheel.voltage(self.wheel_speed(forward)) / voltage))
@@ -107,6 +111,16 @@ class Drive:
         """No motion from this tick on."""
         self._target = REST
         self._open_loop = None
+        self._claimed = False
+
+    def _claim(self) -> None:
+        """One command a tick: of two actions that drive at once one would be lost, and neither arrive."""
+        if self._claimed:
+            raise RuntimeError(
+                "two actions drive the wheels at the same time, in parallel or in the background: "
+                "put them into a seq, or end one before the other begins"
+            )
+        self._claimed = True
 
     def outputs(self, estimate: DriveEstimate, dt: float, battery_voltage: float | None) -> Outputs:
         """The command of this tick; forgets what was asked, so it must be asked again in the next."""

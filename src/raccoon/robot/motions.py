@@ -19,16 +19,17 @@ from raccoon.control.profile import ProfileState, profile
 from raccoon.control.voltage import VoltageScaling
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
+from raccoon.robot.limits import check_angle, check_rate, check_speed, check_way
 from raccoon.robot.pacing import (
     LAG_LIMIT,
     LAG_LIMIT_TURN,
     MotionResult,
     Pace,
     at_rest,
-    check_finite,
     check_limits,
     finish,
 )
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -52,7 +53,8 @@ def straight(
 
     speed: m/s, the highest on the way; robot.toml's `motion.speed` when None. tolerance: m.
     """
-    check_finite(distance=distance)
+    check_way(distance=distance)
+    check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
@@ -87,7 +89,8 @@ def turn(
 
     rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. tolerance: rad.
     """
-    check_finite(angle=angle)
+    check_angle(angle=angle)
+    check_rate(rate=rate)
     check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
     return Action(
         f"turn {math.degrees(angle):g} deg", lambda robot: turning(robot, angle, rate, tolerance, timeout)
@@ -102,7 +105,8 @@ def turn_to(
     timeout: float | None = None,
 ) -> Action[MotionResult]:
     """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started."""
-    check_finite(heading=heading)
+    check_angle(heading=heading)
+    check_rate(rate=rate)
     check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
@@ -150,10 +154,12 @@ def arc(
     The centre is on the side it turns to (on the other one where it drives backwards). speed: m/s of the
     outer wheel, the highest on the way. tolerance: m of the way.
     """
-    check_finite(angle=angle)
+    check_angle(angle=angle)
+    check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
     if not 0.0 < radius < math.inf:
         raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
+    check_way(radius=radius)
     signed = math.copysign(radius, -angle if backwards else angle)
     return Action(
         f"arc {radius:g} m {math.degrees(angle):g} deg",
@@ -173,7 +179,8 @@ def pivot(
 
     speed: m/s of the other wheel, the highest on the way. tolerance: m of the robot's middle.
     """
-    check_finite(angle=angle)
+    check_angle(angle=angle)
+    check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
     if wheel not in ("left", "right"):
         raise ValueError(f"wheel is {wheel!r}: allowed are 'left' and 'right'")
@@ -231,7 +238,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
 
     Without a turn rate the heading of the plan is held.
     """
-    check_finite(speed=speed, turn_rate=turn_rate)
+    check_speed(speed=speed)
+    check_rate(turn_rate=turn_rate)
 
     def steps(robot: Robot) -> Steps[None]:
         motion = robot.config.motion
@@ -263,7 +271,8 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
     """Put plain duties (-1..1) on the wheels until ended from outside: no control at all, as a comparison.
 
     tuned_at: V of the battery that the duties were found on; they are scaled by it over the present voltage.
-    What the present battery cannot give is noted in the recording, with the speed that is missing.
+    What the present battery cannot give is said once, in the log and the recording, with the speed that is
+    missing.
     """
     for name, duty in (("left", left), ("right", right)):
         if not -1.0 <= duty <= 1.0:
@@ -271,7 +280,6 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
     scaling = None if tuned_at is None else VoltageScaling(tuned_at)
 
     def steps(robot: Robot) -> Steps[None]:
-        told = False
         try:
             while True:
                 duties = left, right
@@ -279,10 +287,9 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
                     scaled = [scaling.scaled(duty, robot.battery_voltage) for duty in duties]
                     duties = scaled[0].duty, scaled[1].duty
                     missing = max(each.missing for each in scaled)
-                    if missing > 0.0 and not told:
-                        told = True
+                    if missing > 0.0:
                         speed = robot.drive.speed_of(missing * max(abs(left), abs(right)) * scaling.reference)
-                        robot.note(f"voltage scaling: {100.0 * missing:.0f} % missing, {speed:.3f} m/s")
+                        say(robot, f"voltage scaling: {100.0 * missing:.0f} % missing, {speed:.3f} m/s")
                 robot.drive.duties(*duties)
                 yield
         finally:

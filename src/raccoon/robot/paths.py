@@ -15,8 +15,9 @@ from raccoon.control.path import Path, Point
 from raccoon.control.profile import profile
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
+from raccoon.robot.limits import check_angle, check_speed, check_way
 from raccoon.robot.motions import straight, turning
-from raccoon.robot.pacing import LAG_LIMIT, MotionResult, Pace, at_rest, check_finite, check_limits, finish
+from raccoon.robot.pacing import LAG_LIMIT, MotionResult, Pace, at_rest, check_limits, finish
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -42,7 +43,9 @@ def drive_to(
     tolerance: m of the straight part. timeout: s of each of the three parts. The result is against the pose
     that was asked for.
     """
-    check_finite(x=x, y=y, heading=0.0 if heading is None else heading)
+    check_way(x=x, y=y)
+    check_angle(heading=0.0 if heading is None else heading)
+    check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
@@ -96,12 +99,14 @@ def follow_path(
     aside. rounding: m, radius of the arcs that round the corners. speed: m/s of the faster wheel, the
     highest on the way. tolerance: m along the path at its end. Raises ValueError for points that are no path.
     """
+    check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
     if len(points) > 1:
         Path(points, rounding)  # what is wrong with the points is said before anything moves
     elif not points:
         raise ValueError("points is empty: a path needs at least 1 point")
-    check_finite(**{f"points[{i}]": x + y for i, (x, y) in enumerate(points)})
+    for number, (x, y) in enumerate(points):
+        check_way(**{f"x of points[{number}]": x, f"y of points[{number}]": y})
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         here = robot.plan

@@ -43,15 +43,16 @@ def tell(robot: Robot) -> tuple[str, ...]:
     """The oddities; what was not said before also goes into the recording and to the log "raccoon"."""
     found = oddities(robot)
     for said in found:
-        kind = re.sub(r"[-+.\d]+", "", said)
-        if kind not in robot.drive.remarks:
-            robot.drive.remarks[kind] = said
-            robot.note(f"remark: {said}")
-            _log(said)
+        say(robot, said)
     return found
 
 
-def _log(said: str) -> None:
+def say(robot: Robot, said: str) -> None:
+    """A remark for the recording, the log and the match report, unless its like was made before."""
     import logging
 
-    logging.getLogger("raccoon").warning("%s", said)
+    kind = re.sub(r"[-+.\d]+", "", said)
+    if kind not in robot.drive.remarks:
+        robot.drive.remarks[kind] = said
+        robot.note(f"remark: {said}")
+        logging.getLogger("raccoon").warning("%s", said)

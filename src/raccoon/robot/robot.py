@@ -20,6 +20,7 @@ from raccoon.robot.actions import Action, Steps
 from raccoon.robot.attachments import Attachments, named
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.drive import Drive
+from raccoon.robot.limits import check_kind
 from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
 from raccoon.robot.sensors import TophatSensor
 
@@ -86,6 +87,7 @@ class Robot:
 
     def run(self, action: Action[T]) -> T:
         """Do an action to its end and return its result. The motors are stopped however it ends."""
+        check_kind(action, Action, "run()")
         if self._closed:
             raise HardwareError("the robot is closed: open it again to run something")
         if self._running is not None:
@@ -119,7 +121,7 @@ class Robot:
         return self.inputs
 
     def add_background(self, action: Action[Any]) -> None:
-        """Let `action` run beside everything that follows."""
+        """Let `action` run beside everything that follows, while another runs and at each `tick`."""
         self._background.append(action.start(self))
 
     def _sense(self) -> None:

@@ -1,0 +1,69 @@
+"""What a program may ask for: mistakes of units and kinds are said where they are made."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+LONGEST = 10.0
+"""m; a table has 2.4 m, so more is a distance in centimetres."""
+FASTEST = 3.0
+"""m/s; more is a speed in cm/s."""
+MOST_TURNS = 4.0
+"""Full turns; more is an angle in degrees."""
+FASTEST_TURN = 20.0
+"""rad/s; more is a rate in degrees."""
+
+
+def check_way(**ways: float) -> None:
+    """Raise ValueError naming the first that is no distance in m."""
+    for name, value in ways.items():
+        if not abs(value) <= LONGEST:
+            _refuse(name, value, f"up to {LONGEST:g} m either way (30 cm are 0.30)")
+
+
+def check_angle(**angles: float) -> None:
+    """Raise ValueError naming the first that is no angle in rad."""
+    for name, value in angles.items():
+        if not abs(value) <= MOST_TURNS * math.tau:
+            degrees = f"deg({value:g})" if math.isfinite(value) else "deg(90)"
+            _refuse(
+                name, value, f"up to {MOST_TURNS:g} turns in rad either way (write {degrees} for degrees)"
+            )
+
+
+def check_speed(**speeds: float | None) -> None:
+    """Raise ValueError naming the first that is not None and no speed in m/s, negative or not."""
+    for name, value in speeds.items():
+        if value is not None and not abs(value) <= FASTEST:
+            _refuse(name, value, f"up to {FASTEST:g} m/s (20 cm/s are 0.20)")
+
+
+def check_rate(**rates: float | None) -> None:
+    """Raise ValueError naming the first that is not None and no turn rate in rad/s."""
+    for name, value in rates.items():
+        if value is not None and not abs(value) <= FASTEST_TURN:
+            _refuse(name, value, f"up to {FASTEST_TURN:g} rad/s (write deg(90) for degrees a second)")
+
+
+def check_port(kind: str, port: int, count: int) -> None:
+    """Raise ValueError where there is no such port."""
+    if port not in range(count):
+        raise ValueError(f"{kind} port {port!r}: there are 0 to {count - 1}")
+
+
+def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
+    """Raise TypeError where `value` is of another kind; functions that were not called are named."""
+    if isinstance(value, kind):
+        return
+    name = getattr(value, "__name__", None)
+    what = f"the function {name}" if callable(value) and name else repr(value)
+    called = f": call it, {name}(...)" if callable(value) and name and name != "<lambda>" else ""
+    article = "an" if kind.__name__[0] in "AEIOU" else "a"
+    raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")
+
+
+def _refuse(name: str, value: float, allowed: str) -> None:
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is {value}: it must be a finite number, {allowed}")
+    raise ValueError(f"{name} is {value:g}: allowed are numbers {allowed}")

@@ -1,0 +1,166 @@
+"""Mistakes that programs are full of: each is refused where it is written, with what was meant."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from raccoon import (
+    Action,
+    after_angle,
+    after_distance,
+    after_time,
+    analog_above,
+    analog_below,
+    arc,
+    background,
+    deg,
+    do,
+    drive,
+    drive_to,
+    follow_line,
+    follow_path,
+    on_black,
+    open_robot,
+    parallel,
+    pivot,
+    pressed,
+    race,
+    repeat,
+    seq,
+    straight,
+    turn,
+    turn_to,
+    wait,
+    wait_for,
+    when,
+)
+from robots import CONFIG, run, simulated
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: straight(30), r"distance is 30: allowed are numbers up to 10 m .*30 cm are 0.30"),
+        (lambda: straight(NAN), "distance is nan: it must be a finite number"),
+        (
+            lambda: straight(0.3, speed=20),
+            r"speed is 20: allowed are numbers up to 3 m/s \(20 cm/s are 0.20\)",
+        ),
+        (
+            lambda: straight(0.3, speed=-0.1),
+            r"speed is -0.1: it must be above 0 .*sign belongs to the distance",
+        ),
+        (lambda: straight(0.3, tolerance=0.0), "tolerance is 0.0: it must be above 0"),
+        (lambda: straight(0.3, timeout=NAN), "timeout is nan: it must be above 0"),
+        (lambda: turn(90), r"angle is 90: allowed are numbers up to 4 turns in rad .*write deg\(90\)"),
+        (lambda: turn(float("inf")), "angle is inf: it must be a finite number"),
+        (lambda: turn(1.0, rate=90), r"rate is 90: allowed are numbers up to 20 rad/s"),
+        (lambda: turn_to(-90), r"heading is -90: .*write deg\(-90\)"),
+        (lambda: arc(0.2, 90), r"angle is 90: .*deg\(90\)"),
+        (lambda: arc(0.0, 1.0), r"radius is 0.0 m: it must be above 0 \(turn\(\)"),
+        (lambda: arc(25.0, 1.0), "radius is 25: .*30 cm are 0.30"),
+        (lambda: arc(0.2, 1.0, 15.0), "speed is 15: .*20 cm/s are 0.20"),
+        (lambda: pivot(45, "left"), r"angle is 45: .*deg\(45\)"),
+        (lambda: pivot(1.0, "front"), "wheel is 'front': allowed are 'left' and 'right'"),
+        (lambda: drive(20), "speed is 20: .*20 cm/s are 0.20"),
+        (lambda: drive(0.2, 45), r"turn_rate is 45: .*write deg\(90\) for degrees a second"),
+        (lambda: drive_to(40, 20), "x is 40: .*30 cm are 0.30"),
+        (lambda: drive_to(0.4, 0.2, 90), r"heading is 90: .*deg\(90\)"),
+        (lambda: follow_path([(0.1, 0.2), (0.3, 45)]), r"y of points\[1\] is 45: "),
+        (lambda: follow_path([]), "points is empty"),
+        (lambda: follow_line("front", "middle"), "side is 'middle': allowed are 'left' and 'right'"),
+        (lambda: after_angle(90), r"angle is 90: .*deg\(90\)"),
+        (lambda: after_distance(50), "distance is 50: .*30 cm are 0.30"),
+        (lambda: after_time(-1.0), "seconds is -1.0: allowed are numbers from 0"),
+        (lambda: analog_above(6, 1000), "analog port 6: there are 0 to 5"),
+        (lambda: analog_below(-1, 1000), "analog port -1: there are 0 to 5"),
+        (lambda: pressed(10), "digital port 10: there are 0 to 9"),
+    ],
+)
+def test_a_wrong_number_or_unit_is_refused_when_it_is_written(make: Callable[[], object], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        make()
+
+
+ANY: Any = straight
+
+
+def loose(value: object) -> Any:
+    """What no type checker would let pass."""
+    return value
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (
+            lambda: seq(straight(0.1), ANY),
+            r"seq\(\) takes an Action, not the function straight: call it, str",
+        ),
+        (
+            lambda: seq(loose([wait(1.0)])),
+            r"seq\(\) takes an Action, not \[<Action wait 1 s>\]: write seq\(\*actions\)",
+        ),
+        (lambda: parallel(wait(1.0), loose(None)), r"parallel\(\) takes an Action, not None"),
+        (
+            lambda: race(wait(1.0), loose(after_time(1.0))),
+            r"race\(\) takes an Action, not <Condition after 1 s>",
+        ),
+        (lambda: repeat(ANY), r"repeat\(\) takes an Action"),
+        (lambda: background(ANY), r"background\(\) takes an Action"),
+        (
+            lambda: do(loose(straight(0.1))),
+            r"do\(\) takes a function of the robot, not <Action straight 0.1 m>",
+        ),
+        (lambda: wait(1.0).then(loose(wait(1.0))), r"then\(\) takes a function, .*then\(lambda result"),
+        (
+            lambda: drive(0.1).until(loose(on_black)),
+            "takes a Condition, not the function on_black: call it, on_black",
+        ),
+        (lambda: drive(0.1).until(loose(lambda _: True)), r"not the function <lambda>; when\(lambda robot"),
+        (lambda: wait_for(loose(1.0)), r"wait_for\(\) takes a Condition, not 1.0"),
+        (lambda: wait(1.0).timeout_or(1.0, ANY), r"timeout_or\(\) takes an Action"),
+        (lambda: after_time(1.0) | loose(True), r"\| takes a Condition, not True"),
+        (lambda: when(loose(True)), r"when\(\) takes a function of the robot, not True"),
+    ],
+)
+def test_a_wrong_kind_is_refused_when_it_is_written(make: Callable[[], object], said: str) -> None:
+    with pytest.raises(TypeError, match=said):
+        make()
+
+
+def test_running_what_is_no_action_is_refused() -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        with pytest.raises(TypeError, match=r"run\(\) takes an Action, not the function straight: call it"):
+            robot.run(ANY)
+        with pytest.raises(TypeError, match=r"run\(\) takes an Action, not None"):
+            robot.run(loose(None))
+        with pytest.raises(TypeError, match=r"what then\(\) is given must make takes an Action, not None"):
+            robot.run(wait(0.1).then(loose(lambda _: None)))
+
+
+@pytest.mark.parametrize(
+    "both",
+    [
+        lambda: parallel(straight(0.3), turn(deg(90))),
+        lambda: seq(background(drive(0.1)), straight(0.3)),
+        lambda: race(straight(0.3), repeat(do(lambda robot: robot.drive.duties(0.3, 0.3)))),
+    ],
+    ids=["in parallel", "in the background", "by hand"],
+)
+def test_two_that_drive_at_once_are_refused(both: Callable[[], Action[Any]]) -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(wait(0.5))
+        with pytest.raises(RuntimeError, match="two actions drive the wheels at the same time"):
+            robot.run(both())
+        assert robot.outputs.duty[:2] == (0.0, 0.0)
+        robot.run(straight(0.02))
+
+
+def test_one_that_drives_beside_others_that_do_not_is_allowed() -> None:
+    beside = parallel(straight(0.1), wait(0.5), repeat(do(lambda _: None)).until(after_time(0.3)))
+    results, _, _ = run(seq(beside, race(straight(0.5), wait(0.3)), straight(0.05)))
+    assert results[2].along == pytest.approx(0.0, abs=0.002)
