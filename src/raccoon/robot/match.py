@@ -136,7 +136,7 @@ def run_match(
     program: an action, or a function that runs what it likes on the robot. The robot's clock ends it at its
     next reading, whatever it is doing or catching; an alarm of the wall clock also ends code that never comes
     back to the robot (alarm: None sets it on a real controller alone). After that the robot runs nothing
-    more. Errors of the program come through, with the motors off.
+    more, and its servos are off too. Errors of the program come through, with the motors off.
     """
     if not 0.0 < seconds < math.inf:
         raise ValueError(f"seconds is {seconds}: it must be above 0")
@@ -156,12 +156,20 @@ def run_match(
         robot.note("match over: everything off")
     finally:
         robot.stop()
+    _everything_off(robot)
     steps = tuple(
         StepTime(each.name, each.begin - begin, each.end - begin, each.ended) for each in robot.steps[known:]
     )
     robot.note(f"match ends after {robot.time - begin:.2f} s")
     tell(robot)
     return MatchReport(robot.time - begin, finished, steps, result, tuple(robot.drive.remarks.values()))
+
+
+def _everything_off(robot: Robot) -> None:
+    """As the rules ask: nothing moves or holds after the end."""
+    for servo in robot.attachments.servos.values():
+        servo.pulse = None
+    robot.stop()
 
 
 def _real(robot: Robot, alarm: bool | None) -> bool:

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon import Robot, drive, open_robot, repeat, straight, wait
+from raccoon import Robot, do, drive, open_robot, repeat, seq, servo, straight, wait
+from raccoon.core.config import ServoConfig
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
@@ -44,6 +45,24 @@ class Lamp:
 
     def event(self, text: str) -> None:
         self.notes.append(text)
+
+
+def test_servos_hold_until_the_end_and_are_off_then() -> None:
+    port = Lamp()
+    held = []
+    with open_robot(replace(CONFIG, servos={"claw": ServoConfig(port=2)}), port=port) as robot:
+        program = seq(servo("claw", 1500), straight(0.05), do(lambda _: held.append(port.last.servo_us[2])))
+        run_match(robot, program)
+        assert held == [1500]
+        assert port.last == STOP
+
+
+def test_what_is_strange_about_the_motors_is_in_the_report() -> None:
+    changed = simulated(effects={"motor.back_emf_constant@right": {"factor": 1.05}})
+    with open_robot(CONFIG, port=changed) as robot:
+        report = run_match(robot, straight(0.3), start=wait(0.5))
+    assert len(report.remarks) == 1
+    assert "remark: by the gyro the right wheel (motor port 1) turns 0.95" in report.table()
 
 
 def test_the_program_starts_with_the_light_and_its_steps_are_timed() -> None:
