@@ -12,7 +12,6 @@ from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration
 from raccoon.estimate.tophat.tracker import LightTracker
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
-JUMP_SECONDS = 0.15  # within which a change of light reaches all sensors of a robot
 
 
 class Edge(NamedTuple):
@@ -69,17 +68,24 @@ class Tophat:
         self._last_coverage = 0.0
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
-        self._jump_time = -math.inf
 
     @property
     def threshold(self) -> float:
         """Counts from which a reading is black, in the light of now."""
         return self.levels.threshold
 
-    def update(self, time: float, counts: float | None, others_lost: bool | None = None) -> TophatReading:
+    def update(
+        self,
+        time: float,
+        counts: float | None,
+        others_lost: bool | None = None,
+        way: float | None = None,
+    ) -> TophatReading:
         """Take the reading of this tick and say what is below the sensor.
 
         time: s. counts: None where there is nothing new. others_lost: see `TophatGroup`, which gives it.
+        way: m that the sensor went over the floor since the last tick (None: not known, 0.24 m/s is assumed);
+        how long an edge takes tells it from a change of light.
         """
         if counts is None:
             if self._state is None:
@@ -91,13 +97,15 @@ class Tophat:
             self._last_counts = counts
         if self.adapt:
             # The mean of two readings at 200 Hz does not see lamps that flicker at 100 Hz.
-            levels.update(0.5 * (counts + self._last_counts), others_lost)
-            if levels.jumps != self._seen_jumps:
-                self._seen_jumps, self._jump_time = levels.jumps, time
+            levels.update(0.5 * (counts + self._last_counts), others_lost, way)
         light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
         coverage = (levels.light - light) / (levels.light - levels.dark)
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
         last = self._last_coverage
+        if levels.jumps != self._seen_jumps:
+            # The light changed a while ago and only now is that sure: another answer, but no edge.
+            self._seen_jumps, last = levels.jumps, coverage
+            self._state, self._other = counts >= levels.threshold, 0
         if (coverage >= 0.5) is not (last >= 0.5):
             share = (0.5 - last) / (coverage - last)
             self._edge_time = self._last_time + share * (time - self._last_time)
@@ -105,9 +113,10 @@ class Tophat:
         edge = self._decide(counts)
         return TophatReading(self._state, self._probability(counts), coverage, levels.status, edge)
 
-    def lost(self, time: float) -> bool:
-        """Whether neither surface explains the readings, or the light was just found to have changed."""
-        return self.levels.stray >= LOST_READINGS or time - self._jump_time < JUMP_SECONDS
+    @property
+    def lost(self) -> bool:
+        """Whether neither surface explains the readings, or it is being weighed what changed."""
+        return self.levels.stray >= LOST_READINGS or self.levels.in_doubt
 
     def _decide(self, counts: float) -> Edge | None:
         levels = self.levels
@@ -141,14 +150,21 @@ class TophatGroup:
     def __init__(self, tophats: Sequence[Tophat]) -> None:
         self.tophats = tuple(tophats)
 
-    def update(self, time: float, counts: Sequence[float | None]) -> tuple[TophatReading, ...]:
-        """One reading a sensor, in the order of `tophats`. Raises ValueError for another number of them."""
+    def update(
+        self, time: float, counts: Sequence[float | None], ways: Sequence[float | None] | None = None
+    ) -> tuple[TophatReading, ...]:
+        """One reading a sensor, in the order of `tophats`; ways: see `Tophat.update`.
+
+        Raises ValueError for another number of them.
+        """
         tophats = self.tophats
+        if ways is None:
+            ways = [None] * len(tophats)
         if len(tophats) == 1:
-            return (tophats[0].update(time, counts[0]),)
-        lost = [each.lost(time) for each in tophats]
+            return (tophats[0].update(time, counts[0], None, ways[0]),)
+        lost = [each.lost for each in tophats]
         count = sum(lost)
         return tuple(
-            each.update(time, reading, count > own)
-            for each, reading, own in zip(tophats, counts, lost, strict=True)
+            each.update(time, reading, count > own, way)
+            for each, reading, own, way in zip(tophats, counts, lost, ways, strict=True)
         )
