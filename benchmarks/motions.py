@@ -206,11 +206,8 @@ def markdown(lines: list[Figure]) -> str:
     rows = ["| figure | asked | measured |", "|---|---|---|"]
     for line in lines:
         bound = "at least " if line.least else ""
-        rows.append(
-            f"| {line.name} | {bound}{line.asked:.3g} {line.unit} | {line.measured:.2g} {line.unit} |"
-            if line.measured < 10.0
-            else f"| {line.name} | {bound}{line.asked:.3g} {line.unit} | {line.measured:.3g} {line.unit} |"
-        )
+        value = f"{line.measured:.3g}" if line.measured >= 1.0 else f"{line.measured:.2g}"
+        rows.append(f"| {line.name} | {bound}{line.asked:.3g} {line.unit} | {value} {line.unit} |")
     return "\n".join(rows) + "\n"
 
 
