@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from raccoon.control.profile import Profile, ProfileState
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
-from raccoon.robot.remarks import tell
+from raccoon.robot.remarks import mismatch, tell
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -30,7 +30,8 @@ class MotionResult:
     """Where a motion ended against its goal.
 
     along, across: m beyond the goal and left of the path. heading: rad left of the goal's heading.
-    duration: s. std: m, of the position as the odometry sees it. saturated: the battery could not give all.
+    duration: s. std: m, of the position as the odometry sees it (more where the wheels turn out to be off
+    their calibration). saturated: the battery could not give all.
     heading_std: rad. missing_speed: m/s that a saturated wheel was short of, at the worst moment.
     planned: share of the speed that was asked for which the weakest battery of the match allows (1: all).
     remarks: what was strange, in words: doubts of the odometry on the way, motors that are not what
@@ -72,6 +73,7 @@ class Pace:
         self._time = 0.0
         self._stalled = 0.0
         self.begin = robot.time
+        self._start = robot.estimate.distance
         self.saturated = False
         self.missing_speed = 0.0
         self.doubts: dict[str, None] = {}
@@ -96,6 +98,11 @@ class Pace:
                     raise MotionTimeout(self._explain(progress()))
         finally:
             robot.drive.stop()
+
+    @property
+    def doubt(self) -> float:
+        """M by which the way is unsure where the wheels are off their calibration."""
+        return 0.5 * mismatch(self._robot) * (self._robot.estimate.distance - self._start)
 
     def _watch(self) -> None:
         wheels, robot = self._robot.drive.wheels, self._robot
@@ -128,7 +135,7 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
         across,
         here.heading - goal.heading,
         robot.time - pace.begin,
-        math.hypot(here.x_std, here.y_std),
+        math.hypot(here.x_std, here.y_std, pace.doubt),
         pace.saturated,
         here.heading_std,
         pace.missing_speed,

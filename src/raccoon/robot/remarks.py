@@ -17,25 +17,32 @@ SIGMAS = 4.0
 
 def oddities(robot: Robot) -> tuple[str, ...]:
     """Sentences that name side and port: motors not as they should be, scales that do not fit."""
-    return (*robot.drive.oddities(), *_mismatch(robot))
+    off = mismatch(robot)
+    return robot.drive.oddities() if off == 0.0 else (*robot.drive.oddities(), _mismatched(robot, off))
 
 
-def _mismatch(robot: Robot) -> tuple[str, ...]:
-    """The gyro tells the ratio of the wheels' scales, so a motor or wheel that was changed shows in it."""
+def mismatch(robot: Robot) -> float:
+    """How far the ratio of the wheels' scales is off their calibration, 0 where it is as it should be.
+
+    The gyro tells the ratio, so a motor or wheel that was changed shows in it. It does not tell which of the
+    two was, so a distance is then unsure by half of it.
+    """
     drive = robot.config.drive
     stored = [robot.config.motor(port).radians_per_tick for port in (drive.left, drive.right)]
     known = [each.std / each.value for each in stored if each is not None]
     if len(known) < 2:
-        return ()
+        return 0.0
     left, right = robot.odometry.wheel_scales
     off = right / left - 1.0
-    if abs(off) < max(LEAST_MISMATCH, SIGMAS * math.hypot(*known)):
-        return ()
-    share, percent = 1.0 / (1.0 + off), 100.0 * abs(off)
+    return off if abs(off) >= max(LEAST_MISMATCH, SIGMAS * math.hypot(*known)) else 0.0
+
+
+def _mismatched(robot: Robot, off: float) -> str:
+    drive, share, percent = robot.config.drive, 1.0 / (1.0 + off), 100.0 * abs(off)
     return (
         f"by the gyro the right wheel (motor port {drive.right}) turns {share:.3f} times what its "
         f"calibration says, against the left one (port {drive.left}): was a motor or wheel changed? "
-        f"distances may be off by {percent:.1f} %: calibrate again",
+        f"distances may be off by {percent:.1f} %: calibrate again"
     )
 
 
