@@ -67,10 +67,10 @@ def main() -> None:
 def line(name: str, asked: float | None, measured: float, unit: str = "", smaller: bool = False) -> None:
     """One row of the table."""
     if asked is None:
-        print(f"{name:58} {'':>10} {measured:12,.4g} {unit}")
+        print(f"{name:72} {'':>10} {measured:12,.4g} {unit}")
         return
     ratio = asked / measured if smaller else measured / asked
-    print(f"{name:58} {asked:10,.4g} {measured:12,.4g} {ratio:6.2f}x {unit}")
+    print(f"{name:72} {asked:10,.4g} {measured:12,.4g} {ratio:6.2f}x {unit}")
 
 
 def timed(work: Callable[[], object], repeats: int = 3) -> float:
@@ -202,20 +202,25 @@ def recordings(folder: Path) -> None:
 
     tables = steps.recordings(folder)
     wheels = [wheel for table in tables for wheel in steps.wheels(table)]
-    for name, latency in (("R, K, J and friction", False), ("... and the catalogue's latency", True)):
-        scores = [steps.held_out(wheel, steps.fitted(wheel, latency)) for wheel in wheels]
+    models = {
+        "R, K, J, friction": (),
+        "... and latency": steps.LATENCY,
+        f"... and {len(steps.EFFECTS)} effects at once": tuple(steps.EFFECTS),
+    }
+    for name, effects in models.items():
+        scores = [steps.held_out(wheel, steps.fitted(wheel, effects), effects) for wheel in wheels]
         line(f"fleet steps held out, {name}: R2", 0.986, float(np.median([each.r2 for each in scores])))
         rmse = float(np.median([each.rmse for each in scores]))
         line(f"fleet steps held out, {name}: RMSE, m/s", 0.061, rmse, smaller=True)
+    for effect in steps.EFFECTS:
+        count = sum(steps.is_supported(wheel, (effect,)) for wheel in wheels)
+        line(f"  wheels of {len(wheels)} whose fitted steps ask for {effect}", None, count)
     for name, split in (("0 V, fitted on 2, 4, -4 V", 0.503), ("-4 V and 0 V, fitted on 2, 4 V", 0.352)):
-        fit, plain = 1e3 * np.median([steps.sag_error(table, split) for table in tables], axis=0)
-        line(
-            f"battery sag held out ({name}), RMS mV",
-            8.5,
-            float(fit),
-            f"without sag {plain:.1f}",
-            smaller=True,
-        )
+        sag = steps.sag(tables, split)
+        for kind, value in (("", sag.own), (", fleet's R_i as prior", sag.shared)):
+            line(f"battery sag held out ({name}){kind}, mV", 8.5, 1e3 * value, smaller=True)
+        line("  without sag", None, 1e3 * sag.plain, "mV")
+        line("  fitted to the judged part itself, the floor", None, 1e3 * sag.floor, "mV")
 
 
 def growth(seconds: float) -> None:

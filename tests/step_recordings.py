@@ -26,7 +26,18 @@ SPLIT = 0.352  # s: the step to -4 V
 START = np.log([4.0, 0.09, 2e-4, 0.008, 1e-5])  # ohm, V s/rad, kg m2, N m, N m s/rad
 LOW = START - np.array([1.2, 1.2, 3.0, 3.0, 6.0])
 HIGH = START + np.array([1.2, 1.2, 3.0, 2.0, 6.0])
-LATEST = 0.05  # s
+# Of the catalogue's effects those that can show in straight steps of 0.66 s: parameter, start, bounds, scale.
+EFFECTS: dict[str, tuple[str, float, float, float, float]] = {
+    "actuation.latency": ("seconds", 0.003, 0.0, 0.05, 0.005),
+    "actuation.deadband": ("duty", 0.005, 0.0, 0.2, 0.01),
+    "friction.load_dependent": ("coefficient", 0.05, 0.0, 0.9, 0.1),
+    "friction.stiction": ("torque", 0.002, 0.0, 0.05, 0.002),
+    "friction.quadratic": ("coefficient", 1e-6, 0.0, 1e-3, 1e-6),
+    "friction.direction_dependent": ("asymmetry", 0.0, -0.95, 0.95, 0.1),
+    "motor.heating": ("gain", 0.01, 0.0, 10.0, 0.1),
+}
+LATENCY = ("actuation.latency",)
+STICTION_SPEED = 5.0  # rad/s: a fiftieth of the top speed of these wheels
 CURRENT_SD, SPEED_SD = 0.3, 0.05  # A, m/s
 
 
@@ -72,8 +83,8 @@ def wheels(table: NDArray[np.void]) -> list[Wheel]:
     ]
 
 
-def simulated(numbers: Floats, wheel: Wheel) -> tuple[Floats, Floats]:
-    """Speed (m/s) and current (A) of a wheel. numbers: logs of R, K, J, Coulomb, viscous; the latency."""
+def simulated(numbers: Floats, wheel: Wheel, effects: tuple[str, ...] = ()) -> tuple[Floats, Floats]:
+    """Speed (m/s) and current (A) of a wheel. numbers: logs of R, K, J, Coulomb, viscous; then the effects'."""
     resistance, back_emf, inertia, coulomb, viscous = (Measured(float(each)) for each in np.exp(numbers[:5]))
     model = RobotConfig().model
     motor = replace(model.left, armature_resistance=resistance, back_emf_constant=back_emf)
@@ -88,41 +99,56 @@ def simulated(numbers: Floats, wheel: Wheel) -> tuple[Floats, Floats]:
         drive=replace(model.drive, inertia_straight=inertia, inertia_turn=inertia),
     )
     robot = Parameters.from_robot(replace(RobotConfig(), model=model))
-    if len(numbers) > 5:
-        robot = robot.with_effect("actuation.latency", seconds=float(numbers[5]))
+    for effect, value in zip(effects, numbers[5:].tolist(), strict=True):
+        more = {"speed": STICTION_SPEED} if effect == "friction.stiction" else {}
+        robot = robot.with_effect(effect, **{EFFECTS[effect][0]: value}, **more)
     commands = Commands.of_wheels(wheel.time, wheel.command / SUPPLY, np.zeros_like(wheel.time))
     run = rollout(robot, commands, channels=("motor.0.speed", "motor.0.current"), longest_step=0.001)
     return RADIUS * run["motor.0.speed"][0], run["motor.0.current"][0]
 
 
-def fitted(wheel: Wheel, latency: bool) -> Floats:
-    """Numbers that fit the steps to 2 V and 4 V; with or without the catalogue's command latency."""
+def fitted(wheel: Wheel, effects: tuple[str, ...] = ()) -> Floats:
+    """Numbers that fit the steps to 2 V and 4 V, with effects of the catalogue besides the base."""
     train = wheel.time < SPLIT
 
     def residuals(numbers: Floats) -> Floats:
-        speed, current = simulated(numbers, wheel)
+        speed, current = simulated(numbers, wheel, effects)
         parts = [(speed - wheel.speed)[train] / SPEED_SD, 0.05 * (numbers[:5] - START)]
         if wheel.current_is_plausible:
             parts.append((current - wheel.current)[train] / CURRENT_SD)
         return np.concatenate(parts)
 
-    extra = [1] if latency else []
-    start = np.concatenate([START, np.multiply(extra, 0.003)])
-    low, high = (
-        np.concatenate([LOW, np.multiply(extra, 0.0)]),
-        np.concatenate([HIGH, np.multiply(extra, LATEST)]),
+    extra = np.array([EFFECTS[each][1:] for each in effects]).reshape(-1, 4)
+    start, low, high = (
+        np.concatenate([base, more]) for base, more in zip((START, LOW, HIGH), extra.T, strict=False)
     )
-    scale = np.concatenate([np.full(5, 0.3), np.multiply(extra, 0.005)])
+    scale = np.concatenate([np.full(5, 0.3), extra[:, 3]])
     return np.asarray(
         least_squares(residuals, start, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40).x
     )
 
 
-def held_out(wheel: Wheel, numbers: Floats) -> Score:
+def is_supported(wheel: Wheel, effects: tuple[str, ...]) -> bool:
+    """Whether the steps that were fitted are likelier with the effects, one number dearer each (BIC).
+
+    Neighbouring residuals are alike (lag-1 correlation c), so n of them count as n (1 - c) / (1 + c).
+    """
+    train = wheel.time < SPLIT
+    sums = []
+    for numbers, with_effects in ((fitted(wheel), ()), (fitted(wheel, effects), effects)):
+        error = (simulated(numbers, wheel, with_effects)[0] - wheel.speed)[train]
+        sums.append(float(np.mean(error**2)))
+        if not with_effects:
+            alike = float(np.clip(np.corrcoef(error[1:], error[:-1])[0, 1], 0.0, 0.999))
+            count = max(8.0, len(error) * (1.0 - alike) / (1.0 + alike))
+    return count * np.log(sums[0] / sums[1]) > len(effects) * np.log(count)
+
+
+def held_out(wheel: Wheel, numbers: Floats, effects: tuple[str, ...] = ()) -> Score:
     """How well the fit foresees the steps to -4 V and 0 V, run on freely from the start."""
     test = wheel.time >= SPLIT
     truth = wheel.speed[test]
-    error = simulated(numbers, wheel)[0][test] - truth
+    error = simulated(numbers, wheel, effects)[0][test] - truth
     centred = error - error.mean()
     return Score(
         r2=float(1.0 - np.sum(error**2) / np.sum((truth - truth.mean()) ** 2)),
@@ -131,20 +157,72 @@ def held_out(wheel: Wheel, numbers: Floats) -> Score:
     )
 
 
-def sag_error(table: NDArray[np.void], split: float) -> tuple[float, float]:
-    """Held-out RMS (V) of U_oc - R_i I fitted before `split` and judged after it; and of the mean alone.
+@dataclass(frozen=True)
+class Sag:
+    """Median over robots of the RMS (V) on the part of the recordings that no fit has seen.
 
-    I is the motors' electrical power over the battery's voltage.
+    plain: of the mean voltage, without sag. own: of U_oc - R_i I fitted for each robot by itself. shared: the
+    same with R_i drawn towards the fleet's. floor: of a fit to the judged part itself, which no prediction
+    can be below by more than chance.
     """
+
+    plain: float
+    own: float
+    shared: float
+    floor: float
+
+
+def sag(tables: list[NDArray[np.void]], split: float) -> Sag:
+    """Fit what is before `split` (s), judge what is after it.
+
+    I is the motors' electrical power over the battery's voltage. The fleet's distribution of R_i (mean m,
+    spread s) is that of the robots' own estimates less their uncertainty v, all from the fitted part; a
+    robot's R_i is then the mean of its own and m, weighted by 1 / v and 1 / s^2. A robot whose current has
+    the wrong sign keeps its own.
+    """
+    pairs = [_voltage_and_current(table) for table in tables]
+    trains = [table["t_s"] < split for table in tables]
+    own = np.array([_own_resistance(*pair, train) for pair, train in zip(pairs, trains, strict=True)])
+    shared = _drawn_together(own)
+    scores = []
+    for (voltage, current), train, alone, together in zip(pairs, trains, own[:, 0], shared, strict=True):
+        errors = [
+            voltage[~train]
+            - terminal_voltage(float(np.mean((voltage + ohm * current)[train])), ohm, current[~train])
+            for ohm in (0.0, float(alone), float(together))
+        ]
+        errors.append(_residual(voltage[~train], current[~train]))
+        scores.append([float(np.sqrt(np.mean(each**2))) for each in errors])
+    return Sag(*(float(each) for each in np.median(scores, axis=0)))
+
+
+def _voltage_and_current(table: NDArray[np.void]) -> tuple[Floats, Floats]:
     power = sum(table[f"{side}_command_V"] * table[f"{side}_current_A"] for side in ("left", "right"))
-    voltage = table["battery_V"]
-    current = power / voltage
-    train = table["t_s"] < split
-    columns = np.stack([np.ones(train.sum()), -current[train]], axis=1)
-    open_circuit, resistance = np.linalg.lstsq(columns, voltage[train], rcond=None)[0]
-    foreseen = terminal_voltage(open_circuit, resistance, current[~train])
-    plain = voltage[~train] - voltage[train].mean()
-    return (
-        float(np.sqrt(np.mean((voltage[~train] - foreseen) ** 2))),
-        float(np.sqrt(np.mean(plain**2))),
-    )
+    return table["battery_V"], power / table["battery_V"]
+
+
+def _residual(voltage: Floats, current: Floats) -> Floats:
+    columns = np.stack([np.ones(len(current)), -current], axis=1)
+    return np.asarray(voltage - columns @ np.linalg.lstsq(columns, voltage, rcond=None)[0])
+
+
+def _own_resistance(voltage: Floats, current: Floats, train: NDArray[np.bool_]) -> tuple[float, float]:
+    """R_i and its variance, where residuals count as one for as long as they are alike."""
+    residual = _residual(voltage[train], current[train])
+    deviation = current[train] - current[train].mean()
+    power = float(deviation @ deviation)
+    alike = np.correlate(residual, residual, "full")[len(residual) - 1 :] / float(residual @ residual)
+    lasting = 1.0 + 2.0 * float(alike[1 : int(np.argmax(alike < 0.05))].sum())
+    return -float(deviation @ voltage[train]) / power, float(np.var(residual)) * lasting / power
+
+
+def _drawn_together(own: Floats) -> Floats:
+    resistance, variance = own.T
+    sound = resistance > 0.0
+    mean, spread = float(np.median(resistance[sound])), float(np.var(resistance[sound]))
+    for _ in range(20):
+        weight = 1.0 / (spread + variance[sound])
+        mean = float(weight @ resistance[sound] / weight.sum())
+        spread = max(1e-5, float(np.mean((resistance[sound] - mean) ** 2 - variance[sound])))
+    together = (resistance / variance + mean / spread) / (1.0 / variance + 1.0 / spread)
+    return np.where(sound, together, resistance)
