@@ -46,6 +46,10 @@ class SimulatedPlant:
         """x, y in m and heading in rad, in the world."""
         return self._state.x, self._state.y, self._state.heading
 
+    def become(self, parameters: Parameters) -> None:
+        """Go on as another robot, from here at this speed: another battery, another load. Wiring stays."""
+        self._numbers = plant_numbers(parameters)
+
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
         before = self._state.forward_speed

@@ -30,10 +30,12 @@ def all_closed() -> Iterator[None]:
 
 
 class Bench:
-    def __init__(self, firmware: Firmware, build: Any = "shipped", **options: Any) -> None:
+    def __init__(
+        self, firmware: Firmware, build: Any = "shipped", noise: bool = True, **options: Any
+    ) -> None:
         self.clock = SteppedClock()
         self.robot = BenchRobot()
-        self.emulator = Emulator(self.robot, firmware, clock=self.clock, build=build)
+        self.emulator = Emulator(self.robot, firmware, clock=self.clock, build=build, noise=noise)
         self.port = WombatPort(self.emulator, clock=self.clock, **options)
         OPENED.append(self.port)
 
@@ -168,6 +170,41 @@ def test_repeated_imu_words_are_not_news(bench: Bench) -> None:
     fresh = sum(each.gyro is not None for each in seen)
     expected = 188 if bench.emulator.firmware == "stock" else 50
     assert fresh == pytest.approx(expected, abs=4)
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+def test_a_robot_at_rest_may_repeat_itself_for_ever(firmware: Firmware) -> None:
+    bench = Bench(firmware, noise=False)
+    bench.emulator.faults.imu_frozen = True
+    quiet = bench.run(STOP, 800)
+    assert Fault.STALE not in {fault for inputs in quiet for fault in inputs.faults}
+    assert None not in quiet[-1].position
+    driven = bench.run(FORWARD, 100)
+    assert Fault.STALE not in {fault for inputs in driven for fault in inputs.faults}
+    assert (driven[-1].position[0] or 0.0) > 0.0
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+@pytest.mark.parametrize("before", [STOP, FORWARD], ids=["from rest", "driving"])
+def test_a_hanging_controller_is_stopped_all_the_same(firmware: Firmware, before: Outputs) -> None:
+    bench = Bench(firmware)
+    bench.run(before, 100)
+    bench.port._reset_line = bench.emulator
+    bench.emulator.faults.frozen = True
+    with pytest.raises(HardwareError, match="stale: the controller has repeated itself"):
+        bench.run(FORWARD, 105)
+    bench.clock.advance(0.05)
+    bench.emulator.run()
+    assert not bench.emulator.motors_running
+
+
+def test_a_controller_that_hangs_while_the_robot_is_told_to_stop_is_stopped(bench: Bench) -> None:
+    bench.port._reset_line = bench.emulator
+    bench.run(FORWARD, 100)
+    bench.emulator.faults.frozen = True
+    with pytest.raises(HardwareError, match="stale"):
+        bench.run(STOP, 60)
+    assert not bench.emulator.motors_running
 
 
 def test_offsets_at_rest_are_measured() -> None:

@@ -215,7 +215,7 @@ class Odometry:
             self._wheel_variance(self._right, read[1], span),
         )
         self._left.mean, self._right.mean = read[0], read[1]
-        self._left.blind = self._right.blind = 0.0
+        self._left.blind = self._right.blind = self._left.lost = self._right.lost = 0.0
         if pending.gyro_count and pending.gyro_span > 0.5 * span:
             noise = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             read = (*read, pending.turn / pending.gyro_span)
@@ -238,7 +238,7 @@ class Odometry:
             noise += steps + self._bemf_variance / SAMPLE_TIME
         slip = self._settings.slip_noise**2 * abs(speed) / (self._geometry.wheel_radius * span)
         late = self._settings.timing * (speed - wheel.mean) / span
-        unseen = self._dead_variance * min(wheel.blind / span, 1.0)
+        unseen = self._dead_variance * min(wheel.blind / span, 1.0) + (wheel.lost / span) ** 2
         return noise + slip + late * late + unseen + 1e-10
 
     def _feel(self, span: float, still: bool, inputs: Inputs) -> None:

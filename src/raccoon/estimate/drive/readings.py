@@ -75,6 +75,10 @@ class DriveReadings:
         left, right = self.left, self.right
         left.blind += dt * reading.left_blind
         right.blind += dt * reading.right_blind
+        if reading.left_jumped:
+            left.restart(dt)
+        if reading.right_jumped:
+            right.restart(dt)
         if inputs.faults and Fault.STALE in inputs.faults:
             # A repeated frame says nothing; a counter that moved all the same does.
             left.update(dt, None, reading.left_angle or None)

@@ -27,8 +27,9 @@ class WheelTrack:
     lag: s, the board's filter. tick: rad of one counter tick, for the noise of a wheel without back-EMF.
     increment: rad in the last cycle. speed: rad/s now, smoothed. settled: rad/s, averaged over 0.1 s.
     mean: rad/s over the filter's last step, kept here for it.
-    silent: s without a reading. blind: s of the filter's present step in which the back-EMF was within the
-    device's dead zone, kept here for it. fine: True where back-EMF was read, which carries no steps.
+    silent: s without a reading. fine: True where back-EMF was read, which carries no steps.
+    blind: s of the filter's present step, kept here for it, in which the back-EMF was within the device's dead
+    zone. lost: rad in it that were guessed and that no counter corrects.
     """
 
     __slots__ = (
@@ -40,6 +41,7 @@ class WheelTrack:
         "fine",
         "increment",
         "lag",
+        "lost",
         "mean",
         "settled",
         "silent",
@@ -49,7 +51,7 @@ class WheelTrack:
 
     def __init__(self, lag: float) -> None:
         self.lag = lag
-        self.blind = 0.0
+        self.blind = self.lost = 0.0
         self._filtered: float | None = None
         self._behind = 0.0
         self.increment = 0.0
@@ -81,6 +83,14 @@ class WheelTrack:
             return
         self.silent = 0.0
         self._smooth(dt)
+
+    def restart(self, dt: float) -> None:
+        """The counter jumped, or its controller restarted: what the wheel turned since the last reading stays
+        guessed, and the board's filter may have begun anew. Before `update`.
+        """
+        self.lost += abs(self.speed) * (self.silent + dt)
+        self._behind = 0.0
+        self._filtered = None
 
     def _compare(self, dt: float, speed: float, angle: float) -> None:
         """Find the one of both that is dead: it stands while the other turns."""

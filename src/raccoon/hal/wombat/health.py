@@ -55,6 +55,55 @@ class Liveness:
         return self._changes / elapsed if self._changes >= 5 and elapsed > 0.0 else None
 
 
+class LifeWatch:
+    """Whether a controller that must give a sign of life gives none: its main loop hangs.
+
+    The low bits of ADC and IMU show life but need not: filters swallow noise, an IMU may be dead or read once
+    a second. Turning wheels always show it, in the counters. So silence says something only of a robot whose
+    wheels turned when it was last heard of, or that is driven and does not start. At rest it may last.
+
+    silence: s without a sign of life that was due.
+    """
+
+    TURNING = 64.0
+    """Back-EMF counts from which no wheel stops between two words."""
+    DRIVEN = 0.25
+    """Duty that turns any motor."""
+    WHILE_TURNING, FROM_REST, GENTLY_FROM_REST = (0.05, 0.2), (0.3, 0.5), (0.5, 1.0)
+    """S of silence after which words are stale, and after which the controller hangs."""
+
+    def __init__(self) -> None:
+        self._last: bytes | None = None
+        self._turning = False
+        self._limits = self.WHILE_TURNING
+        self._since = 0.0
+        self.silence = 0.0
+
+    def update(self, words: bytes, time: float, bemf: Sequence[float], duties: Sequence[float]) -> None:
+        """Take a cycle. bemf: counts, as last known before it. duties: what drove the motors until now."""
+        if words != self._last:
+            self._last, self._since = words, time
+            self._turning = max(map(abs, bemf)) > self.TURNING
+        elif not (self._turning or any(duties)):
+            self._since = time
+        self.silence = time - self._since
+        if self._turning:
+            self._limits = self.WHILE_TURNING
+        else:
+            driven = max(map(abs, duties)) >= self.DRIVEN
+            self._limits = self.FROM_REST if driven else self.GENTLY_FROM_REST
+
+    @property
+    def stale(self) -> bool:
+        """Whether the words are old ones that only look like new ones."""
+        return self.silence > self._limits[0]
+
+    @property
+    def hangs(self) -> bool:
+        """Whether to give the controller up."""
+        return self.silence > self._limits[1]
+
+
 class ImuWatch:
     """Whether the IMU's words can be true: a plausible turn rate, and gravity about 1 g.
 

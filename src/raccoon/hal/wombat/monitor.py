@@ -10,7 +10,7 @@ from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Fault, Inputs, Words
 from raccoon.hal.wombat.counters import Bemf
 from raccoon.hal.wombat.dialect import Dialect, Reading
-from raccoon.hal.wombat.health import BatteryWatch, ImuWatch, Liveness, MotorWatch, RestWatch
+from raccoon.hal.wombat.health import BatteryWatch, ImuWatch, LifeWatch, Liveness, MotorWatch, RestWatch
 
 NOTHING: Words = (None,) * 4
 SATURATED_LOW, SATURATED_HIGH = 5, 4080
@@ -18,8 +18,6 @@ SATURATED_LOW, SATURATED_HIGH = 5, 4080
 BEMF_AT_REST = 15.0
 LATE = 1.5
 """Cycles."""
-FROZEN_SECONDS = 0.2
-STALE_SHORTEST, STALE_LONGEST = 0.05, 3.0
 MISSING_SECONDS = 0.05
 """Words that an IMU never sends (all bits alike) are forgiven that long: it may still be starting."""
 IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE = 0.06, 3.0, 5.0
@@ -44,7 +42,7 @@ class Monitor:
         self._dialect = dialect
         self._period = period
         self._watch_analog = tuple(watch_analog)
-        self._life = Liveness(STALE_SHORTEST, STALE_LONGEST)
+        self._life = LifeWatch()
         self._imu = Liveness(IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE)
         self._imu_watch = ImuWatch()
         self._motors = MotorWatch()
@@ -54,6 +52,7 @@ class Monitor:
         self._first: float | None = None
         self._time = 0.0
         self._cycles = 0
+        self._stuck = False
         self.frozen = False
         self.fault_counts: Counter[Fault] = Counter()
 
@@ -113,19 +112,26 @@ class Monitor:
 
     def _stale(self, reading: Reading, time: float, duties: Sequence[float], faults: list[Fault]) -> bool:
         """Whether positions and back-EMF are old words that only look like new ones."""
-        stale = self._life.update(self._dialect.life(reading.reply), time)
-        if stale:
+        life = self._life
+        life.update(self._dialect.life(reading.reply), time, self._bemf, duties)
+        if life.stale:
             faults.append(Fault.STALE)
-            if any(duties) and self._life.age > max(FROZEN_SECONDS, 2.0 * self._life.limit):
-                self.frozen = True
-                raise HardwareError(
-                    f"{Fault.STALE}: the controller has repeated itself for {self._life.age:.2f} s: its main"
-                    " loop hangs or its link has stopped; only a reset or the power switch helps"
-                )
-        elif self._dialect.counters_stuck:
+        if life.hangs:
+            self.frozen = True
+            raise HardwareError(
+                f"{Fault.STALE}: the controller has repeated itself for {life.silence:.2f} s: its main loop"
+                " hangs or its link has stopped; only a reset or the power switch helps"
+            )
+        return life.stale or self._stand_still(faults)
+
+    def _stand_still(self, faults: list[Fault]) -> bool:
+        """Whether counters do not count; once they do again, the way in between is missing from them."""
+        before, self._stuck = self._stuck, self._dialect.counters_stuck
+        if self._stuck:
             faults.append(Fault.BEMF_INVALID)
-            return True
-        return stale
+        elif before:
+            faults.append(Fault.POSITION_JUMP)
+        return self._stuck
 
     def _watch_motors(self, bemf: Bemf, time: float, duties: Sequence[float], faults: list[Fault]) -> None:
         if self._motors.update(duties, bemf, time):

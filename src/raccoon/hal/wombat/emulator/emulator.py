@@ -40,8 +40,7 @@ class Emulator:
 
     plant: what motors and sensors are. firmware: "stock", 17 or 21. clock: decides how far the firmware has
     run at each transfer. build: loop rates of the distributed binary, or those that the source promises.
-    seed: of all noise; noise False switches it off (a port takes a noiseless controller at rest for a hanging
-    one). Raises ConfigError for another firmware or build.
+    seed: of all noise; noise False switches it off. Raises ConfigError for another firmware or build.
     """
 
     def __init__(
