@@ -5,6 +5,7 @@ Fitted on the steps to 2 V and 4 V, judged on those to -4 V and 0 V, which the f
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from scipy.optimize import least_squares
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
-from raccoon.model.battery import terminal_voltage
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.rollout import rollout
@@ -84,7 +84,7 @@ def wheels(table: NDArray[np.void]) -> list[Wheel]:
 
 
 def simulated(numbers: Floats, wheel: Wheel, effects: tuple[str, ...] = ()) -> tuple[Floats, Floats]:
-    """Speed (m/s) and current (A) of a wheel. numbers: logs of R, K, J, Coulomb, viscous; then the effects'."""
+    """Speed (m/s) and current (A) of a wheel. numbers: logs of R, K, J, Coulomb, viscous; effects'."""
     resistance, back_emf, inertia, coulomb, viscous = (Measured(float(each)) for each in np.exp(numbers[:5]))
     model = RobotConfig().model
     motor = replace(model.left, armature_resistance=resistance, back_emf_constant=back_emf)
@@ -100,8 +100,10 @@ def simulated(numbers: Floats, wheel: Wheel, effects: tuple[str, ...] = ()) -> t
     )
     robot = Parameters.from_robot(replace(RobotConfig(), model=model))
     for effect, value in zip(effects, numbers[5:].tolist(), strict=True):
-        more = {"speed": STICTION_SPEED} if effect == "friction.stiction" else {}
-        robot = robot.with_effect(effect, **{EFFECTS[effect][0]: value}, **more)
+        values = {EFFECTS[effect][0]: value}
+        if effect == "friction.stiction":
+            values["speed"] = STICTION_SPEED
+        robot = robot.with_effect(effect, None, **values)
     commands = Commands.of_wheels(wheel.time, wheel.command / SUPPLY, np.zeros_like(wheel.time))
     run = rollout(robot, commands, channels=("motor.0.speed", "motor.0.current"), longest_step=0.001)
     return RADIUS * run["motor.0.speed"][0], run["motor.0.current"][0]
@@ -141,7 +143,7 @@ def is_supported(wheel: Wheel, effects: tuple[str, ...]) -> bool:
         if not with_effects:
             alike = float(np.clip(np.corrcoef(error[1:], error[:-1])[0, 1], 0.0, 0.999))
             count = max(8.0, len(error) * (1.0 - alike) / (1.0 + alike))
-    return count * np.log(sums[0] / sums[1]) > len(effects) * np.log(count)
+    return count * math.log(sums[0] / sums[1]) > len(effects) * math.log(count)
 
 
 def held_out(wheel: Wheel, numbers: Floats, effects: tuple[str, ...] = ()) -> Score:
@@ -187,8 +189,7 @@ def sag(tables: list[NDArray[np.void]], split: float) -> Sag:
     scores = []
     for (voltage, current), train, alone, together in zip(pairs, trains, own[:, 0], shared, strict=True):
         errors = [
-            voltage[~train]
-            - terminal_voltage(float(np.mean((voltage + ohm * current)[train])), ohm, current[~train])
+            voltage[~train] - (np.mean((voltage + ohm * current)[train]) - ohm * current[~train])
             for ohm in (0.0, float(alone), float(together))
         ]
         errors.append(_residual(voltage[~train], current[~train]))
@@ -225,4 +226,4 @@ def _drawn_together(own: Floats) -> Floats:
         mean = float(weight @ resistance[sound] / weight.sum())
         spread = max(1e-5, float(np.mean((resistance[sound] - mean) ** 2 - variance[sound])))
     together = (resistance / variance + mean / spread) / (1.0 / variance + 1.0 / spread)
-    return np.where(sound, together, resistance)
+    return np.asarray(np.where(sound, together, resistance))

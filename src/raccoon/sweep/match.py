@@ -5,8 +5,8 @@ from __future__ import annotations
 import io
 import math
 import threading
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext, redirect_stdout
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -133,11 +133,14 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     return _row(match, port, reason[:MAX_REASON])
 
 
-def _quiet() -> AbstractContextManager[Any]:
+@contextmanager
+def _quiet() -> Iterator[None]:
     """What a program prints is lost; other threads share the standard output, so there it is left alone."""
-    if threading.current_thread() is threading.main_thread():
-        return redirect_stdout(io.StringIO())
-    return nullcontext()
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        yield
 
 
 def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:

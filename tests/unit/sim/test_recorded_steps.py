@@ -3,7 +3,18 @@
 import numpy as np
 
 from shared_data import data_path
-from step_recordings import EFFECTS, LATENCY, Wheel, fitted, held_out, recordings, sag, simulated, wheels
+from step_recordings import (
+    EFFECTS,
+    LATENCY,
+    Floats,
+    Wheel,
+    fitted,
+    held_out,
+    recordings,
+    sag,
+    simulated,
+    wheels,
+)
 
 
 def test_it_foresees_steps_it_was_not_fitted_on() -> None:
@@ -25,8 +36,9 @@ def test_battery_sag_of_a_step_it_was_not_fitted_on() -> None:
 
 
 def test_a_fit_finds_the_numbers_of_a_simulated_wheel() -> None:
-    time = np.arange(660) * 0.001
-    command = np.select([time < 0.2, time < 0.352, time < 0.503], [2.0, 4.0, -4.0], 0.0)
+    time: Floats = np.arange(660) * 0.001
+    steps = np.select([time < 0.2, time < 0.352, time < 0.503], [2.0, 4.0, -4.0], 0.0)
+    command = steps.astype(np.float64)
     numbers = np.array([*np.log([3.0, 0.1, 3e-4, 0.01, 2e-5]), 0.004])
     blank = Wheel(time, command, np.zeros(660), np.zeros(660))
     wheel = Wheel(time, command, *simulated(numbers, blank, LATENCY))
