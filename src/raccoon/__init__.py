@@ -60,10 +60,11 @@ if TYPE_CHECKING:
         stalled,
         when,
     )
+    from raccoon.robot.driving import drive, motors
     from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
     from raccoon.robot.mechanisms import move, move_by, release, spin, zero
-    from raccoon.robot.motions import MotionResult, arc, drive, motors, pivot, straight, turn, turn_to
+    from raccoon.robot.motions import MotionResult, arc, pivot, straight, turn, turn_to
     from raccoon.robot.opening import open_robot, replay
     from raccoon.robot.paths import drive_to, follow_path
     from raccoon.robot.robot import Robot
@@ -113,11 +114,10 @@ _HOMES = {
         "stalled",
         "when",
     ),
+    "raccoon.robot.driving": ("drive", "motors"),
     "raccoon.robot.motions": (
         "MotionResult",
         "arc",
-        "drive",
-        "motors",
         "pivot",
         "straight",
         "turn",

@@ -12,13 +12,23 @@ import raccoon
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "motions.md").read_text("utf-8")
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-HOMES = ("motions", "paths", "lines", "actions", "conditions", "match", "battery_check", "calibration")
+HOMES = (
+    "motions",
+    "driving",
+    "paths",
+    "lines",
+    "actions",
+    "conditions",
+    "match",
+    "battery_check",
+    "calibration",
+)
 NAMES = sorted(name for home in HOMES for name in raccoon._HOMES[f"raccoon.robot.{home}"])
 TYPES = {"Action", "Condition", "MatchReport", "MotionResult"}
 NOT_RUN = {"wait_for_light"}  # the simulated table has no start light
 MOTIONS = sorted(
     name
-    for home in ("motions", "paths", "lines")
+    for home in ("motions", "driving", "paths", "lines")
     for name in raccoon._HOMES[f"raccoon.robot.{home}"]
     if name not in TYPES
 )

@@ -10,7 +10,8 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions import Action, Steps, seq, wait
 from raccoon.robot.conditions import after_distance
-from raccoon.robot.motions import drive, straight
+from raccoon.robot.driving import drive
+from raccoon.robot.motions import straight
 
 if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration

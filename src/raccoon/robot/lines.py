@@ -9,7 +9,8 @@ from raccoon.control.motion import slewed
 from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.motions import drive, turning
+from raccoon.robot.driving import drive
+from raccoon.robot.motions import turning
 from raccoon.robot.pacing import MotionResult, check_finite, check_limits, reason
 
 if TYPE_CHECKING:

@@ -54,7 +54,7 @@ class Pace:
     """Walks a profile in time, waiting for a robot that cannot keep up.
 
     lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up; twice the profile and
-    2 s where it is None. planned: see MotionResult.
+    2 s where it is None. planned: see MotionResult. what: the motion, for messages; a "turn" is in rad.
     """
 
     def __init__(
@@ -64,8 +64,10 @@ class Pace:
         lag_limit: float,
         timeout: float | None = None,
         planned: float = 1.0,
+        what: str = "straight",
     ) -> None:
         self._robot = robot
+        self._what = what
         self.profile = profile
         self.planned = planned
         self._lag_limit = lag_limit
@@ -114,8 +116,10 @@ class Pace:
 
     def _explain(self, progress: float) -> str:
         seconds = self._robot.time - self.begin
-        way = f"{progress:.3f} of {self.profile.distance:.3f}"
-        return f"motion not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
+        way = f"{progress:.3f} of {self.profile.distance:.3f} m"
+        if self._what == "turn":
+            way = f"{math.degrees(progress):.1f} of {math.degrees(self.profile.distance):.1f} deg"
+        return f"{self._what} not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
 
 
 def reason(robot: Robot) -> str:

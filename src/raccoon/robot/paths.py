@@ -129,7 +129,7 @@ def _follow(
     top = robot.drive.planned_speed(wanted, motion.acceleration, outer)
     near = motion.distance_tolerance if tolerance is None else tolerance
     walk = profile(path.length, top, motion.acceleration, motion.jerk)
-    pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
+    pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted, "path")
     progress = [0.0]
     for state in pace.states(lambda: progress[0]):
         here = robot.estimate

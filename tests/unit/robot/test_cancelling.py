@@ -64,6 +64,22 @@ def test_an_error_anywhere_stops_the_motors_and_the_rest(
         assert robot.run(straight(0.05)).along == pytest.approx(0.0, abs=0.002)
 
 
+@pytest.mark.parametrize(
+    ("motion", "said"),
+    [
+        (
+            straight(1.0, timeout=0.5),
+            r"straight not done after 0\.5 s: 0\.\d+ of 1\.000 m; the wheels follow",
+        ),
+        (turn(3.0, timeout=0.5), r"turn not done after 0\.5 s: \d+\.\d of 171\.9 deg; the wheels follow"),
+    ],
+    ids=["straight", "turn"],
+)
+def test_a_motion_that_is_late_says_how_far_it_came(motion: Action[object], said: str) -> None:
+    with pytest.raises(MotionTimeout, match=said):
+        run(motion)
+
+
 def test_the_inner_limit_comes_first() -> None:
     result, end, robot = run(straight(1.0).timeout(1.0).timeout_or(5.0, turn(0.2)))
     assert end.heading == pytest.approx(0.2, abs=0.02)

@@ -1,0 +1,87 @@
+"""Driving without a goal, until something ends it: at a speed, or with plain duties."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import TrackingGains, line_command, slewed
+from raccoon.control.profile import ProfileState
+from raccoon.control.voltage import VoltageScaling
+from raccoon.model.pose import Pose
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.limits import check_rate, check_speed
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+__all__ = ["drive", "motors"]
+
+GAINS = TrackingGains()
+
+
+def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
+    """Drive at `speed` m/s and `turn_rate` rad/s until ended from outside (`.until`, `.timeout`, `race`).
+
+    Without a turn rate the heading of the plan is held.
+    """
+    check_speed(speed=speed)
+    check_rate(turn_rate=turn_rate)
+
+    def steps(robot: Robot) -> Steps[None]:
+        motion = robot.config.motion
+        start = robot.plan
+        velocity = robot.estimate.velocity
+        rate = robot.estimate.turn_rate
+        top = math.copysign(robot.drive.planned_speed(abs(speed), motion.acceleration), speed)
+        try:
+            while True:
+                velocity = slewed(velocity, top, motion.acceleration * robot.dt)
+                rate = slewed(rate, turn_rate, motion.turn_acceleration * robot.dt)
+                held = 0.0
+                if turn_rate == 0.0:
+                    _, across = start.offset_of(robot.estimate.x, robot.estimate.y)
+                    off = robot.estimate.heading - start.heading
+                    state = ProfileState(0.0, velocity, 0.0)
+                    _, held = line_command(state, 0.0, across, off, GAINS)
+                robot.drive.velocity(velocity, rate + held)
+                yield
+        finally:
+            robot.drive.stop()
+            here = robot.estimate
+            robot.plan = Pose(here.x, here.y, start.heading if turn_rate == 0.0 else here.heading)
+
+    return Action(f"drive {speed:g} m/s", steps)
+
+
+def motors(left: float, right: float, *, tuned_at: float | None = None) -> Action[None]:
+    """Put plain duties (-1..1) on the wheels until ended from outside: no control at all, as a comparison.
+
+    tuned_at: V of the battery that the duties were found on; they are scaled by it over the present voltage.
+    What the present battery cannot give is said once, in the log and the recording, with the speed that is
+    missing.
+    """
+    for name, duty in (("left", left), ("right", right)):
+        if not -1.0 <= duty <= 1.0:
+            raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+    scaling = None if tuned_at is None else VoltageScaling(tuned_at)
+
+    def steps(robot: Robot) -> Steps[None]:
+        try:
+            while True:
+                duties = left, right
+                if scaling is not None:
+                    scaled = [scaling.scaled(duty, robot.battery_voltage) for duty in duties]
+                    duties = scaled[0].duty, scaled[1].duty
+                    missing = max(each.missing for each in scaled)
+                    if missing > 0.0:
+                        speed = robot.drive.speed_of(missing * max(abs(left), abs(right)) * scaling.reference)
+                        say(robot, f"voltage scaling: {100.0 * missing:.0f} % missing, {speed:.3f} m/s")
+                robot.drive.duties(*duties)
+                yield
+        finally:
+            robot.drive.stop()
+            robot.replan()
+
+    return Action(f"motors {left:g} {right:g}", steps)
