@@ -144,7 +144,7 @@ class Result:
     good_turn_deg: float = 0.0
     """Worst error of the heading while its status was ok."""
     good_sigmas: float = 0.0
-    """Worst error of either in its own standard deviations, while its status was ok and the fault was noticed."""
+    """Worst error of either in its own standard deviations, while its status was ok and the fault noticed."""
     end_error_mm: float = 0.0
     running: bool = False
 

@@ -76,6 +76,10 @@ class ControllerConfig:
 
     port: str = word("wombat", "what the program talks to", CONTROLLERS)
     rate_hz: float = number(200.0, "Hz", "cycles a second", Bounds(10.0, 1000.0))
+    device: str = word("", "path of a serial port or SPI device; the usual one of the port where empty")
+    counter_rate_hz: float = number(
+        0.0, "Hz", "measured updates of a Wombat's counters; 0: usual for its firmware", Bounds(0.0, 1000.0)
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,13 +57,20 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
             Parameters.from_robot(config), robot=config, seed=seed, rate_hz=config.controller.rate_hz
         )
     if kind in ("wombat", "wombat-raccoon"):
+        from raccoon.hal.wombat.link import SPI_DEVICE
         from raccoon.hal.wombat.port import open_wombat
 
-        return open_wombat(kind, rate_hz=config.controller.rate_hz)
+        controller = config.controller
+        return open_wombat(
+            kind,
+            rate_hz=controller.rate_hz,
+            device=controller.device or SPI_DEVICE,
+            bemf_rate_hz=controller.counter_rate_hz or None,
+        )
     if kind == "create":
-        from raccoon.hal.create.port import open_create
+        from raccoon.hal.create.port import SERIAL_PORT, open_create
 
-        return open_create()
+        return open_create(config.controller.device or SERIAL_PORT)
     if kind in ("emulator", "emulator-raccoon"):
         from raccoon.robot.emulated import open_emulated
 

@@ -315,9 +315,10 @@ def test_a_missing_port_says_what_to_look_at(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from raccoon.core.readings import Outputs
-from raccoon.hal.create import open_create
+from raccoon.core.config import parse_robot
+from raccoon.robot.opening import open_port
 
-port = open_create(sys.argv[1])
+port = open_port(parse_robot({"controller": {"port": "create", "device": sys.argv[1]}}))
 port.read()
 port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
 os.kill(os.getpid(), signal.SIGKILL)

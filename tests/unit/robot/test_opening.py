@@ -28,6 +28,12 @@ def test_missing_hardware_is_an_error_not_a_simulation(kind: str) -> None:
         pass  # pragma: no cover - there is no such controller here
 
 
+def test_the_path_of_robot_toml_is_opened() -> None:
+    config = RobotConfig(controller=ControllerConfig(port="create", device="/dev/not-plugged-in"))
+    with pytest.raises(HardwareError, match="/dev/not-plugged-in"), open_robot(config):
+        pass  # pragma: no cover - there is no such device
+
+
 def test_a_run_is_recorded_where_asked(tmp_path: Path) -> None:
     config = RobotConfig(controller=ControllerConfig(port="sim"))
     with open_robot(config, record=tmp_path / "run") as robot:

@@ -28,8 +28,8 @@ class WheelTrack:
     increment: rad in the last cycle. speed: rad/s now, smoothed. settled: rad/s, averaged over 0.1 s.
     mean: rad/s over the filter's last step, kept here for it.
     silent: s without a reading. fine: True where back-EMF was read, which carries no steps.
-    blind: s of the filter's present step, kept here for it, in which the back-EMF was within the device's dead
-    zone. lost: rad in it that were guessed and that no counter corrects.
+    blind: s of the filter's present step, kept here for it, in which the back-EMF was within the device's
+    dead zone. lost: rad in it that were guessed and that no counter corrects.
     """
 
     __slots__ = (

@@ -38,6 +38,8 @@ CREATE_2 = Device(
     battery_volts=0.001,
     bemf_lag=0.0,  # encoders are not filtered
 )
+SERIAL_PORT = "/dev/ttyUSB0"
+"""Where the first USB cable of a Create 2 appears."""
 CYCLE_TIMEOUT = 0.05
 """s without a frame after which a cycle is handed over empty: three stream periods and some."""
 SILENCE = 0.5
@@ -246,7 +248,7 @@ def _digital(sensors: Sensors, bits: int) -> tuple[bool, ...]:
     return flags
 
 
-def open_create(path: str = "/dev/ttyUSB0", *, mode: Mode = Mode.FULL, speed: bool = False) -> CreatePort:
+def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool = False) -> CreatePort:
     """Open the Create 2 on a serial port; its wheels stop when the program ends, is killed or hangs.
 
     Raises HardwareError when the port is missing, forbidden or taken.
