@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 MOTOR_PORTS = 4
 SERVO_PORTS = 4
@@ -136,6 +137,47 @@ class Inputs:
     def turn_rate(self) -> float | None:
         """Rad/s about the vertical axis as the gyro reports it, counter-clockwise positive."""
         return None if self.gyro is None else self.gyro[2] * self.device.gyro_rad_s
+
+
+class _Draft:
+    """`Inputs` while it is filled: laid out alike, but not yet frozen."""
+
+    __slots__ = Inputs.__slots__
+
+
+def quick_inputs(
+    time: float,
+    device: Device,
+    bemf: Words,
+    position: Words,
+    gyro: Vector | None,
+    accel: Vector | None,
+    analog: Words,
+    digital: Flags,
+    battery: float | None,
+    faults: tuple[Fault, ...],
+    extra: Mapping[str, float] | None,
+) -> Inputs:
+    """`Inputs` of a port that knows every field but the truth, for the loop on the robot.
+
+    The constructor of a frozen dataclass costs as much as all the rest of reading a frame; this is the same
+    object at a fifth of that.
+    """
+    draft: Any = _Draft()
+    draft.time = time
+    draft.device = device
+    draft.bemf = bemf
+    draft.position = position
+    draft.gyro = gyro
+    draft.accel = accel
+    draft.analog = analog
+    draft.digital = digital
+    draft.battery = battery
+    draft.faults = faults
+    draft.truth = None
+    draft.extra = extra
+    draft.__class__ = Inputs
+    return draft  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, slots=True)

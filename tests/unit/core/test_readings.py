@@ -1,10 +1,12 @@
 """The words that cross a port."""
 
 import math
+from dataclasses import FrozenInstanceError, replace
+from typing import Any
 
 import pytest
 
-from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
+from raccoon.core.readings import SIMULATOR, STOP, Fault, Inputs, Outputs, quick_inputs
 
 
 @pytest.mark.parametrize("duty", [1.01, -1.01, math.nan, math.inf])
@@ -34,3 +36,17 @@ def test_absent_readings_stay_absent() -> None:
     inputs = Inputs(time=0.0, device=SIMULATOR)
     assert inputs.battery_voltage is None
     assert inputs.turn_rate is None
+
+
+def test_inputs_made_quickly_are_inputs() -> None:
+    words = (1, 2, 3, 4)
+    fields: dict[str, Any] = {
+        "bemf": words, "position": words, "gyro": (1, 2, 3), "accel": (4, 5, 6), "analog": (7,) * 6,
+        "digital": (True,) * 10, "battery": 748, "faults": (Fault.TORN,), "extra": {"button": 1.0},
+    }  # fmt: skip
+    made, usual = quick_inputs(0.5, SIMULATOR, **fields), Inputs(0.5, SIMULATOR, **fields)
+    assert type(made) is Inputs
+    assert made == usual
+    assert replace(made, battery=None) == replace(usual, battery=None)
+    with pytest.raises(FrozenInstanceError):
+        made.battery = 5  # type: ignore[misc]

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 from raccoon.core.readings import DIGITAL_PORTS
 
+PORTS = (1 << DIGITAL_PORTS) - 1
+"""The bits of the digital ports 0 to 9."""
 
-@lru_cache(maxsize=1 << DIGITAL_PORTS)
+
 def _flags(ports: int) -> tuple[bool, ...]:
     return tuple(bool(ports >> port & 1) for port in range(DIGITAL_PORTS))
 
 
-def flags(word: int) -> tuple[bool, ...]:
-    """Digital ports 0 to 9 of a bit field; True is pressed (both firmwares send 1 for a pin that is low)."""
-    return _flags(word & (1 << DIGITAL_PORTS) - 1)
+FLAGS = tuple(_flags(ports) for ports in range(PORTS + 1))
+"""Digital ports by bit field; True is pressed (both firmwares send 1 for a pin that is low)."""

@@ -10,10 +10,11 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Mapping
+from typing import Any
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.readings import Device, Fault, Inputs, Vector, Words
-from raccoon.hal.wombat.bits import flags
+from raccoon.core.readings import Device, Fault, Inputs, Vector, Words, quick_inputs
+from raccoon.hal.wombat.bits import FLAGS, PORTS
 from raccoon.hal.wombat.devices import GRAVITY, RACCOON_17, RACCOON_21
 
 FRAME_LENGTH: Mapping[int, int] = {17: 248, 21: 277}
@@ -198,21 +199,24 @@ def inputs(
     position: ticks per motor port; the wrapping counters of this frame where not given.
     imu: False where it has nothing new.
     """
-    words = telemetry.words
+    words: tuple[Any, ...] = telemetry.words
     vectors = body_vectors(words) if imu else None
     gyro, accel = vectors or (None, None)
-    digital = int(words[18])
-    return Inputs(
+    bits = words[18]
+    if bemf is None:
+        bemf = -words[2], -words[3], -words[4], -words[5]
+    if position is None:
+        position = -words[6], -words[7], -words[8], -words[9]
+    return quick_inputs(
         time,
-        device or _DEVICE[int(words[0])],
-        telemetry.bemf if bemf is None else bemf,
-        telemetry.position if position is None else position,
+        device or _DEVICE[words[0]],
+        bemf,
+        position,
         gyro,
         accel,
         words[11:17],
-        flags(digital),
+        FLAGS[bits & PORTS],
         words[17],
         faults,
-        None,
-        _BUTTON[digital >> BUTTON & 1],
+        _BUTTON[bits >> BUTTON & 1],
     )

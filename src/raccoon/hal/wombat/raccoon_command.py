@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum, IntFlag
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.readings import MOTOR_PORTS, Outputs
+from raccoon.core.readings import STOP, Outputs
 from raccoon.hal.wombat.devices import RACCOON_POLARITY
 from raccoon.hal.wombat.raccoon import FRAME_LENGTH
 
@@ -168,35 +168,33 @@ def stop(version: int) -> bytes:
     return encode_command(Command(shutdown=Shutdown.SERVOS | Shutdown.MOTORS), version)
 
 
-_HEAD = struct.Struct("<BIBH4i")
-_SERVOS = struct.Struct("<BB4H")
-# Where goals (and in 21 the chassis velocity) lie between the targets and the servos.
 _SERVO_OFFSET = {17: 40, 21: 52}
-_GAP = {version: bytes(offset - _HEAD.size) for version, offset in _SERVO_OFFSET.items()}
-_REST = {
-    version: bytes(FRAME_LENGTH[version] - offset - _SERVOS.size) for version, offset in _SERVO_OFFSET.items()
+_SERVO_LENGTH = 10
+# The targets and zeros; the same with servos, which goals (and in 21 the chassis velocity) come before.
+_MOTORS = {version: struct.Struct(f"<BIBH4i{length - 24}x") for version, length in FRAME_LENGTH.items()}
+_SERVOS = {
+    version: struct.Struct(f"<BIBH4i{offset - 24}xBB4H{FRAME_LENGTH[version] - offset - _SERVO_LENGTH}x")
+    for version, offset in _SERVO_OFFSET.items()
 }
-_NO_SERVOS = _SERVOS.pack(0, 0, 0, 0, 0, 0)
 _BRAKE, _PWM = int(Mode.BRAKE), int(Mode.PWM)
 _SCALE = RACCOON_POLARITY * FULL_PWM
 
 
 def encode(outputs: Outputs, version: int) -> bytes:
     """The complete command of one cycle. Duty 0 coasts, or brakes where `outputs.brake` says so."""
-    modes = 0
-    targets = [0] * MOTOR_PORTS
-    for port, duty in enumerate(outputs.duty):
-        level = targets[port] = round(duty * _SCALE)
-        if level:
-            modes |= _PWM << 3 * port
-        elif outputs.brake[port]:
-            modes |= _BRAKE << 3 * port
-    head = _HEAD.pack(version, 0, 0, modes, *targets)
-    return b"".join((head, _GAP[version], _servos(outputs.servo_us), _REST[version]))
-
-
-def _servos(pulses: tuple[int | None, ...]) -> bytes:
-    if pulses == (None, None, None, None):
-        return _NO_SERVOS
+    duty0, duty1, duty2, duty3 = outputs.duty
+    brake0, brake1, brake2, brake3 = outputs.brake
+    t0, t1 = round(duty0 * _SCALE), round(duty1 * _SCALE)
+    t2, t3 = round(duty2 * _SCALE), round(duty3 * _SCALE)
+    modes = (
+        (_PWM if t0 else _BRAKE * brake0)
+        | (_PWM if t1 else _BRAKE * brake1) << 3
+        | (_PWM if t2 else _BRAKE * brake2) << 6
+        | (_PWM if t3 else _BRAKE * brake3) << 9
+    )
+    pulses = outputs.servo_us
+    if pulses == STOP.servo_us:
+        return _MOTORS[version].pack(version, 0, 0, modes, t0, t1, t2, t3)
     enabled = sum(ServoMode.ENABLED << 2 * port for port, pulse in enumerate(pulses) if pulse is not None)
-    return _SERVOS.pack(0, enabled, *(pulse or 0 for pulse in pulses))
+    lengths = (pulse or 0 for pulse in pulses)
+    return _SERVOS[version].pack(version, 0, 0, modes, t0, t1, t2, t3, 0, enabled, *lengths)

@@ -11,8 +11,8 @@ from __future__ import annotations
 import struct
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.readings import Device, Fault, Inputs, Words
-from raccoon.hal.wombat.bits import flags
+from raccoon.core.readings import Device, Fault, Inputs, Words, quick_inputs
+from raccoon.hal.wombat.bits import FLAGS, PORTS
 from raccoon.hal.wombat.devices import STOCK, STOCK_COUNTS_PER_TICK
 
 LENGTH = 89
@@ -204,18 +204,19 @@ def inputs(
     """
     words = registers.words
     if position is None:
-        position = tuple(count / STOCK_COUNTS_PER_TICK for count in registers.position)
-    return Inputs(
+        tick = STOCK_COUNTS_PER_TICK
+        position = words[22] / tick, words[23] / tick, words[25] / tick, words[24] / tick
+    bits = words[2]
+    return quick_inputs(
         time,
         device,
         bemf,
         position,
-        registers.gyro if imu else None,
-        registers.accel if imu else None,
+        (words[20], words[19], -words[21]) if imu else None,
+        (words[17], words[16], -words[18]) if imu else None,
         words[6:12],
-        flags(words[2]),
+        FLAGS[bits & PORTS],
         words[42],
         faults,
-        None,
-        _BUTTON[not words[2] >> RIGHT_BUTTON & 1],
+        _BUTTON[not bits >> RIGHT_BUTTON & 1],
     )

@@ -159,25 +159,29 @@ def _pwm_bytes(port: int, level: int) -> bytes:
     return bytes((register, level >> 8, register + 1, level & 255))
 
 
-def _drives(port: int) -> tuple[tuple[bytes, int], ...]:
+def _drives(port: int, brake: bool) -> tuple[tuple[bytes, int], ...]:
     """PWM pairs and direction bits of every level; those of -400..-1 lie where negative indices find them."""
-    forward, reverse = (int(each) << 2 * CHANNEL[port] for each in (Direction.FORWARD, Direction.REVERSE))
+    shift = 2 * CHANNEL[port]
     pairs = [_pwm_bytes(port, level) for level in range(FULL_PWM + 1)]
-    up = [(pair, forward) for pair in pairs[1:]]
-    down = [(pair, reverse) for pair in pairs[:0:-1]]
-    return (pairs[0], int(Direction.COAST)), *up, *down
+    rest = (pairs[-1], Direction.BRAKE << shift) if brake else (pairs[0], Direction.COAST << shift)
+    up = [(pair, Direction.FORWARD << shift) for pair in pairs[1:]]
+    down = [(pair, Direction.REVERSE << shift) for pair in pairs[:0:-1]]
+    return rest, *up, *down
 
 
-_DRIVES = tuple(_drives(port) for port in range(MOTOR_PORTS))
-_BRAKES = tuple(
-    (_pwm_bytes(port, FULL_PWM), int(Direction.BRAKE) << 2 * CHANNEL[port]) for port in range(MOTOR_PORTS)
-)
-_D0, _D1, _D2, _D3 = _DRIVES
-_SERVOS_OFF = bytes((SERVOS_OFF,))
+# By port, brake and level.
+_D0, _D1, _D2, _D3 = (tuple(_drives(port, brake) for brake in (False, True)) for port in range(MOTOR_PORTS))
 _SERVO_BOOT = bytes(sum((sum(wide(stock.SERVO + 2 * n, SERVO_BOOT_US), ()) for n in range(SERVO_PORTS)), ()))
 _registers = itemgetter(*IMAGE)
-_END = tuple(bytes((stock.MOT_DIRS, bits, stock.MOT_MODES, 0, stock.ALLSTOP)) for bits in range(256))
 _VALUES = slice(5, 4 + 2 * len(IMAGE), 2)
+
+
+def _end(directions: int, servos_off: int) -> bytes:
+    return bytes((stock.MOT_DIRS, directions, stock.MOT_MODES, 0, stock.ALLSTOP, servos_off)) + _TAIL
+
+
+_ENDS = tuple(_SERVO_BOOT + _end(directions, SERVOS_OFF) for directions in range(256))
+"""Servos and all that follows, by directions, where the servos are off."""
 
 
 def encode(outputs: Outputs, sequence: int = 0) -> bytes:
@@ -185,34 +189,25 @@ def encode(outputs: Outputs, sequence: int = 0) -> bytes:
 
     Duty 0 coasts, or shorts the motor where `outputs.brake` says so.
     """
-    if True in outputs.brake:
-        drives = [_drive(port, duty, outputs.brake[port]) for port, duty in enumerate(outputs.duty)]
-        (p0, d0), (p1, d1), (p2, d2), (p3, d3) = drives
-    else:
-        duty0, duty1, duty2, duty3 = outputs.duty
-        p0, d0 = _D0[round(duty0 * FULL_PWM)]
-        p1, d1 = _D1[round(duty1 * FULL_PWM)]
-        p2, d2 = _D2[round(duty2 * FULL_PWM)]
-        p3, d3 = _D3[round(duty3 * FULL_PWM)]
-    servos, allstop = _servos(outputs.servo_us)
-    return b"".join((_HEADS[sequence & 255], p0, p1, p3, p2, servos, _END[d0 | d1 | d2 | d3], allstop, _TAIL))
+    duty0, duty1, duty2, duty3 = outputs.duty
+    brake0, brake1, brake2, brake3 = outputs.brake
+    p0, d0 = _D0[brake0][round(duty0 * FULL_PWM)]
+    p1, d1 = _D1[brake1][round(duty1 * FULL_PWM)]
+    p2, d2 = _D2[brake2][round(duty2 * FULL_PWM)]
+    p3, d3 = _D3[brake3][round(duty3 * FULL_PWM)]
+    directions, pulses = d0 | d1 | d2 | d3, outputs.servo_us
+    end = _ENDS[directions] if pulses == STOP.servo_us else _servos(pulses, directions)
+    return b"".join((_HEADS[sequence & 255], p0, p1, p3, p2, end))
 
 
-def _drive(port: int, duty: float, brake: bool) -> tuple[bytes, int]:
-    level = round(duty * FULL_PWM)
-    return _BRAKES[port] if brake and level == 0 else _DRIVES[port][level]
-
-
-def _servos(pulses: tuple[int | None, ...]) -> tuple[bytes, bytes]:
-    if pulses == STOP.servo_us:
-        return _SERVO_BOOT, _SERVOS_OFF
+def _servos(pulses: tuple[int | None, ...], directions: int) -> bytes:
     data, off = bytearray(), 0
     for port, pulse in enumerate(pulses):
         if pulse is None:
             off |= 0x10 << port
         for pair in wide(stock.SERVO + 2 * port, SERVO_BOOT_US if pulse is None else pulse):
             data += bytes(pair)
-    return bytes(data), bytes((off,))
+    return bytes(data) + _end(directions, off)
 
 
 def holds(reply: bytes, sent: bytes) -> bool:
