@@ -56,7 +56,7 @@ class Trapezoid:
     def at(self, time: float) -> ProfileState:
         """The state `time` s after the start (before it: at rest; after the end: at the goal)."""
         left = self.duration - time
-        if time <= 0.0 or self._speed == 0.0:
+        if time <= 0.0:
             return ProfileState(0.0, 0.0, 0.0)
         if left <= 0.0:
             return ProfileState(self.distance, 0.0, 0.0)
