@@ -9,6 +9,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.pacing import check_limits
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -48,7 +49,7 @@ def tuned_voltage(config: RobotConfig) -> float | None:
 def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[BatteryCheck]:
     """Stand for 0.3 s and compare the resting battery with the one the program was tuned at.
 
-    tolerance: V. refuse: raise CalibrationError instead of only saying so in the result and the recording.
+    tolerance: V. refuse: raise CalibrationError instead of only saying so in the result, recording and log.
     """
     check_limits(tolerance=tolerance)
 
@@ -57,7 +58,10 @@ def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[Ba
         while robot.time - begin < READING_TIME:
             yield
         check = judge(robot.battery_voltage, robot.config, tolerance)
-        robot.note(f"battery: {check.advice}")
+        if check.ok:
+            robot.note(f"battery: {check.advice}")
+        else:
+            say(robot, f"battery: {check.advice}")
         if refuse and not check.ok:
             raise CalibrationError(check.advice)
         return check
@@ -79,8 +83,8 @@ def judge(voltage: float | None, config: RobotConfig, tolerance: float) -> Batte
         return BatteryCheck(voltage, None, 0.0, True, f"{voltage:.2f} V; nothing says what it was tuned at")
     if abs(voltage - tuned) > tolerance:
         advice = (
-            f"{voltage:.2f} V, tuned at {tuned:.2f} V: timed motions run {100.0 * change:+.0f} % fast; take "
-            f"a battery of {tuned:.2f} V or drive by distance"
+            f"{voltage:.2f} V, tuned at {tuned:.2f} V: timed motions run {100.0 * abs(change):.0f} % "
+            f"{'faster' if change > 0.0 else 'slower'}; take a battery of {tuned:.2f} V or drive by distance"
         )
         return BatteryCheck(voltage, tuned, change, False, advice)
     return BatteryCheck(voltage, tuned, change, True, f"{voltage:.2f} V, as tuned ({tuned:.2f} V)")
