@@ -15,7 +15,7 @@ Result = dict[str, Any]
 PRACTICAL = 0.05
 """Rise of the held-out error, in units of the noise, from which a named cause is of practical size."""
 TIE = 0.8
-UNKNOWN_NAMES = {"cogging": "wheel angle left", "payload": "time (inertia)", "patch": "position x",
+UNKNOWN_NAMES = {"cogging": "wheel angle left", "payload": "time (inertia)", "patch": "position",
                  "gyro_speed": "gyro over speed"}  # fmt: skip
 
 

@@ -41,6 +41,8 @@ CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
 HARM = 0.9
 """Error on unseen data without a cause, over that with it, at which the cause is dropped."""
+CLEARLY = 0.2
+"""The same for motors that brake at duty 0, where both are possible."""
 LATE = "actuation.latency"
 LATENESS = (0.02, 0.5, 1.0, 1.7, 2.5, 3.5)
 
@@ -127,14 +129,17 @@ def problem_of(
 
     Whether the controller filters with a median and brakes at duty 0 is not in a recording, and nothing a
     team could change: it is found out, not diagnosed. The firmware's filter is left only for a clearly
-    better one.
+    better one. Wheels that stop at once may also be slow ones that rub: both are tried then.
     """
-    brake = brakes(log)
-    choices = [Habits(chain, brake) for chain in CHAINS]
+    firmware, other = CHAINS
+    choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
     problems = [_problem(log, robot, causes, each, model) for each in choices]
-    scores = np.array([_habit_score(each) for each in problems])
-    scores[0] -= USUAL
-    best = int(np.argmin(scores))
+    scores = [_habit_score(each) for each in problems]
+    best = 1 if len(scores) > 1 and scores[1] < scores[0] - CLEARLY else 0
+    another = Habits(other, choices[best].brake)
+    problem = _problem(log, robot, causes, another, model)
+    if _habit_score(problem) < scores[best] - USUAL:
+        return problem, another
     return problems[best], choices[best]
 
 

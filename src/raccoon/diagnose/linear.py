@@ -27,7 +27,7 @@ CHANGE = 0.03
 NEGLIGIBLE = 0.025
 """Part of an effect's width that no model is expected to get right: it counts as noise while the effect is
 off."""
-UNEVEN = {"friction.direction_dependent": 3.0, "drive.slope": 2.0}
+UNEVEN = {"friction.direction_dependent": 1.5}
 """No floor and no gear is as even as a model: factors on what is negligible."""
 FLOOR_GRID = 0.8
 FLOOR_SECONDS = 4.0

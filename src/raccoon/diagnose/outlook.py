@@ -17,6 +17,11 @@ from raccoon.diagnose.problem import Point, Problem, Whitener
 
 Array = NDArray[np.float64]
 
+LEAST_OF_PROBE = 10.0
+"""Log evidence of the linear model from which a probe is looked at closely."""
+PROBES_TRIED = 3
+NEARLY = 0.7
+"""Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
 EVENT = 25
 """Bins, half a second."""
 MOST_OF_EVENT = 4.0
@@ -223,17 +228,46 @@ def lead(problem: Problem, fit: Fit, other: Fit) -> float:
     A wheel that breaks loose a moment too late is a large error of one moment, and any parameter that shifts
     that moment would seem to explain much. What a cause really does, it does again and again.
     """
-    channels = problem.features.measured.shape[1]
-    gains = 0.5 * (other.white**2 - fit.white**2)
-    starts = np.arange(0, len(gains), EVENT * channels)
+    return fit.evidence - other.evidence - _excess(problem, fit.white, other.white)
+
+
+def _excess(problem: Problem, white: Array, other: Array) -> float:
+    """Log evidence of one whitened residual over another beyond what single events may give."""
+    gains = 0.5 * (other**2 - white**2)
+    starts = np.arange(0, len(gains), EVENT * problem.features.measured.shape[1])
     events = np.add.reduceat(gains, starts)
-    excess = events - np.clip(events, -MOST_OF_EVENT, MOST_OF_EVENT)
-    return fit.evidence - other.evidence - float(excess.sum())
+    return float((events - np.clip(events, -MOST_OF_EVENT, MOST_OF_EVENT)).sum())
 
 
-def best_probe(search: Search) -> tuple[str, float]:
-    """The probe that explains most of what is left, and by how much log evidence."""
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """A probe and the log evidence that it would add: all of it, and with no event counting for much."""
+
+    name: str
+    evidence: float
+    lead: float
+
+
+def best_probe(search: Search) -> Probed:
+    """The probe that explains most of what is left, moment by moment; see `lead`."""
+    found = [Probed("", 0.0, 0.0)]
     for gain, group, _ in screen(search):
-        if group.name not in search.problem.causes and group.name not in search.unknown:
-            return group.name, gain
-    return "", 0.0
+        if group.name in search.problem.causes or group.name in search.unknown:
+            continue
+        if gain < LEAST_OF_PROBE or len(found) > PROBES_TRIED:
+            break
+        excess = _excess(search.problem, *_with_and_without(search, group))
+        found.append(Probed(group.name, gain, gain - excess))
+    most = max(each.lead for each in found)
+    return max((each for each in found if each.lead >= NEARLY * most), key=lambda each: each.evidence)
+
+
+def _with_and_without(search: Search, group: Group) -> tuple[Array, Array]:
+    """Whitened residuals of the linear model with a group, and without it."""
+    fit = search.fit
+    own, target = fit.jacobian[fit.free], fit.target
+    residuals = []
+    for columns in (np.vstack([own, search.whitener(group.columns)]), own):
+        mean, _, _ = Gram.of(columns.T, target).solve()
+        residuals.append(target - mean @ columns)
+    return residuals[0], residuals[1]

@@ -12,6 +12,7 @@ from raccoon.diagnose.fit import Fit, fit_many, fit_point
 from raccoon.diagnose.linear import Group, Linear
 from raccoon.diagnose.outlook import (
     SCALE,
+    Probed,
     Rival,
     Search,
     best_probe,
@@ -32,6 +33,7 @@ FLOOR_LIKE = ("drive.slope", "friction.direction_dependent", "friction.coulomb@"
 HELD_OUT_GATE = 2.0
 PROBE_GATE = 30.0
 PROBE_LEAD = 1.3
+BESIDE_UNKNOWN = 0.33
 MOST_CAUSES = 8
 CLOSE = 3.0
 
@@ -45,12 +47,12 @@ def forward(search: Search) -> tuple[Search, bool]:
     settled = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
     ranked = ranking(search.problem, refits, settled)
     reference_held_out = held_out_score(settled)
-    probe, explained = best_probe(search)
+    probe = best_probe(search)
     known = refits[0][1].evidence - settled.evidence if refits else 0.0
-    if explained > PROBE_GATE and explained > PROBE_LEAD * max(known, 0.0):
-        return _with_unknown(search, probe, explained), True
+    if probe.lead > PROBE_GATE and probe.evidence > PROBE_LEAD * max(known, 0.0):
+        return _with_unknown(search, probe), True
     for name, fit, gain in ranked:
-        if gain < gate(name):
+        if gain < _gate(search, name):
             search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
             continue
         held_out = held_out_score(fit) - reference_held_out
@@ -63,9 +65,14 @@ def forward(search: Search) -> tuple[Search, bool]:
             if other != name and its > EVIDENCE_GATE
         ]
         return _accepted(search, name, fit, rivals), True
-    if explained > PROBE_GATE:
-        return _with_unknown(search, probe, explained), True
+    if probe.lead > PROBE_GATE:
+        return _with_unknown(search, probe), True
     return search, False
+
+
+def _gate(search: Search, name: str) -> float:
+    """The gate; beside something unknown a cause must explain a fair part of what that explains."""
+    return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
 
 
 def ranking(
@@ -87,9 +94,9 @@ def gate(name: str) -> float:
     return FLOOR_GATE if name.startswith(FLOOR_LIKE) else EVIDENCE_GATE
 
 
-def _with_unknown(search: Search, probe: str, gain: float) -> Search:
+def _with_unknown(search: Search, probe: Probed) -> Search:
     """Start again with the probe's curve as part of the noise: causes must earn their place beside it."""
-    unknown = {**search.unknown, probe: gain}
+    unknown = {**search.unknown, probe.name: probe.lead}
     bare = Point(search.fit.point.base)
     following = look_around(search.problem, search.probes, bare, search.whitener, unknown)
     again = fit_point(search.problem, following.whitener, bare)
@@ -116,7 +123,7 @@ def backward(search: Search) -> tuple[Search, bool]:
         dropped = fit_many(search.problem, search.whitener, [less], search.fit.jacobian[rows], 3)[0]
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = reference_held_out - held_out_score(dropped)
-        if search.gains[name] < gate(name) or search.held_out[name] < HELD_OUT_GATE:
+        if search.gains[name] < _gate(search, name) or search.held_out[name] < HELD_OUT_GATE:
             search.failed[name] = "others explain it better together"
             return _accepted_less(search, name, dropped), True
     return search, False

@@ -156,7 +156,7 @@ def _inertia_groups(linear: Linear, motion: Motion) -> list[Group]:
     if group is None:
         return []
     share = (motion.time - motion.time[0]) / max(motion.time[-1] - motion.time[0], 1e-9)
-    steps = np.stack([(share > edge) - (1.0 - edge) for edge in np.arange(0.125, 1.0, 0.125)])
+    steps = np.stack([(share >= edge).astype(float) for edge in np.arange(0.0, 1.0, 0.125)])
     return [Group(PREFIX + "time (inertia)", steps[:, :, None] * group.columns[0][None])]
 
 
