@@ -114,6 +114,11 @@ def test_times_are_tuned_by_the_tape_that_calibrates() -> None:
     assert (read.run_up + read.metre) / (true.run_up + true.metre) == pytest.approx(0.998, abs=5e-4)
 
 
+def test_what_is_left_of_a_metre_is_the_tape() -> None:
+    ends = ends_of(DRAWN, 1, 1, ["back-EMF + IMU fusion"], tape_std=0.0)
+    assert ends["back-EMF + IMU fusion"]["1 m"].distance < 0.0005
+
+
 def test_tables_and_picture(tmp_path: Path) -> None:
     cells = {
         (method, BATTERY, name): [end]
@@ -133,6 +138,7 @@ def test_tables_and_picture(tmp_path: Path) -> None:
         (["--condition", "moonlight"], "allowed are battery 6.1-7.0 V, battery sags"),
         (["--robots", "0"], "--robots is 0: it must be 1 or more"),
         (["--processes", "0"], "--processes is 0: it must be 1 or more"),
+        (["--tape", "1"], "--tape is 1.0 m: allowed are numbers from 0 to 0.1"),
     ],
 )
 def test_what_is_not_allowed_is_refused(
@@ -153,13 +159,13 @@ def test_the_command_prints_and_writes_one_column(tmp_path: Path, capsys: pytest
 def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
     file, robots = tmp_path / "results.jsonl", {BATTERY: 2, DRAWN: 1}
     ends = {"none": {"1 m": End(0.001, 0.002, 0.003, 5.0)}}
-    add = writer(file, 1)
+    add = writer(file, 1, 0.001)
     for number in range(2):
         add((BATTERY, number), ends)
     with file.open("a") as unfinished:
         unfinished.write('{"condition": "cut o')
     add((DRAWN, 0), ends)
-    known = stored(file, 1)
+    known = stored(file, 1, 0.001)
     assert (
         measured_robots(robots, 1, 1, known=known)
         == known
@@ -170,8 +176,8 @@ def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
         }
     )
     assert len(as_cells(known)["none", BATTERY, "1 m"]) == 2
-    with pytest.raises(ConfigError, match="has results of --seed 1"):
-        stored(file, 2)
+    with pytest.raises(ConfigError, match=r"has results of --seed 1 --tape 0\.001"):
+        stored(file, 2, 0.001)
 
 
 def test_a_part_of_the_work_is_a_part_of_every_column() -> None:

@@ -25,6 +25,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument(
+        "--tape", type=float, default=0.001, help="m, standard deviation of the tape that all go by (0.001)"
+    )
     parser.add_argument("--condition", action="append", help="only this column (may be given again)")
     parser.add_argument("--markdown", type=Path, metavar="OUT", help="also write the tables as Markdown")
     parser.add_argument("--plot", type=Path, metavar="OUT", help="also draw them (needs matplotlib)")
@@ -43,8 +46,15 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.compare_mitigations.table import draw, markdown
 
     robots = _robots(args)
-    known = {} if args.results is None else stored(args.results, args.seed)
-    found = measured(robots, args.seed, args.processes, known=known, done=_note(args, sum(robots.values())))
+    known = {} if args.results is None else stored(args.results, args.seed, args.tape)
+    found = measured(
+        robots,
+        args.seed,
+        args.processes,
+        tape_std=args.tape,
+        known=known,
+        done=_note(args, sum(robots.values())),
+    )
     cells = as_cells(found)
     text = markdown(cells, robots)
     print(text)
@@ -61,7 +71,9 @@ def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, E
 
     from raccoon.cli.compare_mitigations.results import writer
 
-    store = (lambda _robot, _ends: None) if args.results is None else writer(args.results, args.seed)
+    store = (
+        (lambda _robot, _ends: None) if args.results is None else writer(args.results, args.seed, args.tape)
+    )
     count = 0
 
     def done(robot: Number, ends: dict[str, Ends]) -> None:
@@ -83,6 +95,8 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
         raise ConfigError(f"--robots is {args.robots}: it must be 1 or more")
     if args.processes < 1:
         raise ConfigError(f"--processes is {args.processes}: it must be 1 or more")
+    if not 0.0 <= args.tape < 0.1:
+        raise ConfigError(f"--tape is {args.tape} m: allowed are numbers from 0 to 0.1")
     full = full_table()
     for name in args.condition or ():
         if name not in full:

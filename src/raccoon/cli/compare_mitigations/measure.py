@@ -69,9 +69,10 @@ Cells = dict[tuple[str, str, str], list[End]]
 class Candidate:
     """A robot of the table; what several mitigations need of it is made once."""
 
-    def __init__(self, each: Trial, config: RobotConfig) -> None:
+    def __init__(self, each: Trial, config: RobotConfig, tape_std: float = TAPE_STD) -> None:
         self.trial = each
         self.config = config
+        self._tape_std = max(tape_std, 1e-6)  # a calibration by a perfect tape is refused
 
     @cached_property
     def calibrated(self) -> RobotConfig:
@@ -79,7 +80,7 @@ class Candidate:
         each = self.trial
         with Robot(_port(each.tuned, self.config, each.seed + 1), self.config) as robot:
             return calibrate_drive(
-                robot, lambda: _truth(robot).x + each.tape[1], distance=1.0, tape_std=TAPE_STD
+                robot, lambda: _truth(robot).x + each.tape[1], distance=1.0, tape_std=self._tape_std
             )
 
 
@@ -190,11 +191,15 @@ METHODS: dict[str, Method] = {
 
 
 def ends_of(
-    condition: str, number: int, seed: int, methods: Iterable[str] = tuple(METHODS)
+    condition: str,
+    number: int,
+    seed: int,
+    methods: Iterable[str] = tuple(METHODS),
+    tape_std: float = TAPE_STD,
 ) -> dict[str, Ends]:
-    """All manoeuvres of one robot under each mitigation."""
+    """All manoeuvres of one robot under each mitigation. tape_std: m, of the tape that all go by."""
     config = RobotConfig()
-    robot = Candidate(trial(condition, number, seed, config), config)
+    robot = Candidate(trial(condition, number, seed, config, tape_std), config, tape_std)
     return {method: METHODS[method](robot) for method in methods}
 
 
@@ -204,8 +209,9 @@ Found = dict[Number, dict[str, Ends]]
 """By robot, then by mitigation."""
 
 
-def _job(job: tuple[str, int, int]) -> dict[str, Ends]:
-    return ends_of(*job)
+def _job(job: tuple[str, int, int, float]) -> dict[str, Ends]:
+    condition, number, seed, tape_std = job
+    return ends_of(condition, number, seed, tape_std=tape_std)
 
 
 def measured(
@@ -213,6 +219,7 @@ def measured(
     seed: int,
     processes: int,
     *,
+    tape_std: float = TAPE_STD,
     known: Mapping[Number, dict[str, Ends]] | None = None,
     done: Callable[[Number, dict[str, Ends]], None] = lambda _robot, _ends: None,
 ) -> Found:
@@ -222,7 +229,7 @@ def measured(
     """
     found = {robot: ends for robot, ends in (known or {}).items() if robot[1] < robots.get(robot[0], 0)}
     missing = [robot for robot in in_turn(robots) if robot not in found]
-    jobs = [(*robot, seed) for robot in missing]
+    jobs = [(*robot, seed, tape_std) for robot in missing]
     with ProcessPoolExecutor(processes) if processes > 1 else nullcontext() as pool:
         results = map(_job, jobs) if pool is None else pool.map(_job, jobs)
         for robot, ends in zip(missing, results, strict=True):

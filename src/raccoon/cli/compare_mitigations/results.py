@@ -11,10 +11,10 @@ from raccoon.cli.compare_mitigations.measure import End, Ends, Found, Number
 from raccoon.core.errors import ConfigError
 
 
-def stored(path: Path, seed: int) -> Found:
+def stored(path: Path, seed: int, tape_std: float) -> Found:
     """The robots in a file of results; none where there is no file. A line that was cut off is left out.
 
-    Raises ConfigError where the results are those of another seed.
+    Raises ConfigError where the results are those of another seed or tape.
     """
     found: Found = {}
     for line in path.read_text("utf-8").splitlines() if path.exists() else ():
@@ -22,9 +22,9 @@ def stored(path: Path, seed: int) -> Found:
             row = json.loads(line)
         except ValueError:
             continue
-        if row["seed"] != seed:
+        if (row["seed"], row["tape"]) != (seed, tape_std):
             raise ConfigError(
-                f"{path} has results of --seed {row['seed']}: take another file than for {seed}"
+                f"{path} has results of --seed {row['seed']} --tape {row['tape']}: take another"
             )
         found[row["condition"], row["number"]] = {
             method: {name: End(**end) for name, end in ends.items()} for method, ends in row["ends"].items()
@@ -32,11 +32,17 @@ def stored(path: Path, seed: int) -> Found:
     return found
 
 
-def writer(path: Path, seed: int) -> Callable[[Number, dict[str, Ends]], None]:
+def writer(path: Path, seed: int, tape_std: float) -> Callable[[Number, dict[str, Ends]], None]:
     """What adds a robot to a file of results."""
 
     def add(robot: Number, ends: dict[str, Ends]) -> None:
-        row = {"condition": robot[0], "number": robot[1], "seed": seed, "ends": _plain(ends)}
+        row = {
+            "condition": robot[0],
+            "number": robot[1],
+            "seed": seed,
+            "tape": tape_std,
+            "ends": _plain(ends),
+        }
         with path.open("a", encoding="utf-8") as file:
             file.write("\n" * _cut_off(path) + json.dumps(row) + "\n")
 

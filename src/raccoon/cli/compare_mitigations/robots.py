@@ -166,7 +166,7 @@ CONDITIONS: dict[str, Condition] = {
 }
 
 
-def trial(condition: str, number: int, seed: int, config: RobotConfig) -> Trial:
+def trial(condition: str, number: int, seed: int, config: RobotConfig, tape_std: float = TAPE_STD) -> Trial:
     """Robot `number` of a condition; the same for every mitigation, its motors for every condition."""
     motors = default_rng((seed, number))
     drawn = drawn_motor(motors), drawn_motor(motors), drawn_motor(motors)
@@ -184,7 +184,7 @@ def trial(condition: str, number: int, seed: int, config: RobotConfig) -> Trial:
 
     tuned, run = pair(case.motors[:2], case.tuned_battery, case.run_battery)
     full = COMPETITION_VOLTAGE
-    first, second = (TAPE_STD * float(each) for each in random.standard_normal(2))
+    first, second = (tape_std * float(each) for each in random.standard_normal(2))
     return Trial(
         tuned,
         run,
