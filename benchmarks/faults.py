@@ -18,7 +18,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from fault_cases import ALL, CASES, Case, Result, is_as_documented, run
 from raccoon.hal.wombat.emulator import Firmware
-from supervised import SupervisedBench
+from raccoon.robot.emulated import SimulatedPlant
+from raccoon.sim.parameters import Parameters
+from supervised import ROBOT_PROGRAM, SupervisedBench
 
 TITLE = (
     f"{'fault':32}{'firmware':>9}{'cycles':>8}  {'reaction':11}{'ok: mm':>8}{'deg':>6}{'sigma':>7}"
@@ -56,9 +58,9 @@ def _row(case: Case, firmware: Firmware, result: Result) -> str:
 def _kill(firmware: Firmware, number: signal.Signals) -> float:
     """Seconds from the signal to motors without current, in real time."""
     with tempfile.TemporaryDirectory() as folder:
-        bench = SupervisedBench(Path(folder), firmware)
+        bench = SupervisedBench(Path(folder), firmware, SimulatedPlant(Parameters()))
         try:
-            program = bench.start("100000")
+            program = bench.start(program=ROBOT_PROGRAM)
             bench.serve_until(True, patience=20.0)
             program.send_signal(number)
             return bench.serve_until(False, patience=2.0)

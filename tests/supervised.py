@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from bench_robot import BenchRobot
-from raccoon.hal.wombat.emulator import Emulator, Firmware
+from raccoon.hal.wombat.emulator import Emulator, Firmware, Plant
 from raccoon.hal.wombat.socket_link import serve_one
 
 PROGRAM = """
@@ -33,12 +33,25 @@ if len(sys.argv) > 3:
     raise RuntimeError("a bug in the robot program")
 """
 
+ROBOT_PROGRAM = (
+    PROGRAM.partition("for cycle in")[0]
+    + """
+from raccoon.core.config import RobotConfig
+from raccoon.robot.motions import straight
+from raccoon.robot.opening import open_robot
+
+with open_robot(RobotConfig(), port=port) as robot:
+    robot.run(straight(10.0))
+"""
+)
+"""The whole library on top: motions, odometry and wheel loops."""
+
 
 class SupervisedBench:
     """An emulated Wombat behind a socket, and programs that drive it."""
 
-    def __init__(self, folder: Path, firmware: Firmware) -> None:
-        self.emulator = Emulator(BenchRobot(), firmware)
+    def __init__(self, folder: Path, firmware: Firmware, plant: Plant | None = None) -> None:
+        self.emulator = Emulator(plant or BenchRobot(), firmware)
         self.path = str(folder / "wombat")
         self._listener = socket.socket(socket.AF_UNIX)
         self._listener.bind(self.path)
@@ -46,12 +59,13 @@ class SupervisedBench:
         self._connections: list[socket.socket] = []
         self.programs: list[subprocess.Popen[bytes]] = []
 
-    def start(self, *arguments: str) -> subprocess.Popen[bytes]:
-        program = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, self.path, *arguments], stderr=subprocess.PIPE
+    def start(self, *arguments: str, program: str = PROGRAM) -> subprocess.Popen[bytes]:
+        """Start a program: PROGRAM with the number of its cycles, or ROBOT_PROGRAM."""
+        started = subprocess.Popen(
+            [sys.executable, "-c", program, self.path, *arguments], stderr=subprocess.PIPE
         )
-        self.programs.append(program)
-        return program
+        self.programs.append(started)
+        return started
 
     def serve(self, seconds: float) -> None:
         """Answer whoever asks within this time, then let the firmware catch up."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from raccoon.hal.doctor import Report
 
 HELP = "check controller, motors, sensors and battery; exit status 0 only when all is well"
-PORTS = ("wombat", "wombat-raccoon", "create", "sim", "emulator")
+PORTS = ("wombat", "wombat-raccoon", "create", "sim", "emulator", "emulator-raccoon")
 FIRMWARES = ("stock", "17", "21")
 
 
@@ -80,7 +80,7 @@ def _report(config: RobotConfig, args: argparse.Namespace, say: Callable[[str], 
                 report = examine(port, config, move=not args.no_motion, progress=say)
         except HardwareError as error:  # closing says that the motors may still run
             report.add(lost(error))
-    if config.controller.port not in ("sim", "emulator"):
+    if config.controller.port not in ("sim", "emulator", "emulator-raccoon"):
         report.add(i2c(args.i2c), serial_ports())
     return report
 

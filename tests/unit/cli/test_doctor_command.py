@@ -10,13 +10,16 @@ import pytest
 
 from faulty_robot import FaultyRobot
 from raccoon.cli.main import main
+from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig, TophatConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import STOP
 from raccoon.hal.doctor import Finding, Verdict, examine
 from raccoon.hal.wombat.emulator import Emulator, Firmware
-from raccoon.robot.emulated import open_emulated
+from raccoon.hal.wombat.port import WombatPort
+from raccoon.robot.emulated import SimulatedPlant, open_emulated
+from raccoon.sim.parameters import Parameters
 
 TOPHAT = RobotConfig(tophats={"front": TophatConfig(analog=0)})
 
@@ -174,6 +177,17 @@ def test_a_broken_wombat_is_seen_through_when_it_moves() -> None:
 def test_a_stock_firmware_that_ignores_commands_is_seen_through_when_it_should_move() -> None:
     _, wrong = broken(True, wrong_version=True)
     assert "did not reach the registers" in wrong["controller"].problem
+
+
+def test_another_build_of_the_firmware_is_told_with_what_to_write() -> None:
+    clock = SteppedClock()
+    link = Emulator(SimulatedPlant(Parameters.from_robot(TOPHAT)), clock=clock, build="published")
+    port = WombatPort(link, clock=clock)
+    report = examine(port, TOPHAT)
+    port.close()
+    rate = next(each for each in report.findings if each.subject == "rate")
+    assert rate.verdict is Verdict.WARNING
+    assert rate.remedy.startswith("write counter_rate_hz = 26")
 
 
 def test_a_frozen_main_loop_is_told_first_and_nothing_runs_on() -> None:

@@ -278,7 +278,7 @@ def test_firmware_and_version_are_told(name: str, measured: str, values: dict[st
 
 def test_the_rate_of_the_counters_is_told_where_the_port_measures_it() -> None:
     class Measuring(FaultyRobot):
-        rates = SimpleNamespace(bemf=235.4)
+        rates = SimpleNamespace(bemf=235.4, expected_bemf=235.0)
 
     finding = found(examine(Measuring(), ROBOT, move=False), "rate")
     assert finding.measured.endswith("; counters 235 Hz")

@@ -12,9 +12,11 @@ from raccoon.hal.create.port import CREATE_2
 from raccoon.hal.create.protocol import STREAM_PERIOD
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
+from raccoon.hal.wombat.monitor import Rates
 from raccoon.hal.wombat.stock import FIRMWARE_VERSION
 
 RATE_TOLERANCE = 0.05
+COUNTER_TOLERANCE = 0.03
 LATE = 2.0
 """A cycle that takes that many periods missed one."""
 LATE_SHARE = 0.01
@@ -64,17 +66,30 @@ def rates(config: RobotConfig, cycles: Sequence[Inputs], port: object) -> Findin
     p99, longest = periods[int(0.99 * (len(periods) - 1))], periods[-1]
     measured = f"{rate:.1f} Hz; 99 % within {1e3 * p99:.2f} ms, longest {1e3 * longest:.2f} ms, {late} late"
     values = {"rate_hz": rate, "p99": p99, "longest": longest, "late": float(late)}
-    counters = getattr(getattr(port, "rates", None), "bemf", None)
-    if counters is not None:
-        measured += f"; counters {counters:.0f} Hz"
-        values["counters_hz"] = counters
+    counters = getattr(port, "rates", None)
+    if counters is not None and counters.bemf is not None:
+        measured += f"; counters {counters.bemf:.0f} Hz"
+        values["counters_hz"] = counters.bemf
     remedy = REMEDIES[Fault.OVERRUN]
     if abs(rate / wanted - 1.0) > RATE_TOLERANCE:
         problem = f"{wanted:.1f} Hz are wanted"
         return Finding("rate", Verdict.FAULT, measured, problem, remedy, values)
     if late > LATE_SHARE * len(periods):
         return Finding("rate", Verdict.WARNING, measured, "too many cycles came late", remedy, values)
+    if counters is not None and (problem := _wrong_counters(counters)):
+        remedy = (
+            f"write counter_rate_hz = {counters.bemf:.1f} under [controller] in robot.toml, then calibrate"
+        )
+        return Finding("rate", Verdict.WARNING, measured, problem, remedy, values)
     return Finding("rate", Verdict.OK, measured, values=values)
+
+
+def _wrong_counters(rates: Rates) -> str:
+    """Why ticks and back-EMF are worked out wrongly, empty where they are not."""
+    expected, found = rates.expected_bemf, rates.bemf
+    if expected is None or found is None or abs(found / expected - 1.0) <= COUNTER_TOLERANCE:
+        return ""
+    return f"ticks are worked out for counters at {expected:.0f} Hz: another build of the firmware"
 
 
 def faults(cycles: Sequence[Inputs]) -> list[Finding]:

@@ -39,6 +39,8 @@ class Dialect(Protocol):
     """Counts a second that no counter exceeds."""
     first_analog: int
     """Where the six analog ports begin in `Reading.words`."""
+    expected_rate_hz: float | None
+    """Updates of the counters a second that ticks are worked out with, where they depend on it."""
 
     def polls(self, period: float, /) -> int:
         """Looks in a cycle of `period` seconds that it takes to see every update of the counters."""

@@ -27,12 +27,14 @@ IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE = 0.06, 3.0, 5.0
 class Rates:
     """Measured rates in Hz; None where there is not enough to measure.
 
-    cycle: of this port. bemf: updates of the position counters. imu: new IMU words.
+    cycle: of this port. bemf: updates of the position counters. imu: new IMU words. expected_bemf: what
+    `bemf` is taken to be when ticks are worked out; None where they do not depend on it.
     """
 
     cycle: float | None
     bemf: float | None
     imu: float | None
+    expected_bemf: float | None = None
 
 
 class Monitor:
@@ -61,7 +63,7 @@ class Monitor:
         """What was measured so far."""
         elapsed = self._time - (self._first or 0.0)
         cycle = self._cycles / elapsed if self._cycles > 0 and elapsed > 0.0 else None
-        return Rates(cycle, self._dialect.bemf_rate_hz, self._imu.rate_hz)
+        return Rates(cycle, self._dialect.bemf_rate_hz, self._imu.rate_hz, self._dialect.expected_rate_hz)
 
     @property
     def standstill_bemf(self) -> tuple[float, ...]:

@@ -33,6 +33,7 @@ class RaccoonDialect:
         self.version = version
         self.length = raccoon.FRAME_LENGTH[version]
         self.device: Device = raccoon_device(version, bemf_rate_hz)
+        self.expected_rate_hz: float | None = None if version >= 21 else bemf_rate_hz
         self.fastest_counter = LARGEST_BEMF / self.device.position_counts_seconds
         self._padding = bytes(self.length - raccoon.DATA_LENGTH)
         self._rate = CounterRate()

@@ -33,6 +33,7 @@ class StockDialect:
         self.device: Device = stock_device(bemf_rate_hz)
         self._bemf = StockBemf(bemf_rate_hz)
         self._rate_hz = bemf_rate_hz
+        self.expected_rate_hz: float | None = bemf_rate_hz
         self._sequence = 0
 
     def polls(self, period: float) -> int:
