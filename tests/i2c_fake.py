@@ -97,13 +97,15 @@ class Ina226Chip(WordChip):
 
 
 class FakeI2c:
-    """The kernel's side. stuck: every transfer times out. drivers: addresses the kernel keeps."""
+    """The kernel's side. stuck: every transfer times out. drivers: addresses the kernel keeps. bits: clocked
+    on the wire by transfers, acknowledgements included."""
 
     def __init__(self, chips: dict[int, Chip]) -> None:
         self.chips = chips
         self.drivers: set[int] = set()
         self.stuck = False
         self.transfers = 0
+        self.bits = 0
         self.on_select: Callable[[], None] = lambda: None
         self._selected: dict[int, int] = {}
 
@@ -130,6 +132,8 @@ class FakeI2c:
         chip = self.chips[address]
         chip.answer()
         data = message.data.contents
+        # Address and register; a reading begins again with the address.
+        self.bits += 9 * (2 + data.block[0] + (message.read_write == _READ)) + 3
         if message.size == _BYTE:
             data.byte = 0
         elif message.size != _I2C_BLOCK:

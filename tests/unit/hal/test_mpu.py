@@ -14,6 +14,7 @@ from raccoon.core.errors import CalibrationError, ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, STOP, Fault, Inputs, Outputs
 from raccoon.hal.i2c import I2cBus, ImuPort, Ina226, Mpu, Sampler, measure_bias, open_imu
+from raccoon.hal.i2c.ports import IMU_PERIOD, POWER_PERIOD
 
 
 @pytest.fixture
@@ -272,6 +273,29 @@ def test_opening_reads_in_the_background_until_closed(kernel: FakeI2c, chip: Mpu
     assert robot.closed
     assert robot.written == [STOP]
     assert chip.registers[0x6B] == 0x01
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_two_hundred_samples_a_second_on_the_slowest_bus(bus: I2cBus, kernel: FakeI2c, others: int) -> None:
+    """At 100 kHz, the battery monitor on the same bus: each waits for the other's transfers."""
+    kernel.chips[0x40] = Ina226Chip()
+    clock = SteppedClock()
+    imu, power = Sampler(Mpu(bus), IMU_PERIOD), Sampler(Ina226(bus, 0x40, shunt=0.005), POWER_PERIOD)
+    assert imu.step()
+    assert power.step()
+    next_imu = next_power = clock.now()
+    samples, end = 0, clock.now() + 2.0
+    while clock.now() < end:
+        kernel.bits = 0
+        if others and clock.now() >= next_power:
+            assert power.step()
+            next_power += POWER_PERIOD
+        elif clock.now() >= next_imu:
+            assert imu.step()
+            samples += 1
+            next_imu = max(next_imu + IMU_PERIOD, clock.now())
+        clock.advance(max(kernel.bits / 100_000, 1e-4))
+    assert samples / 2.0 >= 200.0
 
 
 def test_opening_a_missing_sensor_fails_at_once(kernel: FakeI2c, tmp_path: Path) -> None:
