@@ -3,6 +3,8 @@
 import contextlib
 import math
 from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import STOP, Fault, Inputs, Outputs
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort, open_wombat
+from raccoon.hal.wombat.supervisor import Supervisor
 
 FIRMWARES: list[Firmware] = ["stock", 17, 21]
 FORWARD = Outputs(duty=(0.6, 0.6, 0.0, 0.0))
@@ -329,6 +332,51 @@ def test_impossible_rates_are_refused(rate: float) -> None:
     clock = SteppedClock()
     with pytest.raises(ConfigError, match="rate_hz"):
         WombatPort(Emulator(BenchRobot(), "stock", clock=clock), clock=clock, rate_hz=rate)
+
+
+class OnTheBus:
+    """The real bus's part towards whoever opens it, with an emulated controller behind it."""
+
+    def __init__(self, firmware: Firmware, file: Any) -> None:
+        self._emulator = Emulator(BenchRobot(), firmware)
+        self.transfer = self._emulator.transfer
+        self.target = "unix:/nowhere"
+        self.lock = SimpleNamespace(descriptor=file.fileno())
+        self.closed = False
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.mark.parametrize(
+    ("kind", "firmware", "message"),
+    [
+        ("wombat", 17, "but RaccoonOS 17 answers: write 'wombat-raccoon' and calibrate again"),
+        ("wombat-raccoon", "stock", "but stock answers: write 'wombat' and calibrate again"),
+    ],
+)
+def test_another_firmware_than_robot_toml_says_is_refused(
+    kind: str, firmware: Firmware, message: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with (tmp_path / "lock").open("w") as file:
+        bus = OnTheBus(firmware, file)
+        monkeypatch.setattr("raccoon.hal.wombat.port.SpiLink", lambda _: bus)
+        with pytest.raises(HardwareError, match=message):
+            open_wombat(kind)
+    assert bus.closed
+
+
+def test_the_real_port_has_a_supervisor_and_takes_a_measured_rate(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    with (tmp_path / "lock").open("w") as file:
+        bus = OnTheBus("stock", file)
+        monkeypatch.setattr("raccoon.hal.wombat.port.SpiLink", lambda _: bus)
+        port = open_wombat("wombat", bemf_rate_hz=268.0)
+        assert isinstance(port._guard, Supervisor)
+        assert port.dialect.device.position_counts_seconds == pytest.approx(250 / 268)
+        port.close()
+    assert bus.closed
 
 
 def test_an_unknown_kind_is_refused() -> None:
