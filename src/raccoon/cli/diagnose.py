@@ -14,15 +14,25 @@ HELP = "compare a recording with the simulation, name what is wrong and write th
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    parser.add_argument("trace", type=Path, nargs="+", help="recordings: traces, CSV or MCAP files")
+    parser.add_argument(
+        "trace", type=Path, nargs="+", help="recordings: traces, CSV, MCAP or EMPS files, or folders of them"
+    )
     parser.add_argument(
         "--robot", type=Path, help="robot.toml; without it the recording's own, or the default"
     )
     parser.add_argument("--model", type=Path, help="model.toml to start from instead of robot.toml's model")
-    parser.add_argument("--holdout", type=Path, help="another recording of this robot to judge on")
     parser.add_argument(
-        "--truth-free", action="store_true", help="use no truth.* column (drives never do in this version)"
+        "--holdout", type=Path, nargs="+", default=[], help="other recordings of this robot to judge on"
     )
+    parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=1,
+        help="for many recordings: processes (default 1, 0: one for each core)",
+    )
+    parser.add_argument("--executor", choices=("processes", "dask"), default="processes")
+    parser.add_argument("--scheduler", help="address of a Dask scheduler (default: one of its own)")
     parser.add_argument("--json", type=Path, help="write the diagnosis as JSON")
     parser.add_argument("--html", type=Path, help="write a report with pictures")
     parser.add_argument("--save-model", type=Path, help="write the extended simulation model")
@@ -30,51 +40,34 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
+    from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
+    from raccoon.core.errors import TraceError
+
+    paths = recordings(args.trace)
+    if not paths:
+        raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
+    if len(paths) == 1:
+        _write(args, diagnose_job(job_of(args, paths[0])), paths[0].name)
+        return 0
+    together = pooled(args, paths)
+    if together is None:
+        return run_fleet(args, paths)
+    _write(args, together, f"{len(paths)} runs")
+    return 0
+
+
+def _write(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
     from raccoon.diagnose.report import terminal_report
 
-    if len(args.trace) > 1:
-        return _run_fleet(args)
-    diagnosis = _diagnosed(args, args.trace[0])
     print(terminal_report(diagnosis))
     if args.json is not None:
         diagnosis.save_json(args.json)
     if args.html is not None:
         from raccoon.diagnose.html import save_html
 
-        save_html(diagnosis, args.html, title=args.trace[0].name)
-    if args.save_model is not None and diagnosis.model is not None:
-        diagnosis.model.save(args.save_model)
-    return 0
-
-
-def _diagnosed(args: argparse.Namespace, path: Path) -> Diagnosis:
-    from raccoon.core.config import RobotConfig, load_robot
-    from raccoon.diagnose.diagnosis import diagnose
-    from raccoon.trace.loading import load_run
-
-    loaded = load_run(path)
-    robot = load_robot(args.robot) if args.robot is not None else loaded.robot or RobotConfig()
-    holdout = load_run(args.holdout).recording.columns if args.holdout is not None else None
-    start = None
-    if args.model is not None:
-        from raccoon.sim.parameters import Parameters
-
-        start = Parameters.from_model_file(args.model)
-        robot = start.robot
-    return diagnose(loaded.recording.columns, robot, holdout=holdout, model=start)
-
-
-def _run_fleet(args: argparse.Namespace) -> int:
-    """Several recordings: a line each, then what they have in common."""
-    from raccoon.diagnose.fleet import common_causes, fleet_report
-
-    results = {path.name: _diagnosed(args, path) for path in args.trace}
-    print(fleet_report(results, common_causes(results)))
-    if args.json is not None:
-        import json
-
-        from raccoon.diagnose.result import write_text
-
-        text = json.dumps({name: each.to_dict() for name, each in results.items()}, indent=1)
-        write_text(args.json, text + "\n")
-    return 0
+        save_html(diagnosis, args.html, title=name)
+    if args.save_model is not None:
+        if diagnosis.model is None:
+            print(f"{args.save_model}: not written: this kind of recording gives no model of a robot")
+        else:
+            diagnosis.model.save(args.save_model)

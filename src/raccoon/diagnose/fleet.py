@@ -1,29 +1,51 @@
-"""Many recordings side by side: what is common, what is one recording's own."""
+"""Many recordings side by side: what is common, what is one recording's own, what changed and when."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
-from raccoon.diagnose.result import Diagnosis
+from raccoon.diagnose.fleet_changes import Change, Form, change_of
+from raccoon.diagnose.result import Diagnosis, ParameterResult
 
 COMMON_SHARE = 0.6
+FAR = 4.0
+FEWEST_FOR_OUTLIERS = 4
+WORN: Mapping[str, str] = {
+    "battery.internal_resistance": "a battery ages",
+    "battery.open_circuit_voltage": "another charge, or another battery",
+    "motor.back_emf_constant": "a motor was replaced, or its magnets suffered",
+    "motor.armature_resistance": "a motor was replaced, or its brushes wear",
+    "friction.coulomb": "bearings, gears or the floor",
+    "drive.wheel_radius": "a wheel was replaced or its tyre wears",
+    "drive.backlash": "gears wear",
+}
+"""What is behind a change, by cause."""
+
+Job = TypeVar("Job")
+Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True)
 class FleetCause:
     """A cause over many recordings. share: of the recordings that name it. values: first parameter in
-    each, in
-    the order of the recordings that name it. outliers: recordings whose value is far from the others'."""
+    each, in the order of the recordings that name it. outliers: recordings whose value is far from the
+    others'. stds, nominal, unit: of that parameter. change: over all recordings in their order, one that
+    does not name the cause counting as nominal."""
 
     name: str
     share: float
     recordings: tuple[str, ...]
     values: tuple[float, ...]
     outliers: tuple[str, ...]
+    stds: tuple[float, ...] = ()
+    nominal: float = 0.0
+    unit: str = ""
+    change: Change | None = None
 
     @property
     def common(self) -> bool:
@@ -31,39 +53,150 @@ class FleetCause:
         return self.share >= COMMON_SHARE
 
 
+@dataclass(frozen=True, slots=True)
+class FleetNumber:
+    """A number that was identified in many recordings without being a cause, such as each motor's K_E."""
+
+    name: str
+    unit: str
+    median: float
+    spread: float
+    outliers: tuple[str, ...]
+    change: Change | None
+
+
+def diagnose_all(
+    work: Callable[[Job], Found], jobs: Sequence[Job], executor: Executor | None = None
+) -> list[Found]:
+    """`work` for every job, in their order, on any concurrent.futures executor (it stays open) or here."""
+    if executor is None:
+        return [work(each) for each in jobs]
+    return list(executor.map(work, jobs))
+
+
 def common_causes(results: Mapping[str, Diagnosis]) -> list[FleetCause]:
     """The causes of all recordings together, most widespread first."""
-    found: dict[str, list[tuple[str, float, float]]] = defaultdict(list)
+    names = dict.fromkeys(cause.name for each in results.values() for cause in each.causes)
+    return sorted((_fleet_cause(name, results) for name in names), key=lambda each: -each.share)
+
+
+def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
+    found: dict[str, ParameterResult] = {}
     for recording, diagnosis in results.items():
         for cause in diagnosis.causes:
-            first = next(iter(cause.parameters.values()))
-            found[cause.name].append((recording, first.value, first.std))
-    causes = [_fleet_cause(name, rows, len(results)) for name, rows in found.items()]
-    return sorted(causes, key=lambda each: -each.share)
-
-
-def _fleet_cause(name: str, rows: list[tuple[str, float, float]], count: int) -> FleetCause:
-    values = np.array([value for _, value, _ in rows])
-    stds = np.array([std for _, _, std in rows])
-    middle = float(np.median(values))
-    spread = 1.4826 * float(np.median(np.abs(values - middle)))
-    limit = 4.0 * np.sqrt(spread**2 + stds**2)
-    outliers = tuple(row[0] for row, far in zip(rows, np.abs(values - middle) > limit, strict=True) if far)
+            if cause.name == name:
+                found[recording] = next(iter(cause.parameters.values()))
+    units = [each.unit for each in found.values()]
+    usual = max(units, key=units.count)
+    share = len(found) / len(results)
+    # Where a current is missing a friction is in volts: it counts, and is not compared.
+    found = {key: each for key, each in found.items() if each.unit == usual}
+    first = next(iter(found.values()))
+    series = [found[each].value if each in found else first.nominal for each in results]
+    stds = [found[each].std if each in found else float("nan") for each in results]
+    values, own_stds = [each.value for each in found.values()], [each.std for each in found.values()]
     return FleetCause(
-        name, len(rows) / count, tuple(row[0] for row in rows), tuple(values.tolist()), outliers
+        name,
+        share,
+        tuple(found),
+        tuple(values),
+        _outliers(tuple(found), values, own_stds),
+        tuple(own_stds),
+        first.nominal,
+        first.unit,
+        change_of(series, stds),
     )
 
 
+def _outliers(names: Sequence[str], values: Sequence[float], stds: Sequence[float]) -> tuple[str, ...]:
+    if len(values) < 2:
+        return ()
+    array = np.asarray(values, float)
+    middle = float(np.median(array))
+    spread = 1.4826 * float(np.median(np.abs(array - middle)))
+    limit = FAR * np.sqrt(spread**2 + np.nan_to_num(np.asarray(stds, float)) ** 2)
+    far = np.abs(array - middle) > limit
+    return tuple(name for name, odd in zip(names, far, strict=True) if odd)
+
+
+def fleet_numbers(results: Mapping[str, Diagnosis]) -> list[FleetNumber]:
+    """What was identified in at least `FEWEST_FOR_OUTLIERS` recordings, with its spread."""
+    names = dict.fromkeys(name for each in results.values() for name in each.identified)
+    numbers = []
+    for name in names:
+        found = {key: each.identified[name] for key, each in results.items() if name in each.identified}
+        units = [each.unit for each in found.values()]
+        unit = max(units, key=units.count)
+        found = {key: each for key, each in found.items() if each.unit == unit}
+        if len(found) < FEWEST_FOR_OUTLIERS:
+            continue
+        values, stds = [each.value for each in found.values()], [each.std for each in found.values()]
+        middle = float(np.median(values))
+        spread = 1.4826 * float(np.median(np.abs(np.asarray(values) - middle)))
+        series = [found[each].value if each in found else float("nan") for each in results]
+        errors = [found[each].std if each in found else float("nan") for each in results]
+        outliers = _outliers(tuple(found), values, stds)
+        numbers.append(FleetNumber(name, unit, middle, spread, outliers, change_of(series, errors)))
+    return numbers
+
+
 def fleet_report(results: Mapping[str, Diagnosis], causes: list[FleetCause]) -> str:
-    """A line a recording, then common causes with their spread and the odd ones out."""
+    """A line a recording, then common causes with their spread, the odd ones out, and what changed."""
     lines = []
     for name, diagnosis in results.items():
         named = ", ".join(each.name for each in diagnosis.causes) or "-"
-        lines.append(f"{name}: {diagnosis.verdict}: {named}")
+        broken = "".join(f"; {each.channel} is {each.fault}" for each in diagnosis.sensor_faults)
+        lines.append(f"{name}: {diagnosis.verdict}: {named}{broken}")
     lines.append("")
-    for each in causes:
-        kind = "common" if each.common else "only " + ", ".join(each.recordings)
-        low, high = min(each.values), max(each.values)
-        odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
-        lines.append(f"{each.name}: {100 * each.share:.0f} % ({kind}), {low:.4g} to {high:.4g}{odd}")
+    lines += [_cause_line(each, len(results)) for each in causes]
+    numbers = fleet_numbers(results)
+    if numbers:
+        lines += ["", "Measured in all of them (median, spread of one):"]
+        lines += [_number_line(each) for each in numbers]
+    changes = change_lines(results, causes)
+    if changes:
+        lines += ["", "What changed:", *(f"  {each}" for each in changes)]
     return "\n".join(lines)
+
+
+def change_lines(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause]) -> list[str]:
+    """A line for everything that jumps or creeps in the order of the recordings."""
+    every: list[FleetCause | FleetNumber] = [*causes, *fleet_numbers(results)]
+    names = list(results)
+    return [_change_line(each.name, each.unit, each.change, names) for each in every if each.change]
+
+
+def _cause_line(each: FleetCause, count: int) -> str:
+    if each.common:
+        kind = "common"
+    elif len(each.recordings) <= max(1, count // 5):
+        kind = "only " + ", ".join(each.recordings)
+    else:
+        kind = "some: " + ", ".join(each.recordings)
+    low, high = min(each.values), max(each.values)
+    odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
+    unit = f" {each.unit}" if each.unit else ""
+    return f"{each.name}: {100 * each.share:.0f} % ({kind}), {low:.4g} to {high:.4g}{unit}{odd}"
+
+
+def _number_line(each: FleetNumber) -> str:
+    odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
+    return f"  {each.name:28s} {each.median:10.4g} +- {each.spread:.2g} {each.unit}{odd}"
+
+
+def _change_line(name: str, unit: str, change: Change, recordings: Sequence[str]) -> str:
+    why = WORN.get(name.partition("@")[0])
+    behind = f" ({why}?)" if why else ""
+    pair = f"{change.before:.4g} to {change.after:.4g} {unit}".strip()
+    if change.form is Form.STEP:
+        return f"{name} jumps from {pair} with {recordings[change.first]}{behind}"
+    return f"{name} creeps from {pair} over the recordings{behind}"
+
+
+def fleet_dict(results: Mapping[str, Diagnosis], causes: list[FleetCause]) -> dict[str, Any]:
+    """The same as plain types for JSON: every diagnosis, then what is common, odd and changed."""
+    return {
+        "recordings": {name: each.to_dict() for name, each in results.items()},
+        "causes": [{**asdict(each), "common": each.common} for each in causes],
+        "numbers": [asdict(each) for each in fleet_numbers(results)],
+    }

@@ -26,12 +26,14 @@ class ReadingFaults:
     the one
     before while it is forgotten, so 1 - decay is the filter's share of the new (None without a stale start).
     repeats: share of samples that repeat the one before. dead_time: s from the command to the first motion.
+    decay_std: deviation of decay.
     """
 
     stale: float | None
     decay: float | None
     repeats: float
     dead_time: float | None
+    decay_std: float = 0.0
 
 
 def reading_faults(time: Array, speed: Array) -> ReadingFaults:
@@ -39,10 +41,16 @@ def reading_faults(time: Array, speed: Array) -> ReadingFaults:
     known = np.isfinite(speed)
     time, speed = time[known], speed[known]
     falling = _falling(speed)
-    decay = float(np.median(speed[1 : falling + 1] / speed[:falling])) if falling >= 2 else None
+    ratios = speed[1 : falling + 1] / speed[:falling]
+    # The first, largest ones are least disturbed by what was measured meanwhile.
+    weights = speed[:falling] ** 2
+    decay = float(ratios @ weights / weights.sum()) if falling >= 2 else None
+    deviation = (
+        1.4826 * float(np.median(np.abs(ratios - decay))) / np.sqrt(falling) if decay is not None else 0.0
+    )
     repeats = float((np.diff(speed) == 0.0).mean()) if len(speed) > 1 else 0.0
     stale = float(speed[0]) if decay is not None else None
-    return ReadingFaults(stale, decay, repeats, _dead_time(time, speed, falling))
+    return ReadingFaults(stale, decay, repeats, _dead_time(time, speed, falling), float(deviation))
 
 
 def _falling(speed: Array) -> int:

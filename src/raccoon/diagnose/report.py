@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
 
-from raccoon.diagnose.result import CauseResult, Diagnosis, Verdict
+from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult, Rejected, Verdict
 
-_VERDICTS = {
+VERDICTS: Mapping[Verdict, str] = {
     Verdict.EXPLAINED: "The simulation is wrong, and this is why:",
     Verdict.PARTLY: "The simulation is wrong; a part of it has a name:",
     Verdict.UNKNOWN: "The simulation is wrong in a way that no known cause describes.",
     Verdict.ADEQUATE: "The simulation fits this recording: nothing that matters is wrong.",
     Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",
 }
+"""The verdict as a sentence."""
+UNKNOWABLE = "not "
+"""How the reason of a cause begins that this recording cannot show at all."""
 
 
 def terminal_report(diagnosis: Diagnosis) -> str:
@@ -21,21 +25,28 @@ def terminal_report(diagnosis: Diagnosis) -> str:
 
 
 def _lines(diagnosis: Diagnosis) -> Iterator[str]:
-    yield _VERDICTS[diagnosis.verdict]
+    yield VERDICTS[diagnosis.verdict]
     for cause in diagnosis.causes:
         yield from _cause(cause)
     if diagnosis.unexplained.depends_on:
-        yield f"  ? Something unknown depends on: {', '.join(diagnosis.unexplained.depends_on)}."
+        share = f"{100 * diagnosis.unexplained.share:.0f} % of the error's power is left; "
+        yield f"  ? {share}it depends on: {', '.join(diagnosis.unexplained.depends_on)}."
+    for fault in diagnosis.sensor_faults:
+        yield f"  ! Sensor: {fault.text}."
+    yield from _identified(diagnosis.identified)
     if diagnosis.channels:
         yield ""
         yield "Error on data that was not fitted (before -> after, noise floor):"
     for each in diagnosis.channels:
         numbers = f"{each.rmse_before:9.4g} -> {each.rmse_after:9.4g}   ({each.noise_floor:.4g} {each.unit})"
         yield f"  {each.name:18s} {numbers}"
-    unseen = [each.id for each in diagnosis.rejected if each.reason.startswith("not ")]
-    if unseen:
+    if any(reason.startswith(UNKNOWABLE) for reason in reasons(diagnosis.rejected)):
         yield ""
-        yield f"Could not be seen in this recording: {', '.join(unseen)}."
+        yield "What this recording cannot show:"
+    for reason, ids in reasons(diagnosis.rejected).items():
+        if reason.startswith(UNKNOWABLE):
+            yield f"  {', '.join(ids)}: {reason}"
+    yield ""
     for text in diagnosis.suggested_manoeuvres:
         yield f"To learn more: {text}."
     for text in diagnosis.notes:
@@ -43,11 +54,34 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     yield f"({diagnosis.seconds:.1f} s)"
 
 
+def reasons(rejected: tuple[Rejected, ...]) -> dict[str, list[str]]:
+    """Causes that were not named, by the reason they share."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for each in rejected:
+        found[each.reason].append(each.id)
+    return dict(found)
+
+
+def number_text(each: ParameterResult) -> str:
+    """Value, deviation and unit."""
+    unit = f" {each.unit}" if each.unit else ""
+    return f"{each.value:.4g} +- {each.std:.2g}{unit}"
+
+
+def _identified(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
+    if numbers:
+        yield ""
+        yield "Measured on the way:"
+    for name, each in numbers.items():
+        known = each.nominal == each.nominal and each.nominal != 0.0
+        assumed = f" (assumed {each.nominal:.4g})" if known else ""
+        yield f"  {name:26s} {number_text(each)}{assumed}"
+
+
 def _cause(cause: CauseResult) -> Iterator[str]:
     yield f"  {cause.rank}. {cause.explanation}"
     for name, each in cause.parameters.items():
-        unit = f" {each.unit}" if each.unit else ""
-        yield f"       {name} {each.value:.4g} +- {each.std:.2g}{unit} (assumed {each.nominal:.4g})"
+        yield f"       {name} {number_text(each)} (assumed {each.nominal:.4g})"
     gain = cause.gain
     yield (
         f"       error on unseen data {gain.heldout_rmse_before:.2f} without it, "

@@ -10,7 +10,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv
-from raccoon.trace.foreign import fleet_steps, motor_steps, optiodom
+from raccoon.trace.foreign import emps, fleet_steps, motor_steps, optiodom
 from raccoon.trace.format import Trace, read_trace
 from raccoon.trace.recording import Recording
 
@@ -31,7 +31,7 @@ class Run:
 
 
 def load_runs(path: str | Path) -> list[Run]:
-    """The runs in a trace, a CSV or MCAP file, an OptiOdom run or session, or a folder of any of these.
+    """The runs in a trace, a CSV, MCAP or EMPS file, an OptiOdom run or session, or a folder of any of these.
 
     Doubtful values are blank and listed in `Recording.problems`. Raises TraceError where there is nothing
     that can be read, FileNotFoundError where there is no such path.
@@ -54,7 +54,7 @@ def _recordings(folder: Path) -> Iterator[Path]:
 def _is_recording(path: Path) -> bool:
     if path.name == optiodom.METADATA:
         return False
-    return path.name.endswith((*TRACE_ENDINGS, ".csv", ".mcap"))
+    return path.name.endswith((*TRACE_ENDINGS, ".csv", ".mcap", ".mat"))
 
 
 def load_run(path: str | Path) -> Run:
@@ -67,6 +67,8 @@ def load_run(path: str | Path) -> Run:
         from raccoon.trace.mcap import read_mcap
 
         return Run(path.name, read_mcap(path))
+    if path.suffix == ".mat":
+        return Run(path.name, emps.read_emps(path))
     return _load_csv(path)
 
 

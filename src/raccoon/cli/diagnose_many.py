@@ -1,0 +1,178 @@
+"""`raccoon diagnose` for more than one recording: pooled geometry, or a fleet side by side."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from raccoon.diagnose.result import Diagnosis
+    from raccoon.sweep.execute import Crew
+
+ENDINGS = (".jsonl", ".jsonl.gz", ".csv", ".mcap", ".mat")
+METADATA = "metadata.csv"
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One recording and what it is compared with. Can be pickled."""
+
+    path: Path
+    robot: Path | None
+    model: Path | None
+    holdout: Path | None
+    truth_free: bool
+
+
+def recordings(paths: Sequence[Path]) -> list[Path]:
+    """The files, those inside folders in the order of their names. Raises FileNotFoundError."""
+    found: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(each for each in path.rglob("*") if each.name.endswith(ENDINGS))
+            found += [each for each in inside if each.name != METADATA]
+        elif path.exists():
+            found.append(path)
+        else:
+            raise FileNotFoundError(f"{path}: there is no such recording")
+    return found
+
+
+def diagnose_job(job: Job) -> Diagnosis:
+    """Load and diagnose one recording. Raises as `diagnose_recording`."""
+    from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.diagnose.recordings.kinds import diagnose_recording
+    from raccoon.trace.loading import load_run
+
+    loaded = load_run(job.path)
+    robot = load_robot(job.robot) if job.robot is not None else loaded.robot or RobotConfig()
+    start = None
+    if job.model is not None:
+        from raccoon.sim.parameters import Parameters
+
+        start = Parameters.from_model_file(job.model)
+        robot = start.robot
+    recording = loaded.recording
+    return diagnose_recording(
+        recording.columns,
+        robot,
+        holdout=None if job.holdout is None else load_run(job.holdout).recording.columns,
+        model=start,
+        truth_free=job.truth_free,
+        device=recording.device,
+        problems=recording.problems,
+    )
+
+
+def diagnose_or_reason(job: Job) -> Diagnosis | str:
+    """The diagnosis, or why there is none: one bad file does not spoil a fleet."""
+    from raccoon.core.errors import RaccoonError
+
+    try:
+        return diagnose_job(job)
+    except (RaccoonError, OSError) as error:
+        return str(error)
+
+
+def _numbered(jobs: Sequence[Job], number: int) -> Diagnosis | str:
+    return diagnose_or_reason(jobs[number])
+
+
+def _lost(jobs: Sequence[Job], number: int) -> Diagnosis | str:
+    return f"{jobs[number].path}: its worker died"
+
+
+def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
+    """One diagnosis over runs that are all geometry of one robot; None where they are not."""
+    from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.diagnose.recordings.geometry import diagnose_geometry
+    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.trace.loading import load_run
+
+    runs = []
+    for path in paths:
+        each = load_run(path)
+        own = each.robot or RobotConfig()
+        if args.truth_free or kind_of(each.recording.columns, own) is not Kind.GEOMETRY:
+            return None
+        runs.append(each)
+    robot = load_robot(args.robot) if args.robot is not None else runs[0].robot or RobotConfig()
+    others = [load_run(path).recording.columns for path in recordings(args.holdout)]
+    columns = [each.recording.columns for each in runs]
+    return diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
+
+
+def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
+    """Several recordings: a line each, then what they have in common and what changed."""
+    from raccoon.diagnose.fleet import common_causes, fleet_dict, fleet_report
+    from raccoon.diagnose.result import Diagnosis, write_text
+
+    found = _all(args, [job_of(args, path) for path in paths])
+    names = _names(paths)
+    results = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, Diagnosis)}
+    failed = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, str)}
+    for name, reason in failed.items():
+        print(f"{name}: no diagnosis: {reason}")
+    if not results:
+        return 2
+    causes = common_causes(results)
+    print(fleet_report(results, causes))
+    if args.json is not None:
+        table = {**fleet_dict(results, causes), "failed": failed}
+        write_text(args.json, json.dumps(_finite(table), indent=1, allow_nan=False) + "\n")
+    if args.html is not None:
+        from raccoon.diagnose.html_fleet import save_fleet_html
+
+        save_fleet_html(results, causes, args.html, failed)
+    return 0
+
+
+def job_of(args: argparse.Namespace, path: Path) -> Job:
+    """What a worker needs for one recording. Raises ConfigError for several files to judge on."""
+    from raccoon.core.errors import ConfigError
+
+    if len(args.holdout) > 1:
+        raise ConfigError(f"--holdout: {len(args.holdout)} files: one recording is judged on one other")
+    return Job(path, args.robot, args.model, args.holdout[0] if args.holdout else None, args.truth_free)
+
+
+def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Diagnosis | str]:
+    """In their order, on the workers of the sweep where more than one is asked for."""
+    if args.workers == 1 and args.executor == "processes":
+        return [diagnose_or_reason(each) for each in jobs]
+    from raccoon.sweep.execute import run_all
+
+    with _crew(args) as crew:
+        done = dict(run_all(partial(_numbered, jobs), range(len(jobs)), crew, partial(_lost, jobs)))
+    return [done[number] for number in range(len(jobs))]
+
+
+def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
+    from raccoon.sweep.workers import dask_crew, process_crew
+
+    if args.executor == "dask":
+        return dask_crew(args.scheduler, args.workers or None)
+    return process_crew(args.workers or None)
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """File names; with their folder where two are alike."""
+    short = [path.name for path in paths]
+    return short if len(set(short)) == len(short) else [f"{path.parent.name}/{path.name}" for path in paths]
+
+
+def _finite(value: object) -> object:
+    """Numbers that are not finite become None."""
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(each) for each in value]
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return None
+    return value

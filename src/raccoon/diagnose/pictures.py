@@ -1,0 +1,107 @@
+"""Figures of a report, without any display. Needs matplotlib."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+
+from raccoon.diagnose.result import Curve, Diagnosis
+
+BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#555555"
+MOST_POINTS = 4000
+
+
+def png(figure: Any) -> str:
+    """A figure as base64 text."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=110)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _figure(width: float, height: float) -> Any:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _plain(axes: Any) -> None:
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
+def error_figure(diagnosis: Diagnosis) -> Any:
+    """Error before and after over each channel's noise floor."""
+    figure = _figure(8.0, 0.62 * len(diagnosis.channels) + 1.3)
+    axes = figure.subplots()
+    names = [each.name for each in diagnosis.channels]
+    floors = [max(each.noise_floor, 1e-300) for each in diagnosis.channels]
+    before = [each.rmse_before / floor for each, floor in zip(diagnosis.channels, floors, strict=True)]
+    after = [each.rmse_after / floor for each, floor in zip(diagnosis.channels, floors, strict=True)]
+    rows = np.arange(len(names))
+    for shift, values, label, color in (
+        (-0.2, before, "simulation as it was", BEFORE),
+        (0.2, after, "with the causes", AFTER),
+    ):
+        bars = axes.barh(rows + shift, values, 0.38, label=label, color=color)
+        axes.bar_label(bars, fmt="%.2g", padding=3, fontsize=9)
+    axes.axvline(1.0, color="0.3", linewidth=1.0, linestyle="--", label="noise")
+    axes.set_yticks(rows, names)
+    axes.invert_yaxis()
+    axes.margins(x=0.12)
+    axes.set_xlabel("error on unseen data / noise")
+    axes.legend(fontsize=9, frameon=False)
+    _plain(axes)
+    return figure
+
+
+def cause_figure(diagnosis: Diagnosis) -> Any:
+    """For each cause: error on unseen data without it and with all."""
+    causes = diagnosis.causes
+    figure = _figure(8.0, 0.5 * len(causes) + 1.2)
+    axes = figure.subplots()
+    rows = np.arange(len(causes))
+    without = [each.gain.heldout_rmse_before for each in causes]
+    together = [each.gain.heldout_rmse_after for each in causes]
+    axes.hlines(rows, together, without, color="0.75", linewidth=3, zorder=1)
+    axes.scatter(without, rows, 70, color=BEFORE, zorder=2, label="this cause left out")
+    axes.scatter(together, rows, 70, color=AFTER, zorder=2, label="with it")
+    axes.axvline(1.0, color="0.3", linewidth=1.0, linestyle="--")
+    axes.set_yticks(rows, [each.name for each in causes])
+    axes.set_ylim(len(causes) - 0.5, -0.5)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel("error on unseen data / noise")
+    axes.legend(fontsize=9, frameon=False)
+    _plain(axes)
+    return figure
+
+
+def curve_figure(curve: Curve) -> Any:
+    """Measured against simulated, and the two errors below."""
+    step = max(1, len(curve.time) // MOST_POINTS)
+    time, measured, before, after = (
+        each[::step] for each in (curve.time, curve.measured, curve.before, curve.after)
+    )
+    simulated = bool(np.isfinite(before).any())
+    compared = simulated and bool(np.nan_to_num(measured).any())
+    figure = _figure(8.0, 3.9 if compared else 2.3)
+    panels = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1)) if compared else [figure.subplots()]
+    top, bottom = panels[0], panels[-1]
+    if compared or not simulated:
+        top.plot(time, measured, color=MEASURED, linewidth=1.6, label="measured")
+        top.set_ylabel(f"{curve.name}, {curve.unit}", fontsize=9)
+    if compared:
+        top.plot(time, before, color=BEFORE, linewidth=0.9, label="simulated, as it was")
+        top.plot(time, after, color=AFTER, linewidth=0.9, label="simulated, with the causes")
+    if simulated:
+        bottom.plot(time, before - measured, color=BEFORE, linewidth=0.8, label="as it was")
+        bottom.plot(time, after - measured, color=AFTER, linewidth=0.8, label="with the causes")
+        bottom.axhline(0.0, color="0.7", linewidth=0.8)
+        bottom.set_ylabel(f"error, {curve.unit}" if compared else f"{curve.name}, {curve.unit}", fontsize=9)
+    top.legend(fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    bottom.set_xlabel("t, s")
+    for axes in panels:
+        _plain(axes)
+    return figure

@@ -1,0 +1,131 @@
+"""What may be wrong with one motor or axis: the catalogue's effects that its channels can show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from raccoon.diagnose.recordings.axis_fit import Number
+from raccoon.diagnose.recordings.axis_log import AxisLog
+from raccoon.diagnose.recordings.axis_start import Rough
+
+SHARE = 0.95
+LATEST = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class AxisCause:
+    """An effect of the catalogue. numbers: of the axis model, that it frees. names: their names in the
+    contract. starts: u to begin a fit from."""
+
+    id: str
+    numbers: tuple[Number, ...]
+    names: tuple[str, ...]
+    starts: tuple[float, ...]
+
+
+def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
+    """Candidates in the order in which equal evidence prefers them.
+
+    Dry and viscous friction and a constant force are part of the base model where a force drives the axis:
+    any mechanism has them. A motor's base model is the textbook's, U = R I + L dI/dt + K_E w and an inertia.
+    There, viscous friction shows only with a current (else it is part of K_E).
+    """
+    force, drag = rough.force, rough.force / rough.speed
+    found = []
+    mechanism = log.effort_unit != "V"
+    if not mechanism:
+        found.append(
+            _one("friction.coulomb", "torque", Number("coulomb", 0.0, 0.2 * force, low=0.0, prior=True), 0.3)
+        )
+    if log.electrical:
+        found.append(
+            _one(
+                "friction.viscous",
+                "coefficient",
+                Number("viscous", 0.0, 0.2 * drag, low=0.0, prior=True),
+                0.2,
+            )
+        )
+    found.append(
+        _one(
+            "actuation.latency",
+            "seconds",
+            Number("latency", 0.0, 0.02, low=0.0, high=LATEST, prior=True),
+            0.2,
+        )
+    )
+    found.append(_direction(log, mechanism))
+    found.append(_stiction(rough))
+    found.append(
+        _one(
+            "friction.load_dependent",
+            "coefficient",
+            Number("load", 0.0, 0.2, low=0.0, high=0.9, prior=True),
+            0.1,
+        )
+    )
+    found.append(
+        _one(
+            "friction.quadratic",
+            "coefficient",
+            Number("quadratic", 0.0, 0.2 * drag / rough.speed, low=0.0, prior=True),
+            0.1,
+        )
+    )
+    if not mechanism:
+        found.append(
+            _one(
+                "actuation.deadband",
+                "duty",
+                Number("deadband", 0.0, 0.05 * rough.effort, low=0.0, prior=True),
+                0.3,
+            )
+        )
+        found.append(_one("drive.slope", "along_x", Number("offset", 0.0, 0.1 * force, prior=True), 0.1))
+    return tuple(found)
+
+
+def _one(id: str, name: str, number: Number, start: float) -> AxisCause:  # noqa: A002
+    return AxisCause(id, (number,), (name,), (start,))
+
+
+def _direction(log: AxisLog, mechanism: bool) -> AxisCause:
+    """Asymmetric dry friction is a constant force as long as the axis moves: where the base model has that
+    force, only the viscous part can be told."""
+    viscous = Number("viscous_asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
+    dry = Number("asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
+    id_ = "friction.direction_dependent"
+    if mechanism:
+        return AxisCause(id_, (viscous,), ("viscous_asymmetry",), (0.1,))
+    if log.electrical:
+        return AxisCause(id_, (dry, viscous), ("asymmetry", "viscous_asymmetry"), (0.1, 0.1))
+    return AxisCause(id_, (dry,), ("asymmetry",), (0.1,))
+
+
+def _stiction(rough: Rough) -> AxisCause:
+    torque = Number("stiction", 0.0, 0.1 * rough.force, low=0.0, prior=True)
+    most = 0.3 * rough.speed
+    speed = Number("stiction_speed", 0.05 * rough.speed, 0.7, positive=True, high=most, prior=True)
+    return AxisCause("friction.stiction", (torque, speed), ("torque", "speed"), (0.3, 0.0))
+
+
+def unit_of(name: str, log: AxisLog) -> str:
+    """Unit of a number of the model for this axis."""
+    torque, speed = log.torque_unit, log.speed_unit
+    per_speed = speed.replace("/s", "")
+    units: Mapping[str, str] = {
+        "resistance": "ohm",
+        "inductance": "H" if log.electrical else "s",
+        "back_emf": f"V s/{per_speed}",
+        "inertia": "kg" if torque == "N" else "kg m2" if torque == "N m" else f"V s2/{per_speed}",
+        "viscous": f"{torque} s/{per_speed}",
+        "coulomb": torque,
+        "stiction": torque,
+        "offset": torque,
+        "quadratic": f"{torque} s2/{per_speed}2",
+        "stiction_speed": speed,
+        "latency": "s",
+        "deadband": "V",
+    }
+    return units.get(name, "")

@@ -1,0 +1,191 @@
+"""What the causes of an axis are worth on data that no fit has seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.axis_causes import AxisCause, axis_causes
+from raccoon.diagnose.recordings.axis_fit import AxisData, AxisFit, Keep, Rows, cut, fit_axis
+from raccoon.diagnose.recordings.axis_log import AxisLog
+from raccoon.diagnose.recordings.axis_search import AxisSearch, Tried, search_axis
+from raccoon.diagnose.recordings.axis_start import Rough, rough_axis
+
+Array = NDArray[np.float64]
+
+LEAST_GAIN = 0.03
+"""Share of the error on unseen data that a cause must save to be named."""
+LEAST_SIZE = 0.1
+"""Share of its usual size (its width) below which a cause is nothing that a team could act on."""
+OVERLAP = 2
+TINY = 1e-12
+SHORTEST = 4.0
+"""Time constants that a recording must last."""
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedAxis:
+    """An axis with its causes, best first.
+
+    data: what was fitted. unseen: what it was judged on. before, after: error of (motion, current) on unseen
+    data without causes and with them. floor: what every candidate together leaves of the data it was fitted
+    to; nothing known does better. without: error on unseen data over the floor, both channels together,
+    without each cause. useless: causes with evidence that do not help unseen data. final: the fit that gives
+    the numbers, on everything there is of the recording.
+    """
+
+    rough: Rough
+    data: AxisData
+    unseen: AxisData
+    search: AxisSearch
+    causes: tuple[Tried, ...]
+    useless: tuple[Tried, ...]
+    before: Array
+    after: Array
+    floor: Array
+    without: tuple[float, ...]
+    fit: AxisFit
+    final: AxisFit
+
+    @property
+    def log(self) -> AxisLog:
+        """The recording."""
+        return self.data.log
+
+
+def judge_axis(log: AxisLog, holdout: AxisLog | None) -> JudgedAxis:
+    """Search the causes of an axis and judge them on `holdout`, or on the part after `log.split`.
+
+    Raises TraceError where the recording is too short for both.
+    """
+    rough = rough_axis(log)
+    if holdout is not None:
+        data, unseen = _data(log, rough, _all, OVERLAP), _data(holdout, rough, _all, 1)
+    else:
+        data = _data(log, rough, lambda rows: rows < log.split, OVERLAP)
+        unseen = _data(log, rough, lambda rows: rows >= log.split, 1)
+    causes = axis_causes(log, rough)
+    search = search_axis(data, rough.numbers, causes)
+    floor = np.maximum(errors(data, search.saturated), TINY)
+    kept, useless = _helpful(data, unseen, search, floor)
+    fit = _fit_with(data, search, [each.cause for each in kept])
+    before, after = errors(unseen, search.base), errors(unseen, fit)
+    without = [
+        overall(errors(unseen, _fit_with(data, search, [o.cause for o in kept if o is not each])), floor)
+        for each in kept
+    ]
+    order = np.argsort([-each for each in without], kind="stable")
+    return JudgedAxis(
+        rough,
+        data,
+        unseen,
+        search,
+        tuple(kept[index] for index in order),
+        tuple(useless),
+        before,
+        after,
+        floor,
+        tuple(without[index] for index in order),
+        fit,
+        fit if holdout is not None else _on_everything(log, rough, data, fit),
+    )
+
+
+def _all(rows: Rows) -> NDArray[np.bool_]:
+    return np.ones(np.shape(rows), np.bool_)
+
+
+def _data(log: AxisLog, rough: Rough, keep: Keep, overlap: int) -> AxisData:
+    parts = cut(log, rough.constant, keep, overlap)
+    if parts is None or not parts.weight.any() or len(log.time) * log.step < SHORTEST * rough.constant:
+        raise TraceError(
+            f"{len(log.time) * log.step:.3g} s are too short for an axis with a time constant of "
+            f"{rough.constant:.2g} s: record at least {10 * rough.constant:.2g} s"
+        )
+    return AxisData(log, parts)
+
+
+def _on_everything(log: AxisLog, rough: Rough, data: AxisData, fit: AxisFit) -> AxisFit:
+    whole = _data(log, rough, _all, OVERLAP)
+    whole.scales = data.scales
+    return fit_axis(whole, fit.numbers, fit.u)
+
+
+def _fit_with(data: AxisData, search: AxisSearch, causes: Sequence[AxisCause]) -> AxisFit:
+    """The base model with exactly these causes, from where the search had ended."""
+    found = dict(zip((each.name for each in search.fit.numbers), search.fit.u, strict=True))
+    numbers = [*search.base.numbers, *(number for each in causes for number in each.numbers)]
+    return fit_axis(data, numbers, np.array([found[each.name] for each in numbers]))
+
+
+def error_with(judged: JudgedAxis, rival: Tried, instead_of: Tried) -> float:
+    """Error on unseen data over the floor with another cause in place of a named one."""
+    kept = [each for each in judged.causes if each is not instead_of]
+    numbers = [
+        *judged.search.base.numbers,
+        *(number for each in (*kept, rival) for number in each.cause.numbers),
+    ]
+    starts = dict(zip((each.name for each in judged.fit.numbers), judged.fit.u, strict=True))
+    starts |= dict(zip((each.name for each in rival.fit.numbers), rival.fit.u, strict=True))
+    fit = fit_axis(judged.data, numbers, np.array([starts[each.name] for each in numbers]))
+    return overall(errors(judged.unseen, fit), judged.floor)
+
+
+def _helpful(
+    data: AxisData, unseen: AxisData, search: AxisSearch, floor: Array
+) -> tuple[list[Tried], list[Tried]]:
+    """Accepted causes that lower the error on unseen data, and those that do not."""
+    kept, useless = list(search.accepted), []
+    while kept:
+        whole = overall(errors(unseen, _fit_with(data, search, [each.cause for each in kept])), floor)
+        others = [[other.cause for other in kept if other is not each] for each in kept]
+        gains = [
+            1.0 - whole / overall(errors(unseen, _fit_with(data, search, each)), floor) for each in others
+        ]
+        gains = [0.0 if _tiny(each, search) else gain for each, gain in zip(kept, gains, strict=True)]
+        worst = int(np.argmin(gains))
+        if gains[worst] >= LEAST_GAIN:
+            break
+        useless.append(kept.pop(worst))
+    return kept, useless
+
+
+def _tiny(tried: Tried, search: AxisSearch) -> bool:
+    found = dict(zip((each.name for each in search.fit.numbers), search.fit.u, strict=True))
+    return all(abs(found[each.name]) < LEAST_SIZE for each in tried.cause.numbers)
+
+
+def overall(error: Array, floor: Array) -> float:
+    """Both channels' errors in units of their floors, as one root mean square."""
+    return _rms(error / floor)
+
+
+def errors(data: AxisData, fit: AxisFit) -> Array:
+    """Root mean square error of motion and current under a fit; NaN for a current that is not there."""
+    motion, current = model_errors(data, fit)
+    return np.array([_rms(motion), np.nan if current is None else _rms(current)])
+
+
+def _rms(values: Array) -> float:
+    known = np.isfinite(values)
+    return float(np.sqrt(np.mean(values[known] ** 2))) if known.any() else float("nan")
+
+
+def model_errors(data: AxisData, fit: AxisFit) -> tuple[Array, Array | None]:
+    """Simulated minus measured, (rows, stretches) each, NaN where nothing counts."""
+    scales, data.scales = data.scales, np.ones(2)
+    try:
+        flat = data.residuals(fit.numbers, fit.u[None])[0]
+    finally:
+        data.scales = scales
+    shape = data.parts.measured.shape
+    ignored = (data.parts.weight == 0.0) | ~np.isfinite(data.parts.measured)
+    motion = np.where(ignored, np.nan, flat[: ignored.size].reshape(shape))
+    if data.parts.current is None:
+        return motion, None
+    ignored = (data.parts.weight == 0.0) | ~np.isfinite(data.parts.current)
+    return motion, np.where(ignored, np.nan, flat[ignored.size :].reshape(shape))

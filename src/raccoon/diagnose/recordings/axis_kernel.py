@@ -1,0 +1,61 @@
+"""The equations of `axis_model`, one sample after the other, for numba. One function, so that numba's cache,
+which looks at this file alone, cannot be stale."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def run(
+    table: Array, effort: Array, step: float, first: NDArray[np.intp], position: Array, speed: Array,
+    every: int, pieces: int, electrical: bool, out: Array,
+) -> None:  # fmt: skip
+    """Fill out (3, rows, lanes, stretches), a row for every `every` samples. table (lanes, 15): the numbers
+    in the order of `NEUTRAL`."""
+    h = step / pieces
+    for lane in range(table.shape[0]):
+        p = table[lane]
+        resistance, inductance, back_emf, inertia, coulomb = p[0], p[1], p[2], p[3], p[4]
+        viscous, offset, asymmetry, viscous_asymmetry, stiction = p[5], p[6], p[7], p[8], p[9]
+        stiction_speed, quadratic, load, latency, deadband = p[10], p[11], p[12], p[13], p[14]
+        kept_current = math.exp(-h * resistance / max(inductance, 1e-12))
+        late = latency / step
+        whole = math.floor(late)
+        share = late - whole
+        for column in range(len(first)):
+            x, w, i = position[column], speed[column], 0.0
+            start = first[column]
+            if start > 0:
+                i = (effort[start - 1] - back_emf * w) / resistance if electrical else effort[start - 1]
+            for row in range(out.shape[1]):
+                out[0, row, lane, column] = x
+                out[1, row, lane, column] = w
+                out[2, row, lane, column] = i
+                for sample in range(row * every, row * every + every):
+                    place = min(start + sample, len(effort) - 1) - int(whole)
+                    u = (1.0 - share) * effort[place] if place >= 0 else 0.0
+                    if share > 0.0 and place >= 1:
+                        u += share * effort[place - 1]
+                    if deadband > 0.0:
+                        u = math.copysign(max(abs(u) - deadband, 0.0), u)
+                    for _ in range(pieces):
+                        settled = (u - back_emf * w) / resistance if electrical else u
+                        i = settled + (i - settled) * kept_current
+                        force = (back_emf * i if electrical else i) - offset
+                        side = np.sign(w) if w != 0.0 else np.sign(force)
+                        dry = coulomb * (1.0 + asymmetry * side) + load * abs(force)
+                        if stiction > 0.0:
+                            dry += stiction * math.exp(-((w / stiction_speed) ** 2))
+                        drag = viscous * (1.0 + viscous_asymmetry * side) + quadratic * abs(w)
+                        rate = max(drag / inertia * h, 1e-12)
+                        kept = math.exp(-rate)
+                        new = w * kept + (force - side * dry) * h / inertia * (1.0 - kept) / rate
+                        if w * new < 0.0 or (w == 0.0 and abs(force) <= dry):
+                            new = 0.0
+                        x += 0.5 * h * (w + new)
+                        w = new

@@ -1,0 +1,139 @@
+"""One motor or one axis as its recording shows it: what drove it and how it moved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+
+Array = NDArray[np.float64]
+
+FEWEST_SAMPLES = 100
+EFFORTS = {"force": "N", "torque": "N m", "voltage": "V"}
+"""What may drive an axis, and its unit; the first one that the recording holds is taken."""
+MOTIONS = {"travel": "m", "angle": "rad", "speed": "rad/s"}
+"""What may be measured of its motion; `travel` belongs to a force, the others to a torque or a voltage."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisLog:
+    """One axis on an even grid of `step` s.
+
+    effort (n,): what drove it, in `effort_unit`, each value valid until the next. motion (n,): a position, or
+    a speed where `is_speed`; NaN where nothing is known. current (n,): A, or None. split: first row of what
+    is held back to judge on. names: columns of effort, motion and current.
+    """
+
+    time: Array
+    step: float
+    effort: Array
+    effort_unit: str
+    motion: Array
+    motion_unit: str
+    current: Array | None
+    names: tuple[str, str, str]
+    split: int
+
+    @property
+    def is_speed(self) -> bool:
+        """Whether `motion` is a speed."""
+        return self.motion_unit.endswith("/s")
+
+    @property
+    def speed_unit(self) -> str:
+        """Unit of the speed."""
+        return self.motion_unit if self.is_speed else f"{self.motion_unit}/s"
+
+    @property
+    def electrical(self) -> bool:
+        """Whether a voltage drives it and the current tells winding from mechanics."""
+        return self.effort_unit == "V" and self.current is not None
+
+    @property
+    def torque_unit(self) -> str:
+        """Unit of what moves the axis; V where a voltage does and no current tells its torque."""
+        return "N m" if self.electrical else self.effort_unit
+
+
+def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
+    """Arrange the columns of motor `port`.
+
+    Raises TraceError where effort or motion is missing, never changes, or the time is too uneven.
+    """
+    time = _even_time(columns["t"])
+    effort_name, effort_unit = _chosen(columns, port, EFFORTS)
+    motion_name, motion_unit = _chosen(columns, port, MOTIONS)
+    effort = _held(columns[effort_name], columns["t"], time)
+    motion = _onto(columns[motion_name], columns["t"], time)
+    if float(np.ptp(effort)) == 0.0:
+        raise TraceError(
+            f"{effort_name} is {float(effort[0]):g} {effort_unit} all the time: one steady state cannot tell "
+            "inertia from friction; record steps"
+        )
+    current_name = f"motor.{port}.current"
+    current = columns.get(current_name)
+    known = current is not None and np.isfinite(current).sum() > FEWEST_SAMPLES
+    return AxisLog(
+        time,
+        float(time[1] - time[0]),
+        effort,
+        effort_unit,
+        motion,
+        motion_unit,
+        _onto(current, columns["t"], time) if known and current is not None else None,
+        (effort_name, motion_name, current_name),
+        held_back(effort),
+    )
+
+
+def _chosen(columns: Mapping[str, Array], port: int, kinds: Mapping[str, str]) -> tuple[str, str]:
+    for kind, unit in kinds.items():
+        name = f"motor.{port}.{kind}"
+        if name in columns and np.isfinite(columns[name]).sum() >= FEWEST_SAMPLES:
+            return name, unit
+    wanted = ", ".join(f"motor.{port}.{kind}" for kind in kinds)
+    raise TraceError(f"one of {wanted} with at least {FEWEST_SAMPLES} numbers is needed")
+
+
+def _even_time(recorded: Array) -> Array:
+    if len(recorded) < FEWEST_SAMPLES:
+        raise TraceError(f"the recording has {len(recorded)} samples: at least {FEWEST_SAMPLES} are needed")
+    steps = np.diff(recorded)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 1
+        raise TraceError(f"t does not advance at row {row}: {recorded[row - 1]:.6g} to {recorded[row]:.6g} s")
+    step = float(np.median(steps))
+    if float(steps.max()) > max(0.1, 20.0 * step):
+        raise TraceError(f"t has a gap of {float(steps.max()):.3g} s: the motion in it is not known")
+    return np.linspace(recorded[0], recorded[-1], round(float(np.ptp(recorded)) / step) + 1)
+
+
+def _held(values: Array, recorded: Array, time: Array) -> Array:
+    """The latest known value at each time."""
+    known = np.isfinite(values)
+    rows = np.searchsorted(recorded[known], time + 1e-9, side="right") - 1
+    return np.asarray(values[known][np.maximum(rows, 0)], float)
+
+
+def _onto(values: Array, recorded: Array, time: Array) -> Array:
+    """Interpolated, NaN where the sample next to it is."""
+    known = np.isfinite(values)
+    if len(time) == len(recorded) and np.abs(time - recorded).max() < 0.1 * (time[1] - time[0]):
+        return np.where(known, values, np.nan)
+    found = np.interp(time, recorded[known], values[known])
+    gone = np.interp(time, recorded, (~known).astype(float)) > 0.5
+    return np.where(gone, np.nan, found)
+
+
+def held_back(effort: Array) -> int:
+    """First row of the later part that judges: at a step of the effort around the middle, else at 70 %."""
+    count = len(effort)
+    changes = np.flatnonzero(np.diff(effort) != 0.0) + 1
+    inner = changes[(changes > 0.45 * count) & (changes < 0.75 * count)]
+    if len(changes) <= 20 and len(inner):
+        return int(inner[0])
+    return int(0.7 * count)

@@ -1,0 +1,170 @@
+"""What kind of recording is it, and the diagnosis that fits it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.recordings.geometry import diagnose_geometry
+from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
+from raccoon.diagnose.recordings.steps import diagnose_step, step_port
+from raccoon.diagnose.recordings.tophats import diagnose_tophats, tophat_ports
+from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
+from raccoon.sim.parameters import Parameters
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+SHORT_DRIVE = 2.0
+
+
+class Kind(StrEnum):
+    """What a recording is of."""
+
+    DRIVE = "drive"
+    """A two-wheel drive with its commands."""
+    MOTORS = "motors"
+    """Single motors or axes: force, torque or voltage in, motion out."""
+    STEP = "step"
+    """One motor under one power."""
+    GEOMETRY = "geometry"
+    """Wheel angles and a reference of the pose, no commands."""
+    TOPHATS = "tophats"
+    """Reflectance sensors alone."""
+    NOTHING = "nothing"
+    """Nothing that the simulation predicts without what is missing."""
+
+
+def kind_of(columns: Columns, robot: RobotConfig) -> Kind:
+    """The kind, by the columns alone. Raises TraceError for a recording without samples."""
+    if "t" not in columns or len(columns["t"]) == 0:
+        raise TraceError("the recording is empty: it has no samples with a time t")
+    ports = (robot.drive.left, robot.drive.right)
+    if step_port(columns) is not None:
+        return Kind.STEP
+    if all(_has(columns, f"motor.{port}.duty") for port in ports):
+        return Kind.DRIVE
+    motors = motor_ports(columns)
+    if motors and not _is_drive(columns, ports):
+        return Kind.MOTORS
+    if all(_has(columns, f"motor.{port}.voltage") for port in ports):
+        return Kind.DRIVE
+    if any(name.endswith(".duty") for name in columns):
+        return Kind.DRIVE
+    wheels = all(
+        any(_has(columns, f"motor.{port}.{kind}") for kind in ("position", "bemf")) for port in ports
+    )
+    if wheels and _has(columns, "truth.x"):
+        return Kind.GEOMETRY
+    if not wheels and any(name.startswith("analog.") for name in columns):
+        return Kind.TOPHATS
+    return Kind.NOTHING
+
+
+def _has(columns: Columns, name: str) -> bool:
+    return name in columns and bool(np.isfinite(columns[name]).any())
+
+
+def _is_drive(columns: Columns, ports: tuple[int, int]) -> bool:
+    """Volts to both wheels for long enough, without currents, are a drive in another unit."""
+    seconds = float(np.ptp(columns["t"]))
+    both = all(_has(columns, f"motor.{port}.voltage") for port in ports)
+    currents = any(_has(columns, f"motor.{port}.current") for port in ports)
+    return both and not currents and seconds >= SHORT_DRIVE
+
+
+def diagnose_recording(
+    columns: Columns,
+    robot: RobotConfig,
+    *,
+    holdout: Columns | None = None,
+    model: Parameters | None = None,
+    truth_free: bool = False,
+    device: Device = SI_WORDS,
+    problems: Sequence[str] = (),
+) -> Diagnosis:
+    """Diagnose a recording of any kind.
+
+    truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth. problems: what
+    the reader of the recording had to leave out; it is noted. Raises TraceError as `diagnose`, and
+    CalibrationError where a reference cannot be used.
+    """
+    if truth_free:
+        columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
+    kind = kind_of(columns, robot)
+    if kind is Kind.STEP:
+        port = step_port(columns)
+        found = diagnose_step(columns, 0 if port is None else port)
+    elif kind is Kind.MOTORS:
+        found = diagnose_motors(columns, robot, holdout)
+    elif kind is Kind.GEOMETRY:
+        others = () if holdout is None else (holdout,)
+        found = diagnose_geometry([columns], robot, holdout=others, device=device)
+    elif kind is Kind.TOPHATS:
+        found = diagnose_tophats(columns, robot, model, truth_free)
+    elif kind is Kind.NOTHING:
+        found = _nothing(columns, robot)
+    else:
+        found = _drive(columns, robot, holdout, model, truth_free)
+    notes = dict.fromkeys((*found.notes, *problems))
+    return replace(found, notes=tuple(notes))
+
+
+def _drive(
+    columns: Columns,
+    robot: RobotConfig,
+    holdout: Columns | None,
+    model: Parameters | None,
+    truth_free: bool,
+) -> Diagnosis:
+    """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
+    found = diagnose(columns, robot, holdout=holdout, model=model)
+    if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
+        return found
+    tophats = diagnose_tophats(columns, robot, model, truth_free)
+    shift = len(found.causes)
+    more = tuple(replace(each, rank=each.rank + shift) for each in tophats.causes)
+    explained = found.verdict is Verdict.ADEQUATE and more
+    return replace(
+        found,
+        verdict=Verdict.EXPLAINED if explained else found.verdict,
+        channels=found.channels + tophats.channels,
+        causes=found.causes + more,
+        rejected=found.rejected + tophats.rejected,
+        curves=found.curves + tophats.curves,
+        seconds=found.seconds + tophats.seconds,
+    )
+
+
+def _nothing(columns: Columns, robot: RobotConfig) -> Diagnosis:
+    """No commands and no reference: the missing columns by name."""
+    begin = time.perf_counter()
+    ports = (robot.drive.left, robot.drive.right)
+    missing = [f"motor.{port}.duty" for port in ports if f"motor.{port}.duty" not in columns]
+    if "truth.x" not in columns:
+        missing.append("truth.x")
+    reason = (
+        f"not identifiable: {', '.join(missing)} is missing: without commands the simulation cannot drive "
+        "along, and without a reference wheels have nothing to be compared with"
+    )
+    groups = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*")
+    return Diagnosis(
+        Verdict.NOT_IDENTIFIABLE,
+        (),
+        (),
+        tuple(Rejected(each, reason) for each in groups),
+        Unexplained(0.0),
+        ("record with the commands (raccoon's own recordings have them), or with a reference system",),
+        time.perf_counter() - begin,
+        None,
+        (reason,),
+    )

@@ -1,0 +1,216 @@
+"""Recordings of single motors: each as an axis, the battery behind them, and sensors that are broken."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.axis import Place, diagnose_axis
+from raccoon.diagnose.recordings.axis_log import EFFORTS, MOTIONS
+from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
+from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+DEAD_AMPS = 0.01
+"""A driven motor that never draws more has no working current sensor."""
+REST_AMPS = 0.06
+"""More at rest with no voltage is an offset of the sensor: the best of them drift by 0.02."""
+AT_REST = 0.02
+"""Share of the largest speed below which a motor stands."""
+UNRELATED = 0.3
+"""R2 of the current over voltage and speed below which it is no current of this motor."""
+FEWEST = 50
+_WORST_FIRST = (Verdict.UNKNOWN, Verdict.PARTLY, Verdict.EXPLAINED, Verdict.ADEQUATE)
+
+
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """Columns without what is broken, and what that was."""
+
+    columns: dict[str, Array]
+    faults: tuple[SensorFault, ...]
+    notes: tuple[str, ...]
+
+
+def motor_ports(columns: Columns) -> list[int]:
+    """Ports with something that drives (force, torque, voltage) and a motion."""
+    ports = {int(name.split(".")[1]) for name in columns if name.startswith("motor.")}
+    return [port for port in sorted(ports) if _has(columns, port, EFFORTS) and _has(columns, port, MOTIONS)]
+
+
+def _has(columns: Columns, port: int, kinds: Mapping[str, str]) -> bool:
+    return any(f"motor.{port}.{kind}" in columns for kind in kinds)
+
+
+def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | None = None) -> Diagnosis:
+    """One diagnosis over all motors of a recording and the battery behind them.
+
+    Raises TraceError where no motor has both what drives it and how it moves.
+    """
+    begin = time.perf_counter()
+    ports = motor_ports(columns)
+    if not ports:
+        raise TraceError("no motor has both a force, torque or voltage and a travel, angle or speed")
+    found: list[Diagnosis] = []
+    faults: list[SensorFault] = []
+    notes: list[str] = []
+    ruled_out: list[Rejected] = []
+    done: list[int] = []
+    clean = dict(columns)
+    for port in ports:
+        checked = _check(clean, port)
+        clean = checked.columns
+        faults += checked.faults
+        notes += checked.notes
+        try:
+            other = None if holdout is None else _check(dict(holdout), port).columns
+            found.append(diagnose_axis(clean, port, _place(robot, port, ports), other)[0])
+            done.append(port)
+        except TraceError as error:
+            ruled_out.append(Rejected(f"motor {port}", f"not diagnosed: {error}"))
+    supply, missing = _supply(clean, ports)
+    return _joined(found, done, supply, missing, faults, notes, ruled_out, begin)
+
+
+def _place(robot: RobotConfig, port: int, ports: list[int]) -> Place:
+    if len(ports) == 1:
+        return Place(None, "the axis")
+    sides = {robot.drive.left: "left", robot.drive.right: "right"}
+    side = sides.get(port)
+    return Place(side or str(port), f"the {side} motor" if side else f"motor {port}")
+
+
+def _check(columns: dict[str, Array], port: int) -> _Checked:
+    """Take away a current that is none, and the sign of a motor that is wired the other way round."""
+    names = [f"motor.{port}.{kind}" for kind in ("voltage", "current", "speed")]
+    voltage, current, speed = (columns.get(name) for name in names)
+    faults: list[SensorFault] = []
+    notes: list[str] = []
+    if voltage is not None and speed is not None and _turns_back(voltage, speed):
+        columns[names[0]] = voltage = -voltage
+        notes.append(
+            f"motor {port} turns against its command: its wires are swapped; the sign was taken away"
+        )
+    if current is not None and voltage is not None:
+        fault = _current_fault(names[1], voltage, current, speed)
+        if fault is not None:
+            faults.append(fault)
+            columns = {**columns, names[1]: np.full_like(current, np.nan)}
+    return _Checked(columns, tuple(faults), tuple(notes))
+
+
+def _turns_back(voltage: Array, speed: Array) -> bool:
+    known = np.isfinite(voltage) & np.isfinite(speed) & (voltage != 0.0)
+    if known.sum() < FEWEST:
+        return False
+    pull = voltage[known] * np.clip(speed[known], *np.percentile(speed[known], [2.0, 98.0]))
+    return float(pull.sum()) < -0.3 * float(np.abs(pull).sum())
+
+
+def _current_fault(name: str, voltage: Array, current: Array, speed: Array | None) -> SensorFault | None:
+    known = np.isfinite(current) & np.isfinite(voltage)
+    if speed is not None:
+        known &= np.isfinite(speed)
+    if known.sum() < FEWEST or float(np.abs(current[known]).max()) < DEAD_AMPS:
+        return SensorFault(
+            name, "dead", f"{name} shows no current although the motor is driven: its sensor is dead; R, K_E "
+            "and friction torque of this motor cannot be told apart without it"
+        )  # fmt: skip
+    if speed is None:
+        return None
+    offset = _at_rest(voltage[known], current[known], speed[known])
+    if abs(offset) > REST_AMPS:
+        return SensorFault(
+            name, "offset", f"{name} reads {offset:+.2f} A while the motor stands without voltage: its zero "
+            "is wrong or moves, and it was not used"
+        )  # fmt: skip
+    columns = np.column_stack([voltage, speed, np.ones_like(voltage)])[known]
+    found = np.linalg.lstsq(columns, current[known], rcond=None)[0]
+    left = current[known] - columns @ found
+    share = 1.0 - float(left.var()) / max(float(current[known].var()), 1e-12)
+    if share < UNRELATED or found[0] <= 0.0:
+        return SensorFault(
+            name, "implausible", f"{name} does not follow voltage and speed (R2 {share:.2f}, "
+            f"{found[0]:+.3f} A/V): it is not this motor's current and was not used"
+        )  # fmt: skip
+    return None
+
+
+def _at_rest(voltage: Array, current: Array, speed: Array) -> float:
+    """Median current while there is neither voltage nor motion; 0 where there is no such time."""
+    still = (voltage == 0.0) & (np.abs(speed) < AT_REST * float(np.percentile(np.abs(speed), 95.0)))
+    return float(np.median(current[still])) if still.sum() >= 20 else 0.0
+
+
+def _supply(columns: Columns, ports: list[int]) -> tuple[Supply | None, tuple[str, ...]]:
+    if "battery.voltage" not in columns:
+        return None, ("battery.voltage",)
+    power, missing = power_of(columns, ports)
+    if power is None:
+        return None, missing
+    return judge_supply(columns["t"], columns["battery.voltage"], power, assumed=0.0), ()
+
+
+def _joined(
+    found: list[Diagnosis],
+    ports: list[int],
+    supply: Supply | None,
+    missing: tuple[str, ...],
+    faults: list[SensorFault],
+    notes: list[str],
+    ruled_out: list[Rejected],
+    begin: float,
+) -> Diagnosis:
+    causes = [cause for each in found for cause in each.causes]
+    channels = [channel for each in found for channel in each.channels]
+    rejected = [each for one in found for each in one.rejected if each.id != "battery.internal_resistance"]
+    rejected += ruled_out
+    if supply is not None:
+        channels.append(supply.channel)
+        rejected += supply.rejected
+        causes += [] if supply.cause is None else [supply.cause]
+    elif missing:
+        rejected.append(
+            Rejected("battery.internal_resistance", f"not identifiable: {', '.join(missing)} is missing")
+        )
+    identified = {
+        name if len(ports) == 1 else f"motor.{port}.{name}": value
+        for port, each in zip(ports, found, strict=True)
+        for name, value in each.identified.items()
+    }
+    verdicts = [each.verdict for each in found]
+    verdict = next((each for each in _WORST_FIRST if each in verdicts), Verdict.NOT_IDENTIFIABLE)
+    return Diagnosis(
+        Verdict.EXPLAINED if verdict is Verdict.ADEQUATE and causes else verdict,
+        tuple(channels),
+        _ranked(causes),
+        tuple(dict.fromkeys(rejected)),
+        Unexplained(
+            float(np.mean([each.unexplained.share for each in found])) if found else 1.0,
+            tuple(dict.fromkeys(name for each in found for name in each.unexplained.depends_on)),
+        ),
+        (),
+        time.perf_counter() - begin,
+        None,
+        tuple(dict.fromkeys([*notes, *(note for each in found for note in each.notes)])),
+        identified,
+        tuple(faults),
+        tuple(curve for each in found for curve in each.curves),
+    )
+
+
+def _ranked(causes: list[CauseResult]) -> tuple[CauseResult, ...]:
+    """By how much of the error on unseen data each removes, relative to the noise."""
+
+    def worth(each: CauseResult) -> float:
+        return -(each.gain.heldout_rmse_before - each.gain.heldout_rmse_after)
+
+    return tuple(replace(each, rank=rank + 1) for rank, each in enumerate(sorted(causes, key=worth)))

@@ -1,0 +1,140 @@
+"""One power step of one motor: what the reading is worth, and when the motor began to move."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.readings import ReadingFaults, reading_faults
+from raccoon.diagnose.result import (
+    Curve,
+    Diagnosis,
+    ParameterResult,
+    Rejected,
+    SensorFault,
+    Unexplained,
+    Verdict,
+)
+from raccoon.diagnose.wording import MANOEUVRES
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+FEWEST = 10
+MANY_REPEATS = 0.02
+STALE_SPEED = 0.4
+"""Rad/s; a smaller leftover is less than one count a sample."""
+SHARED = (
+    "not identifiable: one step of one size has one steady speed, which K_E, friction and the reading's "
+    "scale share"
+)
+NOT_TOLD = (
+    "motor.back_emf_constant", "motor.armature_resistance", "friction.coulomb", "friction.viscous",
+    "friction.stiction", "drive.inertia", "bemf.scale", "actuation.latency",
+)  # fmt: skip
+
+
+def step_port(columns: Columns) -> int | None:
+    """The port of a single motor that was given one power all the time, None where this is no such step."""
+    ports = [int(name.split(".")[1]) for name in columns if name.endswith(".duty")]
+    if len(ports) != 1:
+        return None
+    duty = columns[f"motor.{ports[0]}.duty"]
+    known = duty[np.isfinite(duty)]
+    if len(known) == 0 or np.ptp(known) > 0.0 or known[0] == 0.0 or _reading(columns, ports[0]) is None:
+        return None
+    return ports[0]
+
+
+def _reading(columns: Columns, port: int) -> str | None:
+    names = (f"motor.{port}.{kind}" for kind in ("speed_recorded", "speed", "bemf"))
+    return next(
+        (name for name in names if name in columns and np.isfinite(columns[name]).sum() >= FEWEST), None
+    )
+
+
+def diagnose_step(columns: Columns, port: int) -> Diagnosis:
+    """Faults of the reading and the dead time; no motor constants, since one step cannot tell them."""
+    begin = time.perf_counter()
+    name = _reading(columns, port)
+    if name is None:
+        raise ValueError(f"motor {port} has no speed")
+    duty = float(columns[f"motor.{port}.duty"][0])
+    faults = reading_faults(columns["t"], columns[name])
+    repeats = _repeats(columns, port, faults)
+    latency = () if faults.dead_time is None else (f"dead time at {100 * duty:.0f} %",)
+    return Diagnosis(
+        Verdict.NOT_IDENTIFIABLE,
+        (),
+        (),
+        tuple(Rejected(each, _why_not(each, faults)) for each in NOT_TOLD),
+        Unexplained(0.0),
+        (MANOEUVRES["steps"], MANOEUVRES["creep"]),
+        time.perf_counter() - begin,
+        None,
+        ("a single step tells the habits of the reading and the dead time, and no motor constants",),
+        _numbers(columns, faults, repeats, latency),
+        (*_faults(name, faults, repeats), *_backwards(columns, port, name, duty)),
+        (Curve(name, "rad/s", columns["t"], columns[name], _blank(columns), _blank(columns)),),
+    )
+
+
+def _blank(columns: Columns) -> Array:
+    return np.full(len(columns["t"]), np.nan)
+
+
+def _why_not(id_: str, faults: ReadingFaults) -> str:
+    if id_ == "actuation.latency" and faults.dead_time is not None:
+        return (
+            f"not identifiable: the motor begins to move {1000 * faults.dead_time:.0f} ms after the command, "
+            "which latency, dead band and breaking loose share"
+        )
+    return SHARED
+
+
+def _numbers(
+    columns: Columns, faults: ReadingFaults, repeats: float, latency: tuple[str, ...]
+) -> dict[str, ParameterResult]:
+    step = float(np.median(np.diff(columns["t"])))
+    found = {"repeated samples": ParameterResult(repeats, 0.0, "", 0.0)}
+    if faults.dead_time is not None:
+        found[latency[0]] = ParameterResult(faults.dead_time, step / np.sqrt(12.0), "s", 0.0)
+    if faults.decay is not None:
+        found["filter keeps of a sample"] = ParameterResult(faults.decay, faults.decay_std, "", 0.0)
+    return found
+
+
+def _faults(name: str, faults: ReadingFaults, repeats: float) -> list[SensorFault]:
+    found = []
+    if faults.stale is not None and abs(faults.stale) > STALE_SPEED:
+        text = f"the first sample of {name}, {faults.stale:.1f}, is a leftover: drop all until it has decayed"
+        found.append(SensorFault(name, "stale", text))
+    if faults.decay is not None:
+        mixed = 2.0 / (1.0 - faults.decay)
+        text = f"a filter keeps {faults.decay:.2f} of the sample before: a value mixes {mixed:.1f} samples"
+        found.append(SensorFault(name, "filtered", text))
+    if repeats > MANY_REPEATS:
+        text = f"{100 * repeats:.0f} % of the samples of {name} repeat the last count: it is read too fast"
+        found.append(SensorFault(name, "repeats", text))
+    return found
+
+
+def _repeats(columns: Columns, port: int, faults: ReadingFaults) -> float:
+    """Share of repeated samples: as the reader found them behind the filter, else equal neighbours."""
+    clean, recorded = columns.get(f"motor.{port}.speed"), columns.get(f"motor.{port}.speed_recorded")
+    if clean is None or recorded is None:
+        return faults.repeats
+    return float((np.isfinite(recorded) & ~np.isfinite(clean))[1:].mean())
+
+
+def _backwards(columns: Columns, port: int, name: str, duty: float) -> list[SensorFault]:
+    clean = columns.get(f"motor.{port}.speed", columns[name])
+    later = clean[len(clean) // 4 :]
+    mean, size = float(np.nanmean(later)), float(np.nanmean(np.abs(later)))
+    if not mean * duty < -0.2 * size * abs(duty):
+        return []
+    text = f"{name} goes against its command: set inverted for motor {port} in robot.toml, or swap its wires"
+    return [SensorFault(name, "inverted", text)]

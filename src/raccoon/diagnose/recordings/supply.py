@@ -1,0 +1,118 @@
+"""The battery behind motors whose commanded voltages and currents were recorded: does it sag?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.recordings.axis_log import held_back
+from raccoon.diagnose.result import CauseResult, ChannelResult, Gain, ParameterResult, Rejected
+
+Array = NDArray[np.float64]
+
+ID = "battery.internal_resistance"
+LEAST_GAIN = 0.1
+"""Share of the error on unseen data that the resistance, or then a second branch, must save."""
+CONSTANTS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+FEWEST = 100
+BLOCKS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Supply:
+    """What the battery's voltage says. cause: the resistance, where it helps unseen data."""
+
+    channel: ChannelResult
+    cause: CauseResult | None
+    rejected: tuple[Rejected, ...]
+    resistance: ParameterResult
+
+
+def judge_supply(time: Array, voltage: Array, power: Array, assumed: float) -> Supply | None:
+    """voltage: V of the battery. power: W that the motors take. assumed: ohm of the model so far.
+
+    The current is power over voltage, the model V = V0 - R I, fitted before the split that the command steps
+    give and judged after it. None where too little is known.
+    """
+    known = np.isfinite(voltage) & np.isfinite(power)
+    if known.sum() < FEWEST or not np.ptp(power[known]) > 0.0:
+        return None
+    time, voltage, power = time[known], voltage[known], power[known]
+    current = power / voltage
+    split = held_back(np.round(power, 1))
+    plain, _, _ = _judged(voltage, np.ones((len(time), 1)), split)
+    with_sag, found, spread = _judged(voltage, np.column_stack([np.ones(len(time)), -current]), split)
+    branch = min(
+        _judged(
+            voltage, np.column_stack([np.ones(len(time)), -current, -_lagged(time, current, each)]), split
+        )[0]
+        for each in CONSTANTS
+    )
+    noise = float(np.std(np.diff(voltage)) / np.sqrt(2.0))
+    resistance = ParameterResult(float(found[1]), spread, "ohm", assumed)
+    helps = with_sag < (1.0 - LEAST_GAIN) * plain and found[1] > 3.0 * spread
+    channel = ChannelResult("battery.voltage", "V", plain, with_sag if helps else plain, noise, 0.0)
+    rejected = [_branch(1.0 - branch / with_sag)] if branch > (1.0 - LEAST_GAIN) * with_sag else []
+    if not helps:
+        rejected.append(Rejected(ID, "the voltage does not follow the current on data that was not fitted"))
+    return Supply(channel, _cause(channel, resistance) if helps else None, tuple(rejected), resistance)
+
+
+def _branch(gain: float) -> Rejected:
+    return Rejected(
+        "battery: a second, slower branch (RC)",
+        f"it saves {max(100.0 * gain, 0.0):.0f} % of the error on unseen data: not worth a term (10 % is)",
+    )
+
+
+def _judged(voltage: Array, columns: Array, split: int) -> tuple[float, Array, float]:
+    """Error after the split; the numbers fitted before it; deviation of the last by leaving out blocks."""
+    rows = np.arange(split)
+    found = np.linalg.lstsq(columns[:split], voltage[:split], rcond=None)[0]
+    others = [
+        np.linalg.lstsq(columns[:split][keep], voltage[:split][keep], rcond=None)[0][-1]
+        for keep in (rows * BLOCKS // split != block for block in range(BLOCKS))
+    ]
+    spread = float(np.sqrt((BLOCKS - 1) / BLOCKS * np.sum((np.array(others) - np.mean(others)) ** 2)))
+    error = voltage[split:] - columns[split:] @ found
+    return float(np.sqrt(np.mean(error**2))), np.asarray(found, float), spread
+
+
+def _lagged(time: Array, current: Array, constant: float) -> Array:
+    """The current behind a first-order lag."""
+    out = np.empty_like(current)
+    out[0] = 0.0
+    kept = np.exp(-np.diff(time) / constant)
+    for row in range(1, len(current)):
+        out[row] = current[row] + (out[row - 1] - current[row]) * kept[row - 1]
+    return out
+
+
+def _cause(channel: ChannelResult, found: ParameterResult) -> CauseResult:
+    gain = Gain(
+        channel.rmse_before / channel.noise_floor,
+        channel.rmse_after / channel.noise_floor,
+        1.0,
+    )
+    sentence = (
+        f"The battery's resistance is {found.value:.3f} ohm instead of {found.nominal:.3f}: its voltage sags "
+        "under load; command volts, not shares of the battery, or use a fresher battery."
+    )
+    return CauseResult(ID, None, 1, {"resistance": found}, gain, 0.99, (), sentence)
+
+
+def power_of(columns: Mapping[str, Array], ports: list[int]) -> tuple[Array | None, tuple[str, ...]]:
+    """W that all motors take, and the columns that it would need but that are not there."""
+    names = [f"motor.{port}.{kind}" for port in ports for kind in ("voltage", "current")]
+    missing = tuple(
+        name for name in names if name not in columns or np.isfinite(columns[name]).sum() < FEWEST
+    )
+    if missing:
+        return None, missing
+    total = np.zeros(len(columns["t"]))
+    for port in ports:
+        total = total + columns[f"motor.{port}.voltage"] * columns[f"motor.{port}.current"]
+    return total, ()

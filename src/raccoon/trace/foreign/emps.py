@@ -1,0 +1,34 @@
+"""EMPS: a positioning axis (motor and ball screw) at 1 kHz, commanded force and measured position, as MATLAB
+file: `vir` V of the drive's command, `gtau` N/V, `qm` m, `t` s."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from raccoon.core.errors import TraceError
+from raccoon.trace.foreign.table import MAX_BYTES
+from raccoon.trace.recording import Recording
+
+
+def read_emps(path: str | Path) -> Recording:
+    """Columns `motor.0.force` (N) and `motor.0.travel` (m).
+
+    Raises TraceError where the file is not of this kind, FileNotFoundError where there is none.
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    path = Path(path)
+    if path.stat().st_size > MAX_BYTES:
+        raise TraceError(f"{path}: the file has more than {MAX_BYTES} bytes")
+    try:
+        held = loadmat(path)
+        time, command, position = (np.asarray(held[name], float).ravel() for name in ("t", "vir", "qm"))
+        force = command * float(np.asarray(held["gtau"]).squeeze())
+    except (KeyError, TypeError, ValueError, NotImplementedError, MatReadError) as error:
+        raise TraceError(
+            f"{path}: {error}: of MATLAB files only those with t, vir, gtau and qm are read"
+        ) from None
+    return Recording({"t": time, "motor.0.force": force, "motor.0.travel": position})

@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.motors import diagnose_motors
+from raccoon.diagnose.recordings.supply import judge_supply
+from raccoon.diagnose.result import Verdict
+from raccoon.trace.loading import load_run
+from shared_data import data_path
+from unit.diagnose.axes import Columns, motor
+
+ROBOT = RobotConfig()
+
+
+def pair(seed: int, coulomb: tuple[float, float], resistance: float = 0.1) -> Columns:
+    """Two motors on one battery of 11.5 V."""
+    columns = {**motor(seed, coulomb[0], 0), **motor(seed + 1, coulomb[1], 1)}
+    power = sum(columns[f"motor.{port}.voltage"] * columns[f"motor.{port}.current"] for port in (0, 1))
+    noise = 0.005 * np.random.default_rng(seed).standard_normal(len(columns["t"]))
+    return {**columns, "battery.voltage": 11.5 - resistance * power / 11.5 + noise}
+
+
+def test_a_textbook_motor_has_no_cause() -> None:
+    found = diagnose_recording(motor(3), ROBOT)
+    assert found.causes == ()
+    assert found.verdict is Verdict.ADEQUATE
+    assert found.identified["resistance"].value == pytest.approx(4.0, rel=0.03)
+    assert found.identified["back_emf"].value == pytest.approx(0.09, rel=0.02)
+
+
+def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself() -> None:
+    found = diagnose_recording(pair(5, (0.008, 0.0)), ROBOT)
+    assert {each.name for each in found.causes} == {"friction.coulomb@left", "battery.internal_resistance"}
+    values = {each.name: next(iter(each.parameters.values())) for each in found.causes}
+    assert values["friction.coulomb@left"].value == pytest.approx(0.008, rel=0.1)
+    assert values["battery.internal_resistance"].value == pytest.approx(0.1, rel=0.1)
+    assert [each.rank for each in found.causes] == [1, 2]
+
+
+def test_a_dead_current_is_a_sensor_fault_and_its_motor_is_judged_in_volts() -> None:
+    columns = pair(7, (0.008, 0.008))
+    columns["motor.1.current"] = np.zeros(len(columns["t"]))
+    found = diagnose_recording(columns, ROBOT)
+    assert [(each.channel, each.fault) for each in found.sensor_faults] == [("motor.1.current", "dead")]
+    friction = next(each for each in found.causes if each.name == "friction.coulomb@right")
+    assert friction.parameters["torque"].unit == "V"
+    reasons = {each.id: each.reason for each in found.rejected}
+    assert reasons["battery.internal_resistance"] == "not identifiable: motor.1.current is missing"
+
+
+def test_a_current_of_something_else_is_not_used() -> None:
+    columns = motor(9, 0.008)
+    columns["motor.0.current"] = np.random.default_rng(1).standard_normal(len(columns["t"]))
+    found = diagnose_recording(columns, ROBOT)
+    assert [each.fault for each in found.sensor_faults] == ["implausible"]
+
+
+def test_swapped_wires_are_said_and_taken_away() -> None:
+    found = diagnose_recording(motor(11, 0.008, backwards=True), ROBOT)
+    assert any("wires are swapped" in each for each in found.notes)
+    assert [each.id for each in found.causes] == ["friction.coulomb"]
+
+
+def test_a_stiff_battery_gets_no_resistance() -> None:
+    rng = np.random.default_rng(2)
+    time = np.arange(0.0, 1.0, 0.001)
+    found = judge_supply(time, 11.5 + 0.01 * rng.standard_normal(1000), 5.0 * rng.random(1000), 0.0)
+    assert found is not None
+    assert found.cause is None
+    assert {each.id for each in found.rejected} >= {"battery.internal_resistance"}
+
+
+def test_real_motors_have_friction_and_their_battery_sags() -> None:
+    # Six of the robots; `benchmarks/diagnosis_real.py` has them all, where 0.055 m/s is held.
+    files = sorted(data_path("fleet-steps").glob("*.csv"))[::4]
+    errors, resistances, wheels = [], [], 0
+    for file in files:
+        found = diagnose_motors(load_run(file).recording.columns, ROBOT)
+        for side in ("left", "right"):
+            wheels += any(each.id == "friction.coulomb" and each.where == side for each in found.causes)
+        errors += [0.03 * each.rmse_after for each in found.channels if each.name.endswith(".speed")]
+        resistances += [
+            each.parameters["resistance"].value
+            for each in found.causes
+            if each.id == "battery.internal_resistance"
+        ]
+    assert wheels >= 0.95 * 2 * len(files)
+    assert float(np.median(errors)) <= 0.065
+    assert float(np.median(resistances)) == pytest.approx(0.12, abs=0.03)
+
+
+def test_a_real_dead_current_sensor_is_said() -> None:
+    found = diagnose_motors(load_run(data_path("fleet-steps") / "robot-18.csv").recording.columns, ROBOT)
+    assert [(each.channel, each.fault) for each in found.sensor_faults] == [("motor.1.current", "dead")]
+    assert not any(each.id.startswith("motor.") for each in found.causes)
