@@ -7,6 +7,12 @@ from dataclasses import dataclass, fields
 
 from raccoon.core.errors import ConfigError
 
+_RANGES = (("coast_share", 0.0, 0.9), ("battery_time_constant", 0.0, 5.0), ("cycle", 0.001, 0.1))
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
 
 @dataclass(frozen=True, slots=True)
 class Chain:
@@ -28,12 +34,13 @@ class Chain:
     cycle: float = 0.005
 
     def __post_init__(self) -> None:
-        for name, low, high in (("coast_share", 0.0, 0.9), ("battery_time_constant", 0.0, 5.0)):
+        for name in ("median", "slots"):
+            if not isinstance(getattr(self, name), bool):
+                raise ConfigError(f"chain: {name} is {getattr(self, name)!r}: allowed are true and false")
+        for name, low, high in _RANGES:
             value = getattr(self, name)
-            if not low <= value <= high:
-                raise ConfigError(f"chain: {name} is {value}: allowed are numbers from {low} to {high}")
-        if not 0.001 <= self.cycle <= 0.1:
-            raise ConfigError(f"chain: cycle is {self.cycle} s: allowed are numbers from 0.001 to 0.1")
+            if not (_is_number(value) and low <= value <= high):
+                raise ConfigError(f"chain: {name} is {value!r}: allowed are numbers from {low} to {high}")
 
     @classmethod
     def firmware(cls) -> Chain:
@@ -59,8 +66,8 @@ class Noise:
     def __post_init__(self) -> None:
         for each in fields(self):
             value = getattr(self, each.name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ConfigError(f"noise: {each.name} is {value}: allowed are numbers from 0")
+            if not (_is_number(value) and math.isfinite(value) and value >= 0.0):
+                raise ConfigError(f"noise: {each.name} is {value!r}: allowed are numbers from 0")
 
     @classmethod
     def none(cls) -> Noise:

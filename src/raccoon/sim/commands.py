@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 class Commands:
     """One command a row: given at time[i], in force until time[i + 1]. Arrays of one length n.
 
+    Raises ConfigError naming the row of a number that is not finite, a duty outside -1..1, or a time that
+    does not rise.
+
     time: s, rising. left, right: duty -1..1, positive drives the wheel forward. closed_left, closed_right: 1
     where the motor is connected (driven, or braked at duty 0), 0 where it coasts.
     """
@@ -28,6 +31,13 @@ class Commands:
     closed_left: Floats
     closed_right: Floats
 
+    def __post_init__(self) -> None:
+        _check_time(self.time)
+        for name in ("left", "right"):
+            _check_row(name, getattr(self, name), self.time, -1.0, 1.0)
+        for name in ("closed_left", "closed_right"):
+            _check_row(name, getattr(self, name), self.time, 0.0, 1.0)
+
     @classmethod
     def of_wheels(
         cls, time: ArrayLike, left: ArrayLike, right: ArrayLike, brake: ArrayLike = True
@@ -35,13 +45,14 @@ class Commands:
         """Commands from duties of the wheels, forward positive.
 
         brake: whether a motor is shorted where its duty is 0 (one value, or one a row, or (n, 2)). True is
-        the textbook motor, whose voltage is 0 then; the controller's default is to coast (False). Raises
-        ConfigError for numbers that are not finite, duties outside -1..1, times that do not rise and
-        lengths that differ.
+        the textbook motor, whose voltage is 0 then; the controller's default is to coast (False).
         """
         moments = np.ascontiguousarray(time, dtype=np.float64)
-        _check_time(moments)
-        duties = [_duty(name, each, moments) for name, each in (("left", left), ("right", right))]
+        duties = [np.ascontiguousarray(each, dtype=np.float64) for each in (left, right)]
+        for name, duty in zip(("left", "right"), duties, strict=True):
+            _check_row(name, duty, moments, -1.0, 1.0)
+        if not np.all(np.isin(brake, (0.0, 1.0))):
+            raise ConfigError("brake: allowed are True and False")
         rows = np.asarray(brake, dtype=bool)
         brakes = rows if rows.ndim == 2 else np.stack((rows, rows), axis=-1)
         brakes = np.broadcast_to(brakes, (len(moments), 2))
@@ -82,12 +93,11 @@ def _check_time(time: Floats) -> None:
         raise ConfigError(f"time[{row}] is {time[row]} s: times must be finite and rise")
 
 
-def _duty(name: str, values: ArrayLike, time: Floats) -> Floats:
-    duty = np.ascontiguousarray(values, dtype=np.float64)
-    if duty.shape != time.shape:
-        raise ConfigError(f"{name} has the shape {duty.shape}: it must have that of time, {time.shape}")
-    bad = np.flatnonzero(~(np.abs(duty) <= 1.0))
+def _check_row(name: str, values: Floats, time: Floats, low: float, high: float) -> None:
+    if values.shape != time.shape:
+        raise ConfigError(f"{name} has the shape {values.shape}: it must have that of time, {time.shape}")
+    bad = np.flatnonzero(~((values >= low) & (values <= high)))
     if len(bad):
         row = int(bad[0])
-        raise ConfigError(f"{name}[{row}] is {duty[row]}: allowed are duties from -1 to 1")
-    return duty
+        what = "duties" if low < 0.0 else "numbers"
+        raise ConfigError(f"{name}[{row}] is {values[row]}: allowed are {what} from {low:g} to {high:g}")

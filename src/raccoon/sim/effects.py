@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import SupportsFloat
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
@@ -65,13 +66,16 @@ class Effect:
         allowed = ", ".join(each.name for each in self.parameters)
         raise ConfigError(f"{self.id}: there is no parameter {name}; allowed are {allowed}")
 
-    def check(self, name: str, value: float) -> float:
+    def check(self, name: str, value: object) -> float:
         """`value` where the parameter allows it. Raises ConfigError naming all of them."""
         parameter = self.parameter(name)
-        if math.isnan(value) or not parameter.bounds.allows(value):
-            unit = f" {parameter.unit}" if parameter.unit else ""
-            raise ConfigError(f"{self.id}: {name} is {value}{unit}: allowed are {parameter.bounds}")
-        return float(value)
+        unit = f" {parameter.unit}" if parameter.unit else ""
+        if isinstance(value, bool) or not isinstance(value, SupportsFloat):
+            raise ConfigError(f"{self.id}: {name} is {value!r}: it must be a number")
+        number = float(value)
+        if math.isnan(number) or not parameter.bounds.allows(number):
+            raise ConfigError(f"{self.id}: {name} is {number:g}{unit}: allowed are {parameter.bounds}")
+        return number
 
 
 def effect(id: str) -> Effect:  # noqa: A002

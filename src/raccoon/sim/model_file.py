@@ -44,7 +44,7 @@ def parse_model(table: Mapping[str, Any]) -> Parameters:
     if not isinstance(chain, Mapping):
         raise ConfigError(f"chain = {chain!r}: it must be a table")
     refuse_unknown(chain, known, "chain")
-    if not isinstance(effects, list):
+    if not (isinstance(effects, list) and all(isinstance(each, Mapping) for each in effects)):
         raise ConfigError("effect: write [[effect]], one for each effect")
     parameters = Parameters(robot=parse_robot(rest), chain=Chain(**chain))
     for number, entry in enumerate(effects, start=1):

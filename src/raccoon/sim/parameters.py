@@ -104,7 +104,10 @@ class Parameters:
         else:
             allowed = {}
         if where not in allowed:
-            choice = ", ".join(allowed) or "nothing: it belongs to the whole robot"
+            nothing = "nothing: " + (
+                "robot.toml has no tophat" if entry.place is Place.TOPHAT else "it belongs to the whole robot"
+            )
+            choice = ", ".join(allowed) or nothing
             raise ConfigError(f"{entry.id}: where is {where!r}: allowed are {choice}")
         return allowed[where]
 

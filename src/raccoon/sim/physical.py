@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.nominal import NominalModel
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, MOTOR_PORTS
 from raccoon.sim.parameters import SIDES, Parameters
 from raccoon.sim.quantities import Plant, State
@@ -16,7 +19,11 @@ Numbers = tuple[float, ...]
 
 
 def plant_numbers(parameters: Parameters) -> Plant:
-    """The plant of a robot: nominal values and effects multiplied out, signs of wiring taken away."""
+    """The plant of a robot: nominal values and effects multiplied out, signs of wiring taken away.
+
+    Raises ConfigError naming a nominal value that no robot can have.
+    """
+    check_nominal(parameters.robot.model)
     sides = _Sides(parameters)
     return Plant._make(
         (
@@ -26,6 +33,18 @@ def plant_numbers(parameters: Parameters) -> Plant:
             *_controller_numbers(parameters, sides),
         )
     )
+
+
+@lru_cache(maxsize=64)
+def check_nominal(model: NominalModel) -> None:
+    """Raise ConfigError for a value outside its bounds: what a program made, no file's reader has checked."""
+    for part in fields(model):
+        section = getattr(model, part.name)
+        name = f"motor.{part.name}" if part.name in SIDES else part.name
+        for each in fields(section):
+            value, bounds = getattr(section, each.name).value, each.metadata["bounds"]
+            if not bounds.allows(value):
+                raise ConfigError(f"model.{name}.{each.name} is {value}: allowed are {bounds}")
 
 
 def _motor_numbers(parameters: Parameters, sides: _Sides) -> Numbers:

@@ -149,12 +149,12 @@ def initial_states(plant: Floats, initial: Initial | None) -> Floats:
     """One state a robot, (robots, fields of State): at rest, with what `initial` says."""
     states = states_at_rest(plant)
     if isinstance(initial, State):
-        states[:] = initial
-        return states
+        initial = initial._asdict()
     given = dict(initial or {})
     for name in given:
         if name not in State._fields:
             raise ConfigError(f"initial: there is no field {name}; allowed are {', '.join(State._fields)}")
+    given = {name: _initial_value(name, value, len(states)) for name, value in given.items()}
     column = {name: index for index, name in enumerate(State._fields)}
     if "heading" in given:
         given.setdefault("heading_cos", np.cos(given["heading"]))
@@ -163,8 +163,17 @@ def initial_states(plant: Floats, initial: Initial | None) -> Floats:
         if f"speed_{side}" in given:
             _settle(given, side, plant)
     for name, value in given.items():
-        states[:, column[name]] = np.asarray(value, dtype=np.float64)
+        states[:, column[name]] = value
     return states
+
+
+def _initial_value(name: str, value: ArrayLike, robots: int) -> Floats:
+    values = np.asarray(value, dtype=np.float64)
+    if values.shape not in ((), (1,), (robots,)):
+        raise ConfigError(f"initial: {name} has the shape {values.shape}: allowed are one number or {robots}")
+    if not np.all(np.isfinite(values)):
+        raise ConfigError(f"initial: {name} is {value!r}: allowed are finite numbers")
+    return values
 
 
 def _settle(given: dict[str, ArrayLike], side: str, plant: Floats) -> None:

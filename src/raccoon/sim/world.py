@@ -8,9 +8,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
+from raccoon.core.errors import ConfigError
+
 Point = tuple[float, float]
+
+
+def _check_finite(what: str, *numbers: float) -> None:
+    for number in numbers:
+        if not math.isfinite(number):
+            raise ConfigError(f"{what}: one of its numbers is {number}: allowed are finite numbers")
+
+
+def _check_above_0(what: str, number: float) -> None:
+    if not (math.isfinite(number) and number > 0.0):
+        raise ConfigError(f"{what} is {number}: allowed are numbers above 0")
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +34,12 @@ class Line:
     points: tuple[Point, ...]
     width: float = 0.05
 
+    def __post_init__(self) -> None:
+        _check_finite("line", *(number for point in self.points for number in point))
+        _check_above_0("line: width", self.width)
+        if len(self.points) < 2 or any(a == b for a, b in pairwise(self.points)):
+            raise ConfigError(f"line: points are {self.points}: allowed are two or more, none twice in a row")
+
 
 @dataclass(frozen=True, slots=True)
 class Wall:
@@ -27,6 +47,11 @@ class Wall:
 
     start: Point
     end: Point
+
+    def __post_init__(self) -> None:
+        _check_finite("wall", *self.start, *self.end)
+        if self.start == self.end:
+            raise ConfigError(f"wall: both ends are {self.start}: they must differ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +61,10 @@ class Thing:
     centre: Point
     radius: float
 
+    def __post_init__(self) -> None:
+        _check_finite("object", *self.centre)
+        _check_above_0("object: radius", self.radius)
+
 
 @dataclass(frozen=True, slots=True)
 class Box:
@@ -43,6 +72,10 @@ class Box:
 
     low: Point
     high: Point
+
+    def __post_init__(self) -> None:
+        if not (self.low[0] < self.high[0] and self.low[1] < self.high[1]):
+            raise ConfigError(f"box: low {self.low} must be below high {self.high} in both x and y")
 
     def holds(self, x: float, y: float) -> bool:
         """Whether a point lies inside."""
@@ -58,6 +91,12 @@ class Light:
     begin: float = 0.0
     end: float = math.inf
 
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.ambient <= 2.0:
+            raise ConfigError(
+                f"light: ambient is {self.ambient}: allowed are numbers from 0 (normal) to 2 (1: sun)"
+            )
+
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
@@ -66,6 +105,9 @@ class Ramp:
     region: Box
     along_x: float = 0.0
     along_y: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_finite("ramp", self.along_x, self.along_y)
 
 
 @dataclass(frozen=True, slots=True)

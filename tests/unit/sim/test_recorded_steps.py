@@ -6,7 +6,6 @@ from shared_data import data_path
 from step_recordings import (
     EFFECTS,
     LATENCY,
-    Floats,
     Wheel,
     fitted,
     held_out,
@@ -36,7 +35,7 @@ def test_battery_sag_of_a_step_it_was_not_fitted_on() -> None:
 
 
 def test_a_fit_finds_the_numbers_of_a_simulated_wheel() -> None:
-    time: Floats = np.arange(660) * 0.001
+    time = (np.arange(660) * 0.001).astype(np.float64)
     steps = np.select([time < 0.2, time < 0.352, time < 0.503], [2.0, 4.0, -4.0], 0.0)
     command = steps.astype(np.float64)
     numbers = np.array([*np.log([3.0, 0.1, 3e-4, 0.01, 2e-5]), 0.004])

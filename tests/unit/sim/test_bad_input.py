@@ -1,0 +1,140 @@
+"""What cannot be is refused with its name, its value and what is allowed, from Python and from a file."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.core.schema import Measured
+from raccoon.sim.chain import Chain, Noise
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.rollout import rollout
+from raccoon.sim.world import Box, Light, Line, Ramp, Thing, Wall
+
+TIME = np.arange(40) * 0.005
+ZERO, ONE = np.zeros(40), np.ones(40)
+COMMANDS = Commands.of_wheels(TIME, 0.5 * ONE, 0.5 * ONE)
+NAN = math.nan
+
+
+def plain() -> Parameters:
+    return Parameters.from_robot(RobotConfig())
+
+
+def nominal(part: str, **values: float) -> Parameters:
+    """A robot made in Python, whose numbers no reader of a file has checked."""
+    model = RobotConfig().model
+    section = replace(getattr(model, part), **{name: Measured(value) for name, value in values.items()})
+    return Parameters.from_robot(replace(RobotConfig(), model=replace(model, **{part: section})))
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value", "allowed"),
+    [
+        ("drive", "track_width", 0.0, "numbers above 0"),
+        ("drive", "track_width", -0.1, "numbers above 0"),
+        ("drive", "wheel_radius", 0.0, "numbers above 0"),
+        ("drive", "inertia_turn", -0.01, "numbers above 0"),
+        ("left", "armature_resistance", -1.0, "numbers above 0"),
+        ("right", "armature_resistance", 0.0, "numbers above 0"),
+        ("left", "back_emf_constant", 0.0, "numbers above 0"),
+        ("battery", "internal_resistance", -1.0, "numbers from 0"),
+        ("battery", "open_circuit_voltage", -6.0, "numbers from 1 to 30"),
+        ("friction", "coulomb", -1.0, "numbers from 0"),
+        ("bemf", "filter_time_constant", -1.0, "numbers from 0"),
+        ("imu", "gyro_scale", 7.0, r"numbers from 0\.5 to 2"),
+    ],
+)
+def test_impossible_robots(part: str, name: str, value: float, allowed: str) -> None:
+    robot = nominal(part, **{name: value})
+    message = rf"model\.(motor\.)?{part}\.{name} is {value}: allowed are {allowed}"
+    with pytest.raises(ConfigError, match=message):
+        SimPort(robot)
+    with pytest.raises(ConfigError, match=message):
+        rollout(robot, COMMANDS)
+
+
+def test_a_robot_too_light_for_any_step_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"time constant is .* s: allowed are 0\.0001 s and more"):
+        SimPort(nominal("drive", inertia_straight=1e-9, inertia_turn=1e-9))
+
+
+@pytest.mark.parametrize("value", ["x", None, True, NAN, math.inf, -0.1, 6.0])
+def test_impossible_parameters(value: Any) -> None:
+    with pytest.raises(ConfigError, match=r"friction\.coulomb: torque is .*: (allowed are|it must be)"):
+        plain().with_effect("friction.coulomb", torque=value)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: plain().with_effect("friction.none"), "effect 'friction.none': there is no such id"),
+        (lambda: plain().with_effect("friction.coulomb", force=1), "no parameter force; allowed are torque"),
+        (lambda: plain().with_effect("friction.coulomb", "up"), "where is 'up': allowed are left, right, 0"),
+        (lambda: plain().with_effect("drive.track_width", "left"), "it belongs to the whole robot"),
+        (lambda: plain().with_effect("tophat.gain", "3"), r"robot\.toml has no tophat"),
+        (lambda: Chain(coast_share=1.0), r"coast_share is 1\.0: allowed are numbers from 0\.0 to 0\.9"),
+        (lambda: Chain(cycle=NAN), "cycle is nan"),
+        (lambda: Chain(median=3), "median is 3: allowed are true and false"),  # type: ignore[arg-type]
+        (lambda: Noise(bemf=-1.0), "bemf is -1.0"),
+        (lambda: SimPort(plain(), physics_step=0.1), r"physics_step is 0\.1: allowed .* 1e-05 to 0\.005"),
+        (lambda: SimPort(plain(), rate_hz=NAN), "rate_hz is nan"),
+        (lambda: SimPort(plain(), imu_rate_hz=-5.0), "imu_rate_hz is -5.0"),
+        (lambda: SimPort(plain(), start=(NAN, 0.0, 0.0)), "start is"),
+        (lambda: SimPort(plain(), body_radius=-1.0), "body_radius is -1.0"),
+        (lambda: rollout(plain(), COMMANDS, longest_step=1.0), r"longest_step is 1\.0 s: .* up to 0\.02"),
+        (lambda: rollout(plain(), COMMANDS, initial={"x": NAN}), "initial: x is nan"),
+        (lambda: rollout([plain()] * 3, COMMANDS, initial={"x": [1.0, 2.0]}), r"shape \(2,\): .* or 3"),
+        (lambda: Commands(TIME, NAN * ONE, ZERO, ONE, ONE), r"left\[0\] is nan: allowed are duties"),
+        (lambda: Commands(TIME, ZERO, ZERO, 2.0 * ONE, ONE), r"closed_left\[0\] is 2\.0: .* from 0 to 1"),
+        (lambda: Commands(NAN * TIME, ZERO, ZERO, ONE, ONE), "times must be finite"),
+        (lambda: Commands.of_wheels(TIME, ZERO, math.inf * ONE), r"right\[0\] is inf"),
+        (lambda: Commands.of_wheels(TIME, [0.1], ZERO), r"left has the shape \(1,\)"),
+        (lambda: Commands.of_wheels(TIME, ZERO, ZERO, brake=NAN), "brake: allowed are True and False"),
+        (lambda: Line(((0.0, 0.0), (0.0, 0.0))), "none twice in a row"),
+        (lambda: Line(((0.0, 0.0), (1.0, 0.0)), width=0.0), "line: width is 0.0"),
+        (lambda: Wall((1.0, 1.0), (1.0, 1.0)), "they must differ"),
+        (lambda: Thing((NAN, 0.0), 0.1), "object: one of its numbers is nan"),
+        (lambda: Thing((0.0, 0.0), NAN), "object: radius is nan"),
+        (lambda: Box((0.0, 0.0), (0.0, 1.0)), "must be below high"),
+        (lambda: Light(Box((0.0, 0.0), (1.0, 1.0)), 3.0), "ambient is 3.0"),
+        (lambda: Ramp(Box((0.0, 0.0), (1.0, 1.0)), NAN), "ramp: one of its numbers is nan"),
+    ],
+)
+def test_named_with_value_and_bound(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[model.motor]\narmature_resistance = -1.0", r"armature_resistance = -1\.0: allowed are numbers"),
+        ("[model.drive]\ntrack_width = 0", "track_width = 0: allowed are numbers above 0"),
+        ("[model.drive]\ntracks = 1", "tracks: there is no such key"),
+        ('[[effect]]\nid = "x.y"', "effect number 1: effect 'x.y': there is no such id"),
+        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = -1 }', "torque is -1 N m: allowed"),
+        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = nan }', "torque is nan N m"),
+        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = "a" }', "it must be a number"),
+        ('[[effect]]\nid = "friction.coulomb"\nwhere = "up"', "where is 'up'"),
+        ("effect = [1]", r"write \[\[effect\]\]"),
+        ("[chain]\ncoast_share = 2", "coast_share is 2: allowed are numbers from"),
+        ('[chain]\ncoast_share = "a"', "coast_share is 'a': allowed are numbers from"),
+        ("[chain]\nmedian = 3", "median is 3: allowed are true and false"),
+        ("[[effect", "not a TOML file"),
+    ],
+)
+def test_model_files_name_the_file_too(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=message) as error:
+        Parameters.from_model_file(path)
+    assert str(path) in str(error.value)
