@@ -43,7 +43,7 @@ if TYPE_CHECKING:
         wait_for,
     )
     from raccoon.robot.battery_check import check_battery
-    from raccoon.robot.calibration import calibrate_drive, calibrate_tophats
+    from raccoon.robot.calibration import calibrate_drive, calibrate_tophats, load_tophats
     from raccoon.robot.conditions import (
         Condition,
         after_angle,
@@ -97,7 +97,7 @@ _HOMES = {
         "wait",
         "wait_for",
     ),
-    "raccoon.robot.calibration": ("calibrate_drive", "calibrate_tophats"),
+    "raccoon.robot.calibration": ("calibrate_drive", "calibrate_tophats", "load_tophats"),
     "raccoon.robot.conditions": (
         "Condition",
         "after_angle",
@@ -187,6 +187,7 @@ __all__ = [
     "follow_line",
     "follow_path",
     "load_robot",
+    "load_tophats",
     "mission",
     "motors",
     "move",

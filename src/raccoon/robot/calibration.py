@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raccoon.core.config import RobotConfig
@@ -12,6 +13,7 @@ from raccoon.robot.actions import Action, Steps, seq, wait
 from raccoon.robot.conditions import after_distance
 from raccoon.robot.driving import drive
 from raccoon.robot.motions import straight
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
@@ -61,12 +63,19 @@ def calibrate_drive(
 
 
 def calibrate_tophats(
-    robot: Robot, distance: float = 0.60, speed: float | None = None
+    robot: Robot,
+    distance: float = 0.60,
+    speed: float | None = None,
+    *,
+    store: str | Path | None = None,
+    set_name: str = "default",
 ) -> dict[str, TophatCalibration]:
     """Drive `distance` m over floor and lines and calibrate every tophat from what it read.
 
-    Returns the calibrations by name; they are in use from now on. Raises CalibrationError naming each tophat
-    whose readings allow no threshold, and why; no calibration is changed then.
+    Returns the calibrations by name; they are in use from now on. store: file that they are added to as
+    `set_name` (`load_tophats` reads it). A sensor whose height changed since the calibration before is said.
+    Raises CalibrationError naming each tophat whose readings allow no threshold, and why; no calibration is
+    changed then.
     """
     from raccoon.estimate.tophat import calibrate
 
@@ -80,9 +89,71 @@ def calibrate_tophats(
     if useless:
         reasons = "; ".join(f"{name}: {each.verdict}, {each.reason}" for name, each in useless.items())
         raise CalibrationError(f"after {distance:g} m: {reasons}")
+    _compare(robot, found, store, set_name)
+    if store is not None:
+        _store(robot, found, store, set_name)
     for name, each in found.items():
         robot.tophat(name).calibrate(each)
     return found
+
+
+def load_tophats(
+    robot: Robot, store: str | Path = "tophats.json", set_name: str = "default"
+) -> dict[str, TophatCalibration]:
+    """Use the newest stored calibration of every tophat; returns them by name.
+
+    Whether they fit is found out within a second of driving: see `TophatSensor.fit`, the log and the
+    recording. Raises CalibrationError naming the sensors that have none, ConfigError for a damaged file.
+    """
+    from raccoon.estimate.tophat.store import TophatStore
+
+    shelf = TophatStore(store)
+    entries = {name: shelf.latest(name, set_name) for name in robot.tophats}
+    missing = [name for name, entry in entries.items() if entry is None]
+    if missing:
+        raise CalibrationError(f"{store}: no calibration of {', '.join(missing)} in the set {set_name!r}")
+    found = {name: entry.calibration for name, entry in entries.items() if entry is not None}
+    for name, entry in entries.items():
+        if entry is not None:
+            robot.tophat(name).calibrate(entry.calibration)
+            robot.note(f"tophat {name}: calibration {set_name!r} of {entry.time}")
+    return found
+
+
+def _compare(
+    robot: Robot, found: dict[str, TophatCalibration], store: str | Path | None, set_name: str
+) -> None:
+    """Say which sensors sit higher or lower than they did at the calibration before."""
+    from raccoon.estimate.tophat.store import TophatStore
+    from raccoon.estimate.tophat.watch import height_changed
+
+    for name, now in found.items():
+        before = robot.tophat(name).calibration
+        if before is None and store is not None:
+            entry = TophatStore(store).latest(name, set_name)
+            before = None if entry is None else entry.calibration
+        if before is not None and height_changed(before, now):
+            say(robot, f"tophat {name} sits higher or lower than at its last calibration")
+
+
+def _store(robot: Robot, found: dict[str, TophatCalibration], store: str | Path, set_name: str) -> None:
+    from datetime import UTC, datetime
+
+    from raccoon.estimate.tophat.sensor import explanations
+    from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
+
+    if hasattr(robot.port, "trace"):
+        return  # a replay: this was stored when it happened
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    for name, each in found.items():
+        white, black = each.surfaces()
+        known = explanations(white.mean, black.mean)
+        ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
+        TophatStore(store).add(
+            StoredCalibration(
+                name, set_name, now, each, robot.config.name, ambient, robot.battery_voltage, generation
+            )
+        )
 
 
 def _counts(readings: list[Inputs], port: int) -> list[float]:

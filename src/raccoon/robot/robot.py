@@ -22,7 +22,7 @@ from raccoon.robot.deadline import MatchOver
 from raccoon.robot.drive import Drive
 from raccoon.robot.limits import check_kind
 from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
-from raccoon.robot.sensors import TophatSensor
+from raccoon.robot.sensors import Floor, TophatSensor
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
@@ -67,6 +67,7 @@ class Robot:
         )
         self.attachments = Attachments(self.config)
         self.tophats = {name: TophatSensor(name, each) for name, each in self.config.tophats.items()}
+        self._floor = Floor(self.tophats)
         self.ticks = 0
         """Cycles so far."""
         self.dt = 0.0
@@ -138,8 +139,7 @@ class Robot:
             drawn = self.drive.current(estimate.left_speed, estimate.right_speed, self.battery.voltage)
             self.pack.update(inputs.time, inputs.battery_voltage, drawn)
         self.attachments.sense(inputs, self.dt)
-        for sensor in self.tophats.values():
-            sensor.update(inputs)
+        self._floor.sense(self, inputs)
         if self._notes is not None:
             self._notes.annotate("drive", _numbers(estimate))
 

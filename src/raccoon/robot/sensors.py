@@ -1,16 +1,26 @@
-"""A tophat as a program sees it: darkness, black or white, from a calibration."""
+"""Tophats as a program sees them: black or white, darkness; and what is odd about them."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs, Status
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.core.config import TophatConfig
     from raccoon.estimate.tophat import Tophat, TophatCalibration, TophatReading
     from raccoon.estimate.tophat.classifier import Edge
+    from raccoon.estimate.tophat.watch import CalibrationWatch, Fit
+    from raccoon.robot.robot import Robot
+
+PROVING = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
+CHECKED_EVERY = 40  # ticks
+MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
+TOP, BOTTOM = 4091.0, 4.0  # counts at which a reading stands at an end of the converter
 
 
 class TophatSensor:
@@ -22,36 +32,71 @@ class TophatSensor:
         self.counts: float | None = None
         """The last ADC reading, None before the first."""
         self.calibration: TophatCalibration | None = None
+        self.fit: Fit | None = None
+        """Whether the calibration fits what was read in the last second; None while nothing is known."""
         self._classifier: Tophat | None = None
+        self._watch: CalibrationWatch | None = None
         self._reading: TophatReading | None = None
         self._edge: Edge | None = None
+        self._since: float | None = None
 
     def calibrate(self, calibration: TophatCalibration) -> None:
         """Use a calibration from now on. Raises CalibrationError where it has no threshold."""
         from raccoon.estimate.tophat import Tophat
+        from raccoon.estimate.tophat.watch import CalibrationWatch
 
         if calibration.threshold is None:
             raise CalibrationError(f"tophat {self.name}: verdict {calibration.verdict}: no threshold to use")
         self.calibration = calibration
         self._classifier = Tophat(calibration)
-        self._reading = None
+        self._watch = CalibrationWatch(calibration)
+        self._reading = self.fit = self._since = None
 
-    def update(self, inputs: Inputs) -> None:
-        """Take the reading of this cycle."""
+    def update(self, inputs: Inputs, way: float | None = None, others_lost: bool | None = None) -> None:
+        """Take the reading of this cycle. way, others_lost: see `raccoon.estimate.tophat.Tophat.update`."""
         counts = inputs.analog[self.config.analog]
         if counts is None:
             return
         self.counts = counts
-        if self._classifier is not None:
-            self._reading = self._classifier.update(inputs.time, counts)
-            if self._reading.edge is not None:
-                self._edge = self._reading.edge
+        classifier, watch = self._classifier, self._watch
+        if classifier is None or watch is None:
+            return
+        reading = self._reading = classifier.update(inputs.time, counts, others_lost, way)
+        if reading.edge is not None:
+            self._edge = reading.edge
+        if self._since is None:
+            self._since = inputs.time
+        # Half on a line neither surface explains what it reads, so only a drive across the floor proves it.
+        moves = way is None or way > MOVES
+        if (moves and classifier.adapt) or not BOTTOM < counts < TOP:
+            watch.update(counts)
+
+    def check(self, time: float) -> Fit | None:
+        """Judge `fit` anew; a few times a second is enough. time: s, of now."""
+        from raccoon.estimate.tophat.watch import Fit
+
+        if self._watch is not None:
+            fit = self._watch.fit
+            proved = self._since is not None and time - self._since > PROVING
+            began_well = proved and self.fit is not Fit.CHANGED
+            self.fit = Fit.FITS if fit is Fit.CHANGED and began_well else fit
+        return self.fit
+
+    @property
+    def recent(self) -> tuple[float, ...]:
+        """Counts of the last second of driving."""
+        return () if self._watch is None else self._watch.readings
+
+    @property
+    def lost(self) -> bool:
+        """Whether what it reads is neither of its surfaces."""
+        return self._classifier is not None and self._classifier.lost
 
     def require(self) -> None:
         """Raise CalibrationError unless there is a calibration."""
         if self.calibration is None:
             raise CalibrationError(
-                f"tophat {self.name} is not calibrated: run calibrate_tophats() or load a stored set first"
+                f"tophat {self.name} is not calibrated: run calibrate_tophats() or load_tophats() first"
             )
 
     @property
@@ -85,5 +130,62 @@ class TophatSensor:
 
     @property
     def status(self) -> Status:
-        """How far `black` and `darkness` can be trusted."""
-        return Status.INVALID if self._reading is None else self._reading.status
+        """How far `black` and `darkness` can be trusted; invalid where nothing sensible comes in."""
+        if self._reading is None or self.fit in ("unplugged", "saturated"):
+            return Status.INVALID
+        if self.fit == "changed":
+            return Status.UNCERTAIN
+        return self._reading.status
+
+
+class Floor:
+    """All tophats of a robot at once: they move with it and share its light."""
+
+    def __init__(self, sensors: Mapping[str, TophatSensor]) -> None:
+        self._sensors = tuple(sensors.values())
+        self._ticks = 0
+
+    def sense(self, robot: Robot, inputs: Inputs) -> None:
+        """Update every sensor with the way it went, and look at one of them for what may be wrong with it."""
+        sensors = self._sensors
+        if not sensors:
+            return
+        estimate = robot.odometry.estimate
+        speed, turn, dt = estimate.velocity, estimate.turn_rate, robot.dt
+        lost = sum(each.lost for each in sensors)
+        alone = len(sensors) == 1
+        for each in sensors:
+            at = each.config
+            way = math.hypot(speed - turn * at.left, turn * at.forward) * dt
+            each.update(inputs, way, None if alone else lost > each.lost)
+        self._ticks += 1
+        index = self._ticks % CHECKED_EVERY
+        if index < len(sensors):
+            self._check(robot, sensors[index])
+
+    def _check(self, robot: Robot, sensor: TophatSensor) -> None:
+        now = sensor.check(robot.time)
+        if now is not None and now in WORDS:
+            say(robot, f"tophat {sensor.name} {self._swapped(sensor) or WORDS[now]}")
+
+    def _swapped(self, sensor: TophatSensor) -> str | None:
+        """What to say where it reads the floor as another sensor should."""
+        from raccoon.estimate.tophat.watch import swapped
+
+        stored = {each.name: each.calibration for each in self._sensors if each.calibration is not None}
+        pair = swapped(stored, {each.name: each.recent for each in self._sensors})
+        if pair is None or sensor.name not in pair:
+            return None
+        other = pair[pair[0] == sensor.name]
+        return f"reads what {other} should, and the other way round: are their plugs swapped?"
+
+
+WORDS = {
+    "changed": (
+        "does not read what its calibration says: other light, another floor, another height. "
+        "The light is followed; calibrate again to be sure"
+    ),
+    "unplugged": "reads the top of the scale or jumps about: is it plugged in?",
+    "saturated": "reads the bottom of the scale: there is more light than it can tell",
+}
+"""What to say by `Fit`."""

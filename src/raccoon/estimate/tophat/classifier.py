@@ -56,7 +56,7 @@ class Tophat:
         if debounce < 1:
             raise ConfigError(f"debounce = {debounce}: allowed are whole numbers from 1")
         white, black = calibration.surfaces()
-        self.adapt = adapt
+        self._adapt = adapt
         self.levels = LightTracker(white, black)
         self._debounce = debounce
         levels = self.levels
@@ -68,6 +68,17 @@ class Tophat:
         self._last_coverage = 0.0
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
+
+    @property
+    def adapt(self) -> bool:
+        """Whether the light is followed."""
+        return self._adapt
+
+    @adapt.setter
+    def adapt(self, on: bool) -> None:
+        if on and not self._adapt:
+            self.levels.restart()
+        self._adapt = on
 
     @property
     def threshold(self) -> float:
@@ -95,7 +106,7 @@ class Tophat:
         levels = self.levels
         if self._state is None:
             self._last_counts = counts
-        if self.adapt:
+        if self._adapt:
             # The mean of two readings at 200 Hz does not see lamps that flicker at 100 Hz.
             levels.update(0.5 * (counts + self._last_counts), others_lost, way)
         light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0

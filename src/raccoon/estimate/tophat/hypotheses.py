@@ -33,7 +33,8 @@ FASTEST = 4  # stages in one reading
 PACE_SPREAD, LEAST_SPREAD = 0.3, 0.35  # of the stages in one reading: speed and spot are known roughly
 STANDS = 0.003  # of u, sd of its change in one reading while the light stands
 PACES = (0.06, 0.4)  # of u, sd of the change in one reading where the light begins to move
-BEGINS, ENDS = (1.0 / 1500, 1.0 / 4000), 1.0 / 30  # chance in one reading that it does, and that it stops
+SUNLIGHT = 15.0  # sd of that change where the sun comes out at once, light
+BEGINS, ENDS = (1.0 / 1500, 1.0 / 4000, 1.0 / 4000), 1.0 / 30  # chance in one reading that it does, or stops
 UNEVEN = 0.15  # of the pace, sd by which it changes from one reading to the next
 WITH_OTHERS = {None: 1.0, True: 8.0, False: 0.5}  # times likelier, by whether other sensors are at a loss
 BETWEEN_LINES, LINE_WIDTH = 0.2, 0.05  # m, on the average
@@ -41,7 +42,7 @@ LEAST_WAY = 5e-5  # m a reading: a standing robot may still be pushed
 MOST_PACE = 3.3
 STRAY = 1e-6  # density of a reading that means nothing, in units of 1 / the least u
 MISTAKEN = 0.02  # probability that the surface was taken for the other one before
-ON_EDGE = 1e-4  # probability of each stage of an edge at the start: a robot may be put down on one
+ON_EDGE, PUT_DOWN = 1e-4, 0.02  # probability of each stage of an edge at the start, and of a robot put down
 LEAK = 0.03  # light that a sensor gets whatever is below it
 LIGHTS = 2  # standing, moving
 PHASES = 2 + 2 * STAGES
@@ -50,17 +51,19 @@ STORIES = PHASES * LIGHTS
 _coverage = edge_coverage(1.0 - 2.0 * (np.arange(STAGES) + 0.5) / STAGES, 1.0)
 DARKNESS: Array = np.concatenate([[0.0, 1.0], _coverage, _coverage[::-1]])
 """Share of the spot on black by phase: white, black, entering, leaving."""
+_MORE_BLACK: Array = (DARKNESS[2:] > 0.5).astype(float)
+_GROUP: Index = np.repeat(np.minimum(np.arange(PHASES), 2), LIGHTS)
 
 
 class Belief(NamedTuple):
-    """u and v with their covariance, and the surface they were last read on."""
+    """u and v with their covariance, and the surface they were last read on (None: not known)."""
 
     light: float
     dark: float
     light_var: float
     cross: float
     dark_var: float
-    on_black: bool
+    on_black: bool | None
 
 
 class Sensor(NamedTuple):
@@ -90,19 +93,22 @@ class _Moves(NamedTuple):
     uneven: Array
     wander: Array
     pace: Array
+    sun: Array
     white_part: Array
     black_part: Array
     blur: Array
 
 
-# What light does from one reading to the next: from, to, sd of its change and of its pace in shares of u, and
-# the part of the pace by which it changes with the variance of that. It stops anywhere between two readings.
+# What light does from one reading to the next: from, to, sd of its change and of its pace in shares of u and
+# of its pace in light, and the part of the pace by which it changes with the variance of that. It stops
+# anywhere between two readings.
 _CHANGES = (
-    (0, 0, STANDS, 0.0, 0.0, 0.0),
-    (0, 1, 0.0, PACES[0], 1.0, 0.0),
-    (0, 1, 0.0, PACES[1], 1.0, 0.0),
-    (1, 1, 0.0, 0.0, 1.0, UNEVEN**2),
-    (1, 0, STANDS, 0.0, 0.5, 1.0 / 12.0),
+    (0, 0, STANDS, 0.0, 0.0, 0.0, 0.0),
+    (0, 1, 0.0, PACES[0], 0.0, 1.0, 0.0),
+    (0, 1, 0.0, PACES[1], 0.0, 1.0, 0.0),
+    (0, 1, 0.0, 0.0, SUNLIGHT, 1.0, 0.0),
+    (1, 1, 0.0, 0.0, 0.0, 1.0, UNEVEN**2),
+    (1, 0, STANDS, 0.0, 0.0, 0.5, 1.0 / 12.0),
 )
 
 
@@ -116,7 +122,7 @@ def _moves() -> _Moves:
                 steps.append((first + stage, first + stage + k if stage + k < STAGES else end, k))
     ways = np.array([(*step, change) for step in steps for change in range(len(_CHANGES))], dtype=np.intp)
     source, target, stages, change = ways.T
-    before, after, wander, pace, part, uneven = np.array(_CHANGES).T
+    before, after, wander, pace, sun, part, uneven = np.array(_CHANGES).T
     dark = DARKNESS[target]
     return _Moves(
         source=source * LIGHTS + before[change].astype(np.intp),
@@ -130,6 +136,7 @@ def _moves() -> _Moves:
         uneven=uneven[change],
         wander=wander[change] ** 2,
         pace=pace[change] ** 2,
+        sun=sun[change] ** 2,
         white_part=1.0 - dark,
         black_part=dark,
         blur=np.where((dark > 0.0) & (dark < 1.0), 0.3 / STAGES, 0.0),
@@ -157,7 +164,8 @@ def _chances(pace_tenths: int, spot_microns: int, others_lost: bool | None) -> A
 class Hypotheses:
     """The bank. Begin it where all was clear and feed it every reading since.
 
-    black: P(more of the spot is on black). steady: P(the light stands and no edge is being crossed).
+    black: P(more of the spot is on black). sure: P(the likeliest of white, black and edge).
+    steady: P(the light stands and no edge is being crossed).
     """
 
     def __init__(self, sensor: Sensor, start: Belief) -> None:
@@ -176,11 +184,14 @@ class Hypotheses:
             0.0,
         )
         self._stories = np.repeat(np.array(story)[:, np.newaxis], STORIES, axis=1)
-        self._stories[0, 2 * LIGHTS :: LIGHTS] = ON_EDGE
-        self._stories[0, LIGHTS * start.on_black] = 1.0
-        self._doubt(start)
-        self.black = float(start.on_black)
-        self.steady = 0.0
+        self._stories[0, 2 * LIGHTS :: LIGHTS] = PUT_DOWN if start.on_black is None else ON_EDGE
+        if start.on_black is None:
+            self._stories[0, ::LIGHTS] = 1.0
+        else:
+            self._stories[0, LIGHTS * start.on_black] = 1.0
+            self._doubt(start)
+        self.black = 0.5 if start.on_black is None else float(start.on_black)
+        self.steady = self.sure = 0.0
 
     def _doubt(self, start: Belief) -> None:
         """The other story from the start on: that the surface had been taken for the other one."""
@@ -212,7 +223,7 @@ class Hypotheses:
         # Predict: light moves u by its pace and v by the share of that, which is known to its sd alone.
         part = moves.part
         scale = light * light
-        pp = part * part * pp + moves.pace * scale + moves.uneven * pace * pace
+        pp = part * part * pp + moves.sun + moves.pace * scale + moves.uneven * pace * pace
         up, vp, pace = part * up, part * vp, part * pace
         wander = moves.wander * scale
         uu = uu + 2.0 * up + pp + wander
@@ -225,11 +236,11 @@ class Hypotheses:
         pace, pp, up, vp = on * pace, on * pp, on * (up + pp), on * (vp + share * pp)
         # Update: the reading is what white and black send back, each of its part of the spot.
         a, b = moves.white_part, moves.black_part
-        expected = np.maximum(a * light + b * dark, 0.003)
+        expected = a * light + b * dark
         to_u, to_v, to_p = a * uu + b * uv, a * uv + b * vv, a * up + b * vp
         variance = a * to_u + b * to_v
-        variance += (sensor.pattern * expected) ** 2 + (moves.blur * (light - dark)) ** 2
-        variance += (sensor.noise / FULL_SCALE * (1.0 + expected) ** 2) ** 2
+        noise = (sensor.pattern * seen) ** 2 + (sensor.noise / FULL_SCALE * (1.0 + seen) ** 2) ** 2
+        variance += noise + (moves.blur * (light - dark)) ** 2
         miss = (seen - expected) / variance
         density = np.exp(-0.5 * miss * miss * variance) / np.sqrt(variance) + STRAY / sensor.floor
         light += to_u * miss
@@ -268,14 +279,20 @@ class Hypotheses:
         ]
         self._stories = np.stack([total, *joined])
         by_phase = total.reshape(PHASES, LIGHTS)
-        self.black = float(by_phase.sum(axis=1)[DARKNESS > 0.5].sum())
+        phases = by_phase.sum(axis=1)
+        white, black = float(phases[0]), float(phases[1])
+        self.black = black + float(phases[2:] @ _MORE_BLACK)
+        self.sure = max(white, black, 1.0 - white - black)
         self.steady = float(by_phase[:2, 0].sum())
 
     def best(self) -> Belief:
-        """The mean of the stories that speak for the likelier surface."""
-        on_black = self.black > 0.5
-        weight = np.where(np.repeat(DARKNESS > 0.5, LIGHTS) == on_black, self._stories[0], 0.0)
+        """The mean of the stories of the likeliest of white, black and edge."""
+        weight = self._stories[0].copy()
+        likely = weight[:LIGHTS].sum(), weight[LIGHTS : 2 * LIGHTS].sum(), weight[2 * LIGHTS :].sum()
+        group = int(np.argmax(likely))
+        weight[group != _GROUP] = 0.0
         weight /= weight.sum()
+        on_black = self.black > 0.5
         _, u, v, _, uu, uv, vv, _, _, _ = self._stories
         light, dark = float(weight @ u), float(weight @ v)
         off_u, off_v = u - light, v - dark

@@ -19,6 +19,7 @@ from raccoon.estimate.tophat.sensor import explanations
 GATE = 4.5  # standard deviations within which a reading belongs to a surface
 LEVEL = 2.0  # standard deviations between readings that are learnt from; on an edge they differ by more
 USUAL_WAY = 0.0012  # m a reading, where nobody says: 0.24 m/s at 200 Hz
+STILL = 2e-5  # m a reading, below which a sensor stands
 USUAL_HEIGHT = 0.012  # m, of a sensor that is none of the two
 SHORT, LONG = 0.4, 1.6  # of an edge's way, from which and up to which a passage is one
 MOST_STRAY, MOST_OUTSIDE = 40, 6  # readings that nothing explains, and those beyond both surfaces
@@ -52,6 +53,7 @@ class LightTracker(Levels):
         "_sensor",
         "_start",
         "_stray_way",
+        "_told",
         "jumps",
         "stray",
     )
@@ -69,10 +71,11 @@ class LightTracker(Levels):
             CONVERTER_NOISE**0.5,
         )
         self._bank: Hypotheses | None = None
-        self._on_black = False
+        self._on_black: bool | None = None
         self._recent = NOTHING  # the last readings on one surface, oldest first
         self._log: list[tuple[float, float]] = []  # counts and way of the readings since `_start`
         self._start = self._later = self._belief()
+        self._told = -1e9  # the last unexplained reading that said something
         self._stray_way = self._lean = 0.0
         self.stray = self.jumps = self._outside = self._calm = self._done = 0
 
@@ -93,16 +96,18 @@ class LightTracker(Levels):
         log = self._log
         log.append((counts, way))
         if self._bank is not None:
-            self._weigh(self._bank, others_lost)
+            if self._news(counts, way):
+                self._weigh(self._bank, others_lost)
             return
         on_black = counts >= self.threshold
         miss = counts - (self.black if on_black else self.white)
         spread = self.sd_black if on_black else self.sd_white
         if not -GATE * spread <= miss <= GATE * spread:
-            self._stray(counts, way)
+            if self._news(counts, way):
+                self._stray(counts, way)
             return
         if on_black is not self._on_black:
-            if not self._is_edge(way, known):
+            if self._on_black is not None and not self._is_edge(way, known):
                 self._begin()
                 return
             self._on_black = on_black
@@ -121,6 +126,18 @@ class LightTracker(Levels):
         if len(log) >= 2 * REMEMBERED:
             del log[:-REMEMBERED]
             self._start, self._later = self._later, self._belief()
+
+    def _news(self, counts: float, way: float) -> bool:
+        """Whether an unexplained reading says anything: one more of a sensor that stands still does not.
+
+        Half on a line it reads what no surface does, for as long as it stands there.
+        """
+        apart = counts - self._told
+        if way < STILL and apart * apart < GATE * GATE * (self._light_noise + self._dark_noise):
+            self._log.pop()
+            return False
+        self._told = counts
+        return True
 
     def _stray(self, counts: float, way: float) -> None:
         """A reading that belongs to no surface: an edge, until it takes too long or lies beyond both."""
@@ -179,7 +196,7 @@ class LightTracker(Levels):
         counts = log[-1][0]
         log.clear()
         self._done = 0
-        sure = max(bank.black, 1.0 - bank.black)
+        sure = bank.sure
         self._calm = self._calm + 1 if bank.steady >= STEADY else 0
         # While an edge is being crossed even the likelier story is often wrong for a reading or two.
         if sure >= BELIEVED or (sure >= LIKELIER and self._calm >= CALM_READINGS):
@@ -198,8 +215,15 @@ class LightTracker(Levels):
         if was_black is not (counts >= self.threshold):
             self.jumps += 1
 
+    def restart(self) -> None:
+        """Begin anew with the levels as they are, after readings that were not given."""
+        self._on_black = None
+        self._log.clear()
+        self._end()
+
     def _end(self) -> None:
         self._bank = None
+        self._lean = 0.0
         self._start = self._later = self._belief()
         self._recent = NOTHING
         self.stray = 0

@@ -48,6 +48,11 @@ class CalibrationWatch:
         self._readings.append(counts)
 
     @property
+    def readings(self) -> tuple[float, ...]:
+        """Those of the last second, oldest first."""
+        return tuple(self._readings)
+
+    @property
     def fit(self) -> Fit:
         """The verdict over the last second."""
         readings = list(self._readings)
