@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 # S from a reading to its effect: half a control period of hold plus one sample of the firmware.
 DEAD_TIME = 0.0075
-# A motion is never planned slower than this share of what was asked, however weak the battery is said to be.
+# A motion is never planned slower than this share of its usual speed, however weak the battery is said to be.
 LEAST_SHARE = 0.3
 
 
@@ -154,7 +154,8 @@ class Drive:
         """
         gain = acceleration * outer / self._radius
         top = min(self.budget.top_wheel_speed(wheel, gain) for wheel in self.wheels.models)
-        return min(wanted, max(LEAST_SHARE * wanted, top * self._radius / outer))
+        least = LEAST_SHARE * min(wanted, self._config.motion.speed)
+        return min(wanted, max(least, top * self._radius / outer))
 
     def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
         """Rad/s on the spot, at most `wanted`, that the weakest battery of the match can still give."""

@@ -110,13 +110,15 @@ def test_a_small_move_settles_in_a_second(distance: float, effect: dict[str, dic
     assert end.x == pytest.approx(distance, abs=0.0015)
 
 
-def test_a_speed_beyond_the_weakest_battery_is_planned_down_and_said() -> None:
+@pytest.mark.parametrize("speed", [0.5, 2.0])
+def test_a_speed_beyond_the_weakest_battery_is_planned_down_and_said(speed: float) -> None:
     strong = simulated(effects={"battery.open_circuit_voltage": {"voltage": 7.2}})
-    result, _, robot = run(straight(0.4, speed=0.5), strong)
-    assert result.planned < 0.5
+    result, _, robot = run(straight(0.4, speed=speed), strong)
+    assert result.planned < 0.25 / speed
     assert not result.saturated
     weak = simulated(effects={"battery.open_circuit_voltage": {"voltage": robot.config.battery.weakest}})
-    again, _, _ = run(straight(0.4, speed=0.5), weak)
+    again, _, _ = run(straight(0.4, speed=speed), weak)
+    assert not again.saturated
     assert again.duration == pytest.approx(result.duration, abs=0.05)
 
 
