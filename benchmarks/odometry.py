@@ -34,8 +34,10 @@ from odometry_traces import (
     with_slip,
 )
 from raccoon.core.config import RobotConfig
+from raccoon.estimate.drive.prior import offset_std_counts, scale_std, track_std
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.sim.parameters import Parameters
 
 
@@ -221,17 +223,35 @@ def consistency(seeds: int) -> None:
 
 
 def drawn(seed: int) -> Parameters:
-    """A robot whose faults come from the filter's prior."""
-    random = np.random.default_rng([seed, 3])
-    parameters = Parameters.from_robot(RobotConfig())
-    parameters = parameters.with_effect("drive.track_width", factor=1 + 0.005 * float(random.normal()))
-    parameters = parameters.with_effect("imu.gyro_scale", factor=1 + 0.001 * float(random.normal()))
-    parameters = parameters.with_effect("imu.gyro_bias", rate=0.003 * float(random.normal()))
+    """A robot whose faults come from the filter's own prior.
+
+    The delay between wheels and gyro, which the prior holds as one number, is drawn as its causes: a late
+    gyro and wheels that slip as they speed up, each half a normal of 10 ms, and a filter off by 2 ms.
+    """
+    settings, random = OdometrySettings(), np.random.default_rng([seed, 3])
+    robot = RobotConfig()
+
+    def factor(std: float) -> float:
+        return 1.0 + std * float(np.clip(random.normal(), -2.5, 2.5))
+
+    lag = robot.model.bemf.filter_time_constant.value
+    found = Parameters.from_robot(robot)
+    found = found.with_effect("drive.track_width", factor=factor(track_std(robot, settings)))
+    found = found.with_effect("imu.gyro_scale", factor=factor(robot.model.imu.gyro_scale.std))
+    found = found.with_effect("imu.gyro_bias", rate=settings.gyro_bias * float(random.normal()))
+    found = found.with_effect("imu.latency", seconds=0.01 * abs(float(random.normal())))
     for side in ("left", "right"):
-        factor = 1 + 0.05 * float(np.clip(random.normal(), -2.5, 2.5))
-        parameters = parameters.with_effect("bemf.scale", side, factor=factor)
-        parameters = parameters.with_effect("bemf.offset", side, counts=20 * float(random.normal()))
-    return parameters
+        found = found.with_effect("bemf.scale", side, factor=factor(scale_std(robot, settings, side)))
+        counts = offset_std_counts(robot, settings, side) * float(random.normal())
+        found = found.with_effect("bemf.offset", side, counts=counts)
+        found = found.with_effect(
+            "drive.wheel_eccentricity",
+            side,
+            amplitude=settings.runout * abs(float(random.normal())),
+            phase=float(random.uniform(-math.pi, math.pi)),
+        )
+    found = found.with_effect("drive.wheel_slip", time=0.01 * abs(float(random.normal())))
+    return found.with_effect("bemf.filter_lag", time_constant=lag + 0.002 * float(random.normal()))
 
 
 def columns(trace: Trace) -> Manoeuvre:
@@ -301,12 +321,12 @@ def times(_: int) -> None:
     geometry = DriveGeometry.from_robot(robot)
     parts = (*prior(robot, settings, SIMULATOR), geometry, process_noise(robot, settings, 0.003))
     fast, stock = DriveFilter(*parts), ReferenceFilter(*parts)
-    read, variances, turning = (4.0, 4.5, 0.1), (1e-3, 1e-3, 1e-5), (4.0, 4.5)
+    read, variances = (4.0, 4.5, 0.1), (1e-3, 1e-3, 1e-5)
     clocks: dict[str, list[float]] = {"generated": [], "filterpy": []}
     for _ in range(4000):
         for name, each in (("generated", fast), ("filterpy", stock)):
             begin = time.perf_counter()
-            each.step(0.005, read, variances, turning)
+            each.step(0.005, read, variances, 2.0, 1e-3)
             clocks[name].append(time.perf_counter() - begin)
     generated, filterpy = (1e6 * statistics.median(clocks[each]) for each in clocks)
     print(f"\npredict and update (12 states): generated {generated:.1f} us, filterpy {filterpy:.1f} us")

@@ -41,11 +41,11 @@ def random_step(drive: DriveFilter, random: np.random.Generator) -> None:
     dt = float(10 ** random.uniform(-3, -0.5))
     wild = 30.0 if random.random() < 0.01 else 1.0
     left, right, rate = (wild * random.normal(0.0, [4.0, 4.0, 1.0])).tolist()
-    variances = (10 ** random.uniform(-6, 0, 3)).tolist()
+    *variances, wobble = (10 ** random.uniform(-6, 0, 4)).tolist()
     if kind < 6:
-        drive.step(dt, (left, right, rate), tuple(variances), (left, right))
+        drive.step(dt, (left, right, rate), tuple(variances), 10.0 * rate, wobble)
     elif kind < 8:
-        drive.step_wheels(dt, (left, right), tuple(variances[:2]), (left, right))
+        drive.step_wheels(dt, (left, right), tuple(variances[:2]), wobble)
     elif kind < 9:
         drive.still(1e-8, 1e-8)
     else:

@@ -19,6 +19,7 @@ from raccoon.core.readings import (
     Truth,
     Words,
 )
+from raccoon.model.bemf import counter_lag
 from raccoon.sim.chain import Noise
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
@@ -90,7 +91,8 @@ class SimPort:
         self._converter = Converter(tophats, self._noise, self._scatter)
         self._cycles = max(1, round(1.0 / rate_hz / parameters.chain.cycle))
         self._truth = truth
-        self._device = replace(SIMULATOR, bemf_lag=config.model.bemf.filter_time_constant.value)
+        lag = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
+        self._device = replace(SIMULATOR, bemf_lag=lag)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1

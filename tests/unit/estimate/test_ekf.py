@@ -13,13 +13,13 @@ from raccoon.model.drive import DriveGeometry
 
 GEOMETRY = DriveGeometry(0.0345, 0.16)
 NOISE = ProcessNoise(0.09, 4.0, 1e-10, 1e-8, 1e-7)
-DEVIATIONS = (0.01, 0.01, 0.02, 0.1, 0.3, 0.005, 0.05, 0.05, 0.05, 0.05, 0.001, 0.005)
+DEVIATIONS = (0.01, 0.01, 0.02, 0.1, 0.3, 0.005, 0.05, 0.05, 0.05, 0.03, 0.05, 0.001, 0.015)
 
 
 def belief(seed: int = 0) -> tuple[drive_model.Array, drive_model.Array]:
     """A random state with a full random covariance."""
     generator = np.random.default_rng(seed)
-    nominal = np.array([0.3, -0.2, 0.7, 0.15, 0.4, 0.002, 0.01, -0.02, 1.0, 1.0, 1.0, 1.0])
+    nominal = np.array([0.3, -0.2, 0.7, 0.15, 0.4, 0.002, 0.01, -0.02, 1.0, 0.0, 1.0, 1.0, 0.0])
     deviations = np.array(DEVIATIONS)
     A = np.eye(SIZE) + 0.2 * generator.normal(size=(SIZE, SIZE))
     correlation = A @ A.T
@@ -45,12 +45,13 @@ def test_generated_filter_equals_filterpy_over_a_drive() -> None:
     for cycle in range(400):
         dt = float(generator.uniform(0.003, 0.03))
         left, right, gyro = (float(each) for each in generator.normal([4.0, 4.5, 0.3], [1.0, 1.0, 0.5]))
+        swing = float(generator.normal(0.0, 5.0))
         if cycle % 7 == 3:
-            fast.step_wheels(dt, (left, right), (0.01, 0.02), (3.8, 4.2))
-            stock.step_wheels(dt, (left, right), (0.01, 0.02), (3.8, 4.2))
+            fast.step_wheels(dt, (left, right), (0.01, 0.02), 0.03)
+            stock.step_wheels(dt, (left, right), (0.01, 0.02), 0.03)
         else:
-            fast.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), (3.8, 4.2))
-            stock.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), (3.8, 4.2))
+            fast.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), swing, 0.03)
+            stock.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), swing, 0.03)
         if cycle % 11 == 5:
             fast.still(1e-6, 1e-6)
             stock.still(1e-6, 1e-6)
@@ -68,7 +69,10 @@ def test_jacobians_are_the_slopes_of_the_model(seed: int) -> None:
     step = 1e-6
     models: list[tuple[Callable[[drive_model.Array], drive_model.Array], drive_model.Array]] = [
         (lambda x: drive_model.moved(x, 0.02), drive_model.motion_jacobian(mean, 0.02)),
-        (lambda x: drive_model.readings(x, GEOMETRY), drive_model.readings_jacobian(mean, GEOMETRY)),
+        (
+            lambda x: drive_model.readings(x, GEOMETRY, 4.0),
+            drive_model.readings_jacobian(mean, GEOMETRY, 4.0),
+        ),
     ]
     for function, jacobian in models:
         columns = [(function(mean + h) - function(mean - h)) / (2 * step) for h in step * np.eye(SIZE)]
@@ -79,8 +83,8 @@ def test_innovation_and_its_variance_are_those_of_the_textbook() -> None:
     fast, stock = pair(3)
     stock.predict(0.01)
     mean, P = mean_of(stock.flat), covariance_of(stock.flat)
-    H = drive_model.readings_jacobian(mean, GEOMETRY, (4.9, 5.4))[0]
-    innovation, variance = fast.step(0.01, (5.0, 5.5, 0.2), (0.01, 0.01, 1e-5), (4.9, 5.4))[:2]
+    H = drive_model.readings_jacobian(mean, GEOMETRY)[0]
+    innovation, variance = fast.step(0.01, (5.0, 5.5, 0.2), (0.01, 0.01, 1e-5), 0.0)[:2]
     assert innovation == pytest.approx(5.0 - drive_model.readings(mean, GEOMETRY)[0], rel=1e-9)
     assert variance == pytest.approx(H @ P @ H + 0.01, rel=1e-9)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,10 +23,6 @@ from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry
 
-TURNING_TIME = 0.1
-"""s over which the motion is averaged that shows the scales."""
-SLOW, SLOW_TURN = 0.01, 0.1
-"""m/s and rad/s below which a scale does not show beside an offset."""
 KEPT_STEPS = 100
 DOUBTED = 100.0
 """(rad/s)^2, variance of a wheel that slips: it counts for nothing beside the others."""
@@ -35,17 +31,35 @@ RELEARN = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
-    """One step of the filter: what was read over `span` s until `time`, and the belief after it."""
+class Reading:
+    """What was read over `span` s until `time`.
+
+    values, variances: left and right wheel (rad/s, nominal scale) and, where it is there, the gyro (rad/s).
+    swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
+    other less. still: the robot stood.
+    """
 
     time: float
     span: float
-    read: tuple[float, ...]
+    values: tuple[float, ...]
     variances: tuple[float, ...]
-    turning: tuple[float, float]
+    swing: float
+    wobble: float
     still: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of the filter: what it took, and the belief after it."""
+
+    reading: Reading
     flat: Flat
     distance: float
+
+    @property
+    def time(self) -> float:
+        """Its end, s."""
+        return self.reading.time
 
 
 class Fusion:
@@ -58,7 +72,6 @@ class Fusion:
         self.way = Way()
         self.distance = 0.0
         self._settings = settings
-        self._mean_velocity = self._mean_turn_rate = 0.0
         self._steps: deque[Step] = deque(maxlen=KEPT_STEPS)
 
     def place(self, x: float, y: float, heading: float) -> None:
@@ -68,104 +81,66 @@ class Fusion:
         self.distance = 0.0
         self.way = Way()
 
-    def advance(
-        self,
-        time: float,
-        span: float,
-        read: tuple[float, ...],
-        variances: tuple[float, ...],
-        still: bool,
-        reasons: Reasons,
-        repeated_gyro: bool,
-    ) -> None:
-        """Take a step: left and right wheel (rad/s, nominal scale) and, where it is there, the gyro
-        (rad/s).
-        """
-        turning = (0.0, 0.0) if still else self._turning(span)
+    def advance(self, reading: Reading, reasons: Reasons, repeated_gyro: bool) -> None:
+        """Take a step. repeated_gyro: the gyro's last words were equal, which noise never gives for long."""
         before = self.drive.flat
-        innovations = self._take(span, read, variances, turning)
-        if len(read) == 3 and not still:
-            read, variances = self._judged(
-                time, span, read, variances, turning, before, innovations, reasons, repeated_gyro
-            )
-        if still:
+        innovations = self._take(reading)
+        if len(reading.values) == 3 and not reading.still:
+            reading = self._judged(reading, before, innovations, reasons, repeated_gyro)
+        if reading.still:
             self._hold_still()
-        velocity = self.drive.flat[State.VELOCITY]
-        self.distance += velocity * span
+        flat, span = self.drive.flat, reading.span
+        self.distance += flat[State.WAY] * flat[State.VELOCITY] * span
         way = self.way
-        way.left += read[0] * span
-        way.right += read[1] * span
+        way.left += reading.values[0] * span
+        way.right += reading.values[1] * span
         way.seconds += span
-        self._steps.append(Step(time, span, read, variances, turning, still, self.drive.flat, self.distance))
+        self._steps.append(Step(reading, flat, self.distance))
 
     def _judged(
-        self,
-        time: float,
-        span: float,
-        read: tuple[float, ...],
-        variances: tuple[float, ...],
-        turning: tuple[float, float],
-        before: Flat,
-        innovations: Flat,
-        reasons: Reasons,
-        repeated_gyro: bool,
-    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        self, reading: Reading, before: Flat, innovations: Flat, reasons: Reasons, repeated_gyro: bool
+    ) -> Reading:
         """The step as it stands after doubt: taken again without the wheel, or the gyro, that does not
         fit.
         """
-        slip = self.slip
+        slip, time = self.slip, reading.time
         innovation, variance = innovations[4], innovations[5]
         if not slip.disagrees(innovation, variance):
-            slip.calm(span)
-            return read, variances
+            slip.calm(reading.span)
+            return reading
         self.drive.flat = before
         if repeated_gyro:
             reasons.tell("the gyro is frozen", time)
-            read, variances = read[:2], variances[:2]
+            reading = replace(reading, values=reading.values[:2], variances=reading.variances[:2])
         elif slip.scales_are_wrong:
             reasons.tell("the wheels' scales do not fit the gyro", time, 1.0)
             slip.start_again()
-            self.drive.widen((State.LEFT_SCALE, State.RIGHT_SCALE), RELEARN)
+            self.drive.doubt_scales(RELEARN)
         else:
-            flat = before
-            speeds = read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET]
-            left = slip.blame(span, innovation, *speeds) == "left"
-            variances = (
-                variances[0] + (DOUBTED if left else 0.0),
-                variances[1] + (0.0 if left else DOUBTED),
-                variances[2],
-            )
+            reading = self._without_a_wheel(reading, innovation)
             if slip.wheel is not None:
                 reasons.tell(f"the {slip.wheel} wheel slips", time)
-        self._take(span, read, variances, turning)
-        return read, variances
+        self._take(reading)
+        return reading
 
-    def _take(
-        self, span: float, read: tuple[float, ...], variances: tuple[float, ...], turning: tuple[float, float]
-    ) -> Flat:
-        if len(read) == 3:
-            return self.drive.step(span, read, variances, turning)  # type: ignore[arg-type]
-        return self.drive.step_wheels(span, read, variances, turning)  # type: ignore[arg-type]
+    def _without_a_wheel(self, reading: Reading, innovation: float) -> Reading:
+        flat, (left, right) = self.drive.flat, reading.values[:2]
+        speeds = left - flat[State.LEFT_OFFSET], right - flat[State.RIGHT_OFFSET]
+        blamed = self.slip.blame(reading.span, innovation, *speeds)
+        of_left, of_right, of_gyro = reading.variances
+        if blamed == "left":
+            return replace(reading, variances=(of_left + DOUBTED, of_right, of_gyro))
+        return replace(reading, variances=(of_left, of_right + DOUBTED, of_gyro))
+
+    def _take(self, reading: Reading) -> Flat:
+        span, values, variances = reading.span, reading.values, reading.variances
+        if len(values) == 3:
+            return self.drive.step(span, values, variances, reading.swing, reading.wobble)  # type: ignore[arg-type]
+        return self.drive.step_wheels(span, values, variances, reading.wobble)  # type: ignore[arg-type]
 
     def _hold_still(self) -> None:
         settings = self._settings
         self.drive.still(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
-
-    def _turning(self, span: float) -> tuple[float, float]:
-        """How fast the wheels turn, for seeing their scales: the motion, averaged while it is steady.
-
-        With the newest motion, its noise times itself would move both scales together, which nothing measures
-        when driving straight.
-        """
-        flat, share = self.drive.flat, span / (TURNING_TIME + span)
-        velocity, turn_rate = flat[State.VELOCITY], flat[State.TURN_RATE]
-        if abs(velocity - self._mean_velocity) > 0.01 or abs(turn_rate - self._mean_turn_rate) > 0.03:
-            share = 1.0
-        self._mean_velocity += (velocity - self._mean_velocity) * share
-        self._mean_turn_rate += (turn_rate - self._mean_turn_rate) * share
-        if abs(self._mean_velocity) < SLOW and abs(self._mean_turn_rate) < SLOW_TURN:
-            return 0.0, 0.0
-        return self.geometry.wheel_speeds(self._mean_velocity, self._mean_turn_rate)
 
     def observe(self, seen: Seen, shift: Array, time: float | None) -> Observation:
         """Take something seen. shift: (3,) how far the pose has moved on since the last step.
@@ -189,31 +164,20 @@ class Fusion:
         self._steps = deque(steps[: after - 1], maxlen=KEPT_STEPS)
         self._keep(here)
         for step in steps[after:]:
-            self._take(step.span, step.read, step.variances, step.turning)
-            if step.still:
+            self._take(step.reading)
+            if step.reading.still:
                 self._hold_still()
             self._keep(step)
         return found
 
     def _keep(self, step: Step) -> None:
-        self._steps.append(
-            Step(
-                step.time,
-                step.span,
-                step.read,
-                step.variances,
-                step.turning,
-                step.still,
-                self.drive.flat,
-                step.distance,
-            )
-        )
+        self._steps.append(replace(step, flat=self.drive.flat))
 
     def _between(self, here: Step, later: list[Step], time: float) -> Array:
         """How far the pose moves from a step to a time before the next."""
         if not later:
             return np.zeros(3)
-        share = (time - here.time) / later[0].span
+        share = (time - here.time) / later[0].reading.span
         moved: Array = np.array(later[0].flat[: State.VELOCITY]) - np.array(here.flat[: State.VELOCITY])
         return share * moved
 

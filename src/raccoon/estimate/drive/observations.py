@@ -104,7 +104,7 @@ def line_seen(point: tuple[float, float], direction: float, sensor: tuple[float,
 
 
 def of_state(seen: Seen, shift: Array) -> tuple[Callable[[Array], Array], Callable[[Array], Array]]:
-    """The measurement as functions of the filter's state, (12,), whose pose is `shift` (3,) behind."""
+    """The measurement as functions of the filter's state, (13,), whose pose is `shift` (3,) behind."""
 
     def expected(state: Array) -> Array:
         return seen.expected(state[: State.VELOCITY] + shift)
@@ -127,19 +127,22 @@ class Way:
 
     def expected(self, state: Array, radius: float) -> Array:
         """Way of the robot's middle, m, (1,)."""
-        left = (self.left - state[State.LEFT_OFFSET] * self.seconds) / state[State.LEFT_SCALE]
-        right = (self.right - state[State.RIGHT_OFFSET] * self.seconds) / state[State.RIGHT_SCALE]
-        return np.array([0.5 * radius * (left + right)])
+        return np.array([state[State.WAY] * sum(self._read(state, radius))])
+
+    def _read(self, state: Array, radius: float) -> tuple[float, float]:
+        """Half the way of either wheel as both read it, m."""
+        balance = state[State.BALANCE]
+        left = 0.5 * radius * (self.left - state[State.LEFT_OFFSET] * self.seconds) / (1.0 - balance)
+        right = 0.5 * radius * (self.right - state[State.RIGHT_OFFSET] * self.seconds) / (1.0 + balance)
+        return left, right
 
     def jacobian(self, state: Array, radius: float) -> Array:
-        """Its derivative by the state, (1, 12)."""
+        """Its derivative by the state, (1, 13)."""
         H = np.zeros((1, SIZE))
-        wheels = (
-            (self.left, State.LEFT_OFFSET, State.LEFT_SCALE),
-            (self.right, State.RIGHT_OFFSET, State.RIGHT_SCALE),
-        )
-        for turned, offset, scale in wheels:
-            way = 0.5 * radius * (turned - state[offset] * self.seconds) / state[scale]
-            H[0, scale] = -way / state[scale]
-            H[0, offset] = -0.5 * radius * self.seconds / state[scale]
+        way, balance = state[State.WAY], state[State.BALANCE]
+        left, right = self._read(state, radius)
+        H[0, State.WAY] = left + right
+        H[0, State.BALANCE] = way * (left / (1.0 - balance) - right / (1.0 + balance))
+        H[0, State.LEFT_OFFSET] = -0.5 * radius * self.seconds * way / (1.0 - balance)
+        H[0, State.RIGHT_OFFSET] = -0.5 * radius * self.seconds * way / (1.0 + balance)
         return H

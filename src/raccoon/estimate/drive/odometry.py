@@ -16,38 +16,35 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate, Observation
-from raccoon.estimate.drive.fusion import Fusion
+from raccoon.estimate.drive.fusion import Fusion, Reading
 from raccoon.estimate.drive.health import GYRO_TIMEOUT
+from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_seen, pose_seen
 from raccoon.estimate.drive.prior import prior, process_noise
-from raccoon.estimate.drive.readings import GAP, DriveReadings, Pending
+from raccoon.estimate.drive.published import pose_covariance, published
+from raccoon.estimate.drive.readings import DriveReadings, Pending
 from raccoon.estimate.drive.slip import BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
-from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.drive.timing import Swing
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
-from raccoon.estimate.ekf.filter import DriveFilter, covariance_of, variance_index
-from raccoon.estimate.ekf.state import OdometrySettings, State
-from raccoon.model.drive import DriveGeometry, arc_end
+from raccoon.estimate.ekf.filter import DriveFilter, variance_index
+from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
+from raccoon.model.drive import DriveGeometry
 
 __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
 
 DEFAULTS = OdometrySettings()
 STEP = 0.0175
 """s; the filter moves on with the first gyro reading after it (every 20 ms at 50 and at 200 Hz)."""
-SAMPLE_TIME = 0.005
-"""s of a back-EMF sample; readings are independent from one to the next."""
 UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
 UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
-SILENT_WHEEL = 50.0
-"""(rad/s)^2 over one second, variance of a wheel that gives no reading: it may turn at any speed."""
 BLIND_AFTER = 0.5
 """s without any wheel reading after which the pose is not to be used."""
 
-_VAR = {state: variance_index(state) for state in State}
-_VX, _VY, _VH = _VAR[State.X], _VAR[State.Y], _VAR[State.HEADING]
-_VV, _VW, _VB = _VAR[State.VELOCITY], _VAR[State.TURN_RATE], _VAR[State.GYRO_BIAS]
-_VOL, _VOR = _VAR[State.LEFT_OFFSET], _VAR[State.RIGHT_OFFSET]
+_VX, _VY, _VH = variance_index(State.X), variance_index(State.Y), variance_index(State.HEADING)
+_VB = variance_index(State.GYRO_BIAS)
+_VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
 
 
 class Odometry:
@@ -74,6 +71,7 @@ class Odometry:
         self._left, self._right = self._readings.left, self._readings.right
         self._gyro, self._reasons = self._readings.gyro, self._readings.reasons
         self._standstill, self._bump = Standstill(), BumpWatch()
+        self._swing = Swing()
         self._configure(SIMULATOR)
         self.reset(x, y, heading)
 
@@ -86,7 +84,7 @@ class Odometry:
     def wheel_scales(self) -> tuple[float, float]:
         """Speed as read over true speed, left and right: 1 where the calibration is right."""
         flat = self._fusion.drive.flat
-        return flat[State.LEFT_SCALE], flat[State.RIGHT_SCALE]
+        return wheel_scales(flat[State.WAY], flat[State.BALANCE])
 
     @property
     def pose_covariance(self) -> NDArray[np.float64]:
@@ -95,11 +93,7 @@ class Odometry:
         That of the filter's last step (at most 20 ms ago), and what the robot moves in the time by which its
         readings may be early or late.
         """
-        here, P = self._estimate, covariance_of(self._fusion.drive.flat)[: State.VELOCITY, : State.VELOCITY]
-        along, turned = self._settings.timing * here.velocity, self._settings.timing * here.turn_rate
-        moved = np.array([along * math.cos(here.heading), along * math.sin(here.heading), turned])
-        found: NDArray[np.float64] = P + np.outer(moved, moved)
-        return found
+        return pose_covariance(self._fusion.drive.flat, self._estimate, self._settings.timing)
 
     def reset(self, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
         """Take the robot to be at this pose (m, m, rad), exactly; what is known of scales and offsets stays.
@@ -190,11 +184,9 @@ class Odometry:
     def _configure(self, device: Device) -> None:
         """Scale of the words of this device; a new one starts the filter anew, where the old one stood."""
         self._device = device
-        per_count = counts_scale(self._robot, "left", device)
         self._left.lag = self._right.lag = lag_seconds(self._robot, device)
-        self._dead_variance = (device.bemf_dead_zone * per_count) ** 2 / 3.0  # anywhere within the dead zone
-        self._tick = per_count * device.position_counts_seconds
-        self._bemf_variance = (self._settings.bemf_noise_counts * per_count) ** 2 * SAMPLE_TIME
+        self._noise = WheelNoise(self._robot, self._settings, device)
+        per_count = counts_scale(self._robot, "left", device)
         mean, covariance = prior(self._robot, self._settings, device)
         drive = DriveFilter(
             mean, covariance, self._geometry, process_noise(self._robot, self._settings, per_count)
@@ -208,38 +200,26 @@ class Odometry:
     def _advance(self, command: Outputs, inputs: Inputs) -> None:
         """Move the filter to now over the whole time since it last moved."""
         pending, self._readings.pending = self._readings.pending, Pending()
-        span = pending.span
+        span, noise, left, right = pending.span, self._noise, self._left, self._right
         read: tuple[float, ...] = (pending.left / span, pending.right / span)
         variances: tuple[float, ...] = (
-            self._wheel_variance(self._left, read[0], span),
-            self._wheel_variance(self._right, read[1], span),
+            noise.variance(left, read[0], span),
+            noise.variance(right, read[1], span),
         )
-        self._left.mean, self._right.mean = read[0], read[1]
-        self._left.blind = self._right.blind = self._left.lost = self._right.lost = 0.0
+        left.mean, right.mean = read
+        left.blind = right.blind = left.lost = right.lost = 0.0
+        swing = self._swing.update(
+            span, self._geometry.body_motion(left.speed, right.speed)[1], self._readings.rate
+        )
+        wobble = noise.wobble(read[0], read[1], span)
         if pending.gyro_count and pending.gyro_span > 0.5 * span:
-            noise = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             read = (*read, pending.turn / pending.gyro_span)
-            variances = (*variances, noise)
+            of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
+            variances = (*variances, of_gyro)
         still = self._stands(span, command)
-        repeated = self._gyro.repeats >= 2
-        self._fusion.advance(self._readings.time, span, read, variances, still, self._reasons, repeated)
+        reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)
+        self._fusion.advance(reading, self._reasons, self._gyro.repeats >= 2)
         self._feel(span, still, inputs)
-
-    def _wheel_variance(self, wheel: WheelTrack, speed: float, span: float) -> float:
-        """Of a wheel's mean speed over `span`.
-
-        Noise or tick steps, a little slip everywhere, and being a little early or late.
-        """
-        if wheel.silent > HOLD:
-            return SILENT_WHEEL / span
-        steps = (self._tick / span) ** 2 / 6.0
-        noise = self._bemf_variance / span if wheel.fine else steps
-        if span > GAP:
-            noise += steps + self._bemf_variance / SAMPLE_TIME
-        slip = self._settings.slip_noise**2 * abs(speed) / (self._geometry.wheel_radius * span)
-        late = self._settings.timing * (speed - wheel.mean) / span
-        unseen = self._dead_variance * min(wheel.blind / span, 1.0) + (wheel.lost / span) ** 2
-        return noise + slip + late * late + unseen + 1e-10
 
     def _feel(self, span: float, still: bool, inputs: Inputs) -> None:
         """Compare the accelerometer with the wheels."""
@@ -274,46 +254,4 @@ class Odometry:
         return Status.OK
 
     def _published(self) -> DriveEstimate:
-        """The filter's belief, moved on by what was read since it last moved."""
-        flat = self._fusion.drive.flat
-        left_scale, right_scale = flat[State.LEFT_SCALE], flat[State.RIGHT_SCALE]
-        left_speed = (self._left.speed - flat[State.LEFT_OFFSET]) / left_scale
-        right_speed = (self._right.speed - flat[State.RIGHT_OFFSET]) / right_scale
-        x, y, heading = flat[State.X], flat[State.Y], flat[State.HEADING]
-        velocity, turn_rate, distance = flat[State.VELOCITY], flat[State.TURN_RATE], self._fusion.distance
-        pending, ahead = self._readings.pending, self._readings.ahead
-        span = pending.span + ahead[0]
-        if span > 0.0:
-            left = (pending.left + ahead[1] - flat[State.LEFT_OFFSET] * span) / left_scale
-            right = (pending.right + ahead[2] - flat[State.RIGHT_OFFSET] * span) / right_scale
-            travel, turn = self._geometry.body_motion(left, right)
-            velocity, turn_rate = self._geometry.body_motion(left_speed, right_speed)
-            known = pending.gyro_span
-            if known > 0.0:
-                turn_rate = (pending.turn / known - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
-                turn = turn_rate * span
-            x, y, heading = arc_end(x, y, heading, travel, turn)
-            distance += travel
-        late = self._settings.timing
-        along, across = late * velocity * math.cos(heading), late * velocity * math.sin(heading)
-        turned = late * turn_rate
-        return DriveEstimate(
-            self._readings.time,
-            x,
-            y,
-            heading,
-            velocity,
-            turn_rate,
-            flat[State.GYRO_BIAS],
-            left_speed,
-            right_speed,
-            distance,
-            sqrt(flat[_VX] + along * along),
-            sqrt(flat[_VY] + across * across),
-            sqrt(flat[_VH] + turned * turned),
-            sqrt(flat[_VV]),
-            sqrt(flat[_VW]),
-            sqrt(flat[_VB]),
-            self._status(),
-            self._reasons.now,
-        )
+        return published(self._fusion, self._readings, self._settings, self._status())

@@ -11,27 +11,40 @@ from raccoon.estimate.ekf.filter import ProcessNoise
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State
 
+_SCALES = [State.WAY, State.BALANCE, State.WHEEL_TURN]
+
 
 def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tuple[Array, Array]:
-    """Mean (12,) and covariance (12, 12) of a robot that stands at the origin."""
+    """Mean (13,) and covariance (13, 13) of a robot that stands at the origin."""
     mean = np.zeros(SIZE)
     deviations = np.zeros(SIZE)
-    imu, drive = robot.model.imu, robot.model.drive
+    imu = robot.model.imu
     mean[State.GYRO_BIAS] = imu.gyro_bias.value
     mean[State.GYRO_SCALE] = imu.gyro_scale.value
-    mean[[State.LEFT_SCALE, State.RIGHT_SCALE, State.TRACK_SCALE]] = 1.0
+    mean[[State.WAY, State.WHEEL_TURN]] = 1.0
     deviations[[State.X, State.Y, State.HEADING]] = 1e-4
     deviations[State.VELOCITY], deviations[State.TURN_RATE] = 0.1, 0.5
     deviations[State.GYRO_BIAS] = max(imu.gyro_bias.std, settings.gyro_bias)
     deviations[State.GYRO_SCALE] = max(imu.gyro_scale.std, 1e-5)
-    deviations[State.TRACK_SCALE] = max(drive.track_width.std / drive.track_width.value, 1e-4)
-    for side, offset, scale in (
-        ("left", State.LEFT_OFFSET, State.LEFT_SCALE),
-        ("right", State.RIGHT_OFFSET, State.RIGHT_SCALE),
-    ):
+    deviations[State.GYRO_DELAY] = settings.gyro_delay
+    for side, offset in (("left", State.LEFT_OFFSET), ("right", State.RIGHT_OFFSET)):
         deviations[offset] = offset_std_counts(robot, settings, side) * counts_scale(robot, side, device)
-        deviations[scale] = scale_std(robot, settings, side)
-    return mean, np.diag(deviations**2)
+    covariance = np.diag(deviations**2)
+    scales = [scale_std(robot, settings, side) for side in ("left", "right")]
+    covariance[np.ix_(_SCALES, _SCALES)] = scale_covariance(scales[0], scales[1], track_std(robot, settings))
+    return mean, covariance
+
+
+def scale_covariance(left: float, right: float, track: float) -> Array:
+    """Covariance (3, 3) of WAY, BALANCE and WHEEL_TURN from the relative deviations of two wheel scales and
+    of the track width.
+
+    With scales 1 + l and 1 + r and a track 1 + t, to first order: WAY = 1 - (l + r) / 2,
+    BALANCE = (r - l) / 2, WHEEL_TURN = 1 + (l + r) / 2 + t.
+    """
+    slopes = np.array([[-0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.5, 0.5, 1.0]])
+    found: Array = slopes @ np.diag([left**2, right**2, track**2]) @ slopes.T
+    return found
 
 
 def offset_std_counts(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:
@@ -40,6 +53,13 @@ def offset_std_counts(robot: RobotConfig, settings: OdometrySettings, side: str)
     if own is not None:
         return own.std
     return max(robot.model.bemf.offset.std, settings.uncalibrated_offset_counts)
+
+
+def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:
+    """Relative standard deviation of the track width; one that nobody fitted is as wide as wheels are."""
+    track = robot.model.drive.track_width
+    floor = settings.uncalibrated_track if track.date is None else 1e-4
+    return max(track.std / track.value, floor)
 
 
 def scale_std(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:
@@ -64,5 +84,5 @@ def process_noise(robot: RobotConfig, settings: OdometrySettings, radians_per_co
         turn_rate=settings.turn_acceleration**2,
         gyro_bias=settings.gyro_bias_walk**2,
         offset=(walk * radians_per_count) ** 2,
-        scale=settings.scale_walk**2,
+        scale=0.5 * settings.scale_walk**2,
     )

@@ -1,9 +1,9 @@
 """One wheel's angle and speed now, from a counter and a back-EMF word that is late.
 
-The board filters the back-EMF with a time constant tau, and its counter sums the filtered value, so both
-lag. For a first-order filter the angle now is exactly::
+The board filters the back-EMF, and its counter sums the filtered value, so both lag. For a first-order filter
+the angle now is, but for the change of the last sample::
 
-    angle = counter + tau * filtered speed
+    angle = counter + lag * filtered speed
 
 A whole tick is as much as a wheel turns in a cycle, so the fine back-EMF is integrated and drawn to the
 counter: no cycle that was missed is lost, and no tick's step is seen.
@@ -11,9 +11,11 @@ counter: no cycle that was missed is lost, and no tick's step is seen.
 
 from __future__ import annotations
 
+SHORTEST = 0.002
+"""s between two readings; closer ones are the same reading twice."""
 COUNTER_PULL = 0.25
 """s, time constant with which the integrated back-EMF follows the counter."""
-SPEED_SMOOTHING = 0.0075
+SPEED_SMOOTHING = 0.005
 """s, time constant of the speed handed to the speed loop."""
 STUCK_ANGLE = 0.15
 """rad that one of counter and back-EMF turned while the other stood still: the other is dead."""
@@ -24,7 +26,7 @@ HOLD = 0.06
 class WheelTrack:
     """Angle increments and speed of one wheel, rad and rad/s at nominal scale.
 
-    lag: s, the board's filter. tick: rad of one counter tick, for the noise of a wheel without back-EMF.
+    lag: s by which back-EMF and counter are behind the wheel (`wheels.lag_seconds`).
     increment: rad in the last cycle. speed: rad/s now, smoothed. settled: rad/s, averaged over 0.1 s.
     mean: rad/s over the filter's last step, kept here for it.
     silent: s without a reading. fine: True where back-EMF was read, which carries no steps.
@@ -78,11 +80,11 @@ class WheelTrack:
             self.increment = angle + self._behind
             self._behind = 0.0
             self._filtered = None
+            self._smooth(dt, self.increment / dt if dt > 0.0 else self.speed)
         else:
             self._hold(dt)
             return
         self.silent = 0.0
-        self._smooth(dt)
 
     def restart(self, dt: float) -> None:
         """The counter jumped, or its controller restarted: what the wheel turned since the last reading stays
@@ -111,15 +113,20 @@ class WheelTrack:
 
     def _from_back_emf(self, dt: float, speed: float, angle: float | None) -> None:
         before = speed if self._filtered is None else self._filtered
-        turned = speed * dt
-        if angle is not None:
-            self._behind += angle - turned
-            pull = self._behind * dt / (COUNTER_PULL + dt)
-            self._behind -= pull
-            turned += pull
-        self.increment = turned + self.lag * (speed - before)
+        self.increment = speed * dt + self._pull(dt, speed, angle) + self.lag * (speed - before)
         self._filtered = speed
         self.fine = True
+        # The filter's input, half a sample newer than the increment's middle.
+        self._smooth(dt, speed + (self.lag / max(dt, SHORTEST) + 0.5) * (speed - before))
+
+    def _pull(self, dt: float, speed: float, angle: float | None) -> float:
+        """rad by which the counter draws the integrated back-EMF to itself in this cycle."""
+        if angle is None:
+            return 0.0
+        self._behind += angle - speed * dt
+        pull = self._behind * dt / (COUNTER_PULL + dt)
+        self._behind -= pull
+        return pull
 
     def _hold(self, dt: float) -> None:
         """Nothing was read: turn on as before for a while; a counter that comes back corrects it."""
@@ -130,9 +137,6 @@ class WheelTrack:
             self._filtered = None
             self.speed = self.settled = 0.0
 
-    def _smooth(self, dt: float) -> None:
-        if dt <= 0.0:
-            return
-        now = self.increment / dt
+    def _smooth(self, dt: float, now: float) -> None:
         self.speed += (now - self.speed) * dt / (SPEED_SMOOTHING + dt)
         self.settled += (now - self.settled) * dt / (0.1 + dt)

@@ -16,7 +16,10 @@ from dataclasses import dataclass
 
 from raccoon.core.config import BemfModel, RobotConfig
 from raccoon.core.readings import Device, Fault, Inputs
+from raccoon.model.bemf import counter_lag
 
+SAMPLE_TIME = 0.005
+"""s between two samples of the back-EMF; their noise is independent from one to the next."""
 MAX_WHEEL_SPEED = 60.0
 """rad/s; no wheel of such a robot turns faster, so a counter that says so jumped."""
 
@@ -60,12 +63,13 @@ def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
 
 
 def lag_seconds(robot: RobotConfig, device: Device) -> float:
-    """S by which back-EMF and counter are behind the wheel: robot.toml's where it gives one, else the
-    device's.
+    """S by which back-EMF and counter are behind the wheel: of robot.toml's filter time constant where it
+    gives one, else the device's.
     """
     own = robot.model.bemf.filter_time_constant
-    given = own != BemfModel().filter_time_constant
-    return own.value if given or device.bemf_lag is None else device.bemf_lag
+    if own == BemfModel().filter_time_constant and device.bemf_lag is not None:
+        return device.bemf_lag
+    return counter_lag(own.value, SAMPLE_TIME)
 
 
 def offset_counts(robot: RobotConfig, side: str) -> float:

@@ -34,7 +34,7 @@ def mean_of(flat: Flat) -> Array:
 
 
 def covariance_of(flat: Flat) -> Array:
-    """The covariance, (12, 12), symmetric."""
+    """The covariance, (13, 13), symmetric."""
     P = np.zeros((SIZE, SIZE))
     P[_ROWS, _COLUMNS] = flat[SIZE:]
     P[_COLUMNS, _ROWS] = flat[SIZE:]
@@ -43,8 +43,12 @@ def covariance_of(flat: Flat) -> Array:
 
 def variance_index(state: State) -> int:
     """Where the variance of a state stands in the flat state."""
-    row = int(state)
-    return SIZE + row * SIZE - row * (row - 1) // 2
+    return covariance_index(state, state)
+
+
+def covariance_index(row: State, column: State) -> int:
+    """Where the covariance of two states, in their order, stands in the flat state."""
+    return SIZE + row * SIZE - row * (row - 1) // 2 + column - row
 
 
 class ProcessNoise:
@@ -107,12 +111,14 @@ class DriveFilter:
         dt: float,
         read: tuple[float, float, float],
         variances: tuple[float, float, float],
-        turning: tuple[float, float],
+        swing: float,
+        wobble: float = 0.0,
     ) -> Flat:
         """Move on by dt s and take left wheel, right wheel (rad/s, nominal scale) and gyro (rad/s): means
         over dt.
 
-        turning: rad/s, how fast each wheel turns, averaged; it says how far a scale can be seen.
+        swing: rad/s2, how fast the turn rate changes; it says how far the gyro's delay can be seen. wobble:
+        variance that either wheel's reading has besides, as much up as the other one's down.
         Gives innovation and its variance of left, right, gyro in turn, each after those before it.
         """
         left, right, gyro = read
@@ -128,7 +134,8 @@ class DriveFilter:
             v[1],
             gyro,
             v[2],
-            *turning,
+            swing,
+            wobble,
             self._radius,
             self._half_track,
         )
@@ -139,13 +146,23 @@ class DriveFilter:
         dt: float,
         read: tuple[float, float],
         variances: tuple[float, float],
-        turning: tuple[float, float],
+        wobble: float = 0.0,
     ) -> Flat:
         """Move on by dt s and take both wheels; there is no gyro reading."""
         left, right = read
         v = variances
         self.flat, innovations = generated.step_wheels(
-            self.flat, dt, *self._noise(dt), left, v[0], right, v[1], *turning, self._radius, self._half_track
+            self.flat,
+            dt,
+            *self._noise(dt),
+            left,
+            v[0],
+            right,
+            v[1],
+            0.0,
+            wobble,
+            self._radius,
+            self._half_track,
         )
         return innovations
 
@@ -188,4 +205,12 @@ class DriveFilter:
         flat = list(self.flat)
         for state in states:
             flat[variance_index(state)] += std**2
+        self.flat = tuple(flat)
+
+    def doubt_scales(self, std: float) -> None:
+        """Add this relative deviation to what is not known of either wheel's scale."""
+        flat, each = list(self.flat), 0.5 * std**2
+        for state in (State.WAY, State.BALANCE, State.WHEEL_TURN):
+            flat[variance_index(state)] += each
+        flat[covariance_index(State.WAY, State.WHEEL_TURN)] -= each
         self.flat = tuple(flat)

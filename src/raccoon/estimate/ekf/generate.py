@@ -20,19 +20,29 @@ from raccoon.estimate.ekf.state import SIZE, State
 
 NAMES = [state.name.lower() for state in State]
 SYMBOLS = {state: sp.Symbol(state.name.lower()) for state in State}
-DT, RADIUS, HALF_TRACK = sp.symbols("dt radius half_track")
+DT, RADIUS, HALF_TRACK, SWING = sp.symbols("dt radius half_track swing")
+WHEELS_TURN = SYMBOLS[State.TURN_RATE] + SYMBOLS[State.GYRO_DELAY] * SWING
 PROCESS_NOISE = {
     State.VELOCITY: "q_velocity",
     State.TURN_RATE: "q_turn_rate",
     State.GYRO_BIAS: "q_gyro_bias",
     State.LEFT_OFFSET: "q_offset",
     State.RIGHT_OFFSET: "q_offset",
-    State.LEFT_SCALE: "q_scale",
-    State.RIGHT_SCALE: "q_scale",
+    State.WAY: "q_scale",
+    State.BALANCE: "q_scale",
+    State.WHEEL_TURN: "q_scale",
 }
-SCALE_SLOPES = {("left", State.LEFT_SCALE): "left_turning", ("right", State.RIGHT_SCALE): "right_turning"}
-"""A wheel's reading moves with its scale by how fast it turns. That speed is handed in, averaged:
-with the newest one, its noise times itself leaks into scales that nothing measures."""
+WHEELS = {"left", "right"}
+NOISE = {
+    "left": "r_left + wobble",
+    "right": "r_right + wobble + shared * wobble",
+    "gyro": "r_gyro",
+    "velocity": "r_velocity",
+    "turn_rate": "r_turn_rate",
+}
+"""Variance of each scalar measurement. A wobble moves both wheels' readings by as much, one up and one down:
+their covariance is -wobble. The right wheel is taken less what the left one tells of that,
+shared = -wobble / (r_left + wobble)."""
 TARGET = Path(__file__).with_name("generated.py")
 
 
@@ -40,8 +50,8 @@ def motion() -> dict[State, Any]:
     """Pose after dt at constant velocity and turn rate: the chord of the arc, at its middle heading."""
     middle = SYMBOLS[State.HEADING] + SYMBOLS[State.TURN_RATE] * DT / 2
     return {
-        State.X: SYMBOLS[State.X] + SYMBOLS[State.VELOCITY] * DT * sp.cos(middle),
-        State.Y: SYMBOLS[State.Y] + SYMBOLS[State.VELOCITY] * DT * sp.sin(middle),
+        State.X: SYMBOLS[State.X] + SYMBOLS[State.WAY] * SYMBOLS[State.VELOCITY] * DT * sp.cos(middle),
+        State.Y: SYMBOLS[State.Y] + SYMBOLS[State.WAY] * SYMBOLS[State.VELOCITY] * DT * sp.sin(middle),
         State.HEADING: SYMBOLS[State.HEADING] + SYMBOLS[State.TURN_RATE] * DT,
     }
 
@@ -49,10 +59,10 @@ def motion() -> dict[State, Any]:
 def measurements() -> dict[str, Any]:
     """What each sensor reads: scale times what happens, plus what it reads at rest."""
     s = SYMBOLS
-    side = s[State.TURN_RATE] * HALF_TRACK * s[State.TRACK_SCALE]
+    side = HALF_TRACK * s[State.WHEEL_TURN] * WHEELS_TURN
     return {
-        "left": s[State.LEFT_SCALE] * (s[State.VELOCITY] - side) / RADIUS + s[State.LEFT_OFFSET],
-        "right": s[State.RIGHT_SCALE] * (s[State.VELOCITY] + side) / RADIUS + s[State.RIGHT_OFFSET],
+        "left": (1 - s[State.BALANCE]) * (s[State.VELOCITY] - side) / RADIUS + s[State.LEFT_OFFSET],
+        "right": (1 + s[State.BALANCE]) * (s[State.VELOCITY] + side) / RADIUS + s[State.RIGHT_OFFSET],
         "gyro": s[State.GYRO_SCALE] * s[State.TURN_RATE] + s[State.GYRO_BIAS],
         "velocity": s[State.VELOCITY],
         "turn_rate": s[State.TURN_RATE],
@@ -77,6 +87,7 @@ def term(factor: Any, name: str) -> str:
 def predict_lines() -> list[str]:
     """State and covariance after dt: P = F (P + Q) F'."""
     lines = [f"{cov(state, state)} += {name}" for state, name in PROCESS_NOISE.items()]
+    lines.append(f"{cov(State.WAY, State.WHEEL_TURN)} -= q_scale")
     lines += [
         "middle = heading + 0.5 * dt * turn_rate",
         "along_x = dt * cos(middle)",
@@ -108,33 +119,57 @@ def predict_lines() -> list[str]:
             parts = [f"b{int(row)}_{int(column)}"]
             parts += [term(f, f"b{int(row)}_{int(k)}") for k, f in jacobian[column].items()]
             lines.append(f"{cov(row, column)} = {' + '.join(parts)}")
-    lines += ["x += velocity * along_x", "y += velocity * along_y", "heading += dt * turn_rate"]
+    lines += ["x += way * velocity * along_x", "y += way * velocity * along_y", "heading += dt * turn_rate"]
     return lines
 
 
 def linearise_lines(sensors: Sequence[str]) -> list[str]:
     """Innovation and Jacobian of every measurement of the step, all at the predicted state."""
-    lines = ["inverse_radius = 1.0 / radius"] if {"left", "right"} & set(sensors) else []
+    both = set(sensors) >= WHEELS
+    lines = []
+    if both:
+        lines += ["inverse_radius = 1.0 / radius", "shared = -wobble / (r_left + wobble)"]
+        lines.append(f"wheels_turn = {code(WHEELS_TURN)}")
     for sensor in sensors:
-        expression = measurements()[sensor]
-        inverse = expression.subs(1 / RADIUS, sp.Symbol("inverse_radius"))
-        lines.append(f"y_{sensor} = z_{sensor} - ({code(inverse)})")
-        for symbol in slopes(sensor):
-            slope = sp.diff(inverse, SYMBOLS[symbol])
-            if slope != 1 and (sensor, symbol) not in SCALE_SLOPES:
-                lines.append(f"h_{sensor}_{int(symbol)} = {code(slope)}")
-    return lines
+        inverse = reading(sensor)
+        lines.append(f"y_{sensor} = z_{sensor} - ({code(short(inverse))})")
+        for symbol, name in slopes(sensor).items():
+            if name != "1":
+                lines.append(f"{name} = {slope_code(sensor, symbol)}")
+    return [*lines, "y_right -= shared * y_left"] if both else lines
+
+
+def reading(sensor: str) -> Any:
+    """What a sensor reads, with the division by the radius done once."""
+    return measurements()[sensor].subs(1 / RADIUS, sp.Symbol("inverse_radius"))
+
+
+def short(expression: Any) -> Any:
+    """With the turn rate of the wheels' time as one name."""
+    return expression.subs(WHEELS_TURN, sp.Symbol("wheels_turn"))
+
+
+def slope_code(sensor: str, symbol: State) -> str:
+    """Derivative of a measurement as Python; the right wheel's less what it has in common with the left."""
+    slope = short(sp.diff(reading(sensor), SYMBOLS[symbol]))
+    if sensor != "right":
+        return code(slope)
+    taken = f"shared * {slopes('left')[symbol]}" if slopes("left")[symbol] != "1" else "shared"
+    return f"{code(slope)} - {taken}" if slope != 0 else f"-{taken}"
 
 
 def slopes(sensor: str) -> dict[State, str]:
     """The states a sensor depends on and the name of the derivative."""
-    expression = measurements()[sensor]
     found = {}
     for state, symbol in SYMBOLS.items():
-        slope = sp.diff(expression, symbol)
+        slope = sp.diff(measurements()[sensor], symbol)
         if slope != 0:
-            name = SCALE_SLOPES.get((sensor, state), f"h_{sensor}_{int(state)}")
-            found[state] = "1" if slope == 1 else name
+            found[state] = "1" if slope == 1 else f"h_{sensor}_{int(state)}"
+    if sensor == "right":
+        return {
+            state: found.get(state, f"h_right_{int(state)}")
+            for state in (*slopes("left"), State.RIGHT_OFFSET)
+        }
     return found
 
 
@@ -148,7 +183,7 @@ def update_lines(sensor: str, first: bool) -> list[str]:
     lines = []
     for i in range(SIZE):
         lines.append(f"g{i} = {' + '.join(term(f, cov(i, k)) for k, f in h.items())}")
-    lines.append(f"s_{sensor} = {' + '.join(term(f, f'g{int(k)}') for k, f in h.items())} + r_{sensor}")
+    lines.append(f"s_{sensor} = {' + '.join(term(f, f'g{int(k)}') for k, f in h.items())} + {NOISE[sensor]}")
     if not first:
         lines.append(f"y_{sensor} -= {' + '.join(term(f, f'd{int(k)}') for k, f in h.items())}")
     lines.append(f"w = 1.0 / s_{sensor}")
@@ -170,8 +205,9 @@ def function(name: str, sensors: Sequence[str], predict: bool, doc: str) -> str:
         parameters += [f"{q}: float" for q in dict.fromkeys(PROCESS_NOISE.values())]
     for sensor in sensors:
         parameters += [f"z_{sensor}: float", f"r_{sensor}: float"]
-    if {"left", "right"} & set(sensors):
-        parameters += [f"{each}: float" for each in (*SCALE_SLOPES.values(), "radius", "half_track")]
+    if set(sensors) >= WHEELS:
+        parameters += ["swing: float", "wobble: float"]
+        parameters += ["radius: float", "half_track: float"]
     body = [f"({', '.join(flat)},) = state"]
     if predict:
         body += predict_lines()
@@ -189,6 +225,9 @@ def function(name: str, sensors: Sequence[str], predict: bool, doc: str) -> str:
 
 def fill(line: str) -> list[str]:
     """One statement, broken where it is too long."""
+    name, equals, value = line.partition("= ")
+    if equals and len(line) > 100:
+        line = f"{name}= ({value})"
     return textwrap.wrap(line, 108, initial_indent="    ", subsequent_indent="        ")
 
 

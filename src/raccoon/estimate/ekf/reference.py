@@ -20,9 +20,17 @@ _WANDERING = (
     State.GYRO_BIAS,
     State.LEFT_OFFSET,
     State.RIGHT_OFFSET,
-    State.LEFT_SCALE,
-    State.RIGHT_SCALE,
+    State.WAY,
+    State.BALANCE,
+    State.WHEEL_TURN,
 )
+
+
+def together(variances: tuple[float, ...], wobble: float) -> Array:
+    """Covariance of the readings: wheels that wobble against each other, and a gyro where there is one."""
+    noise: Array = np.diag(variances)
+    noise[:2, :2] += wobble * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return noise
 
 
 class ReferenceFilter:
@@ -45,7 +53,8 @@ class ReferenceFilter:
         ekf = self._ekf
         velocity, turn_rate, gyro_bias, offset, scale = self._noise(dt)
         Q = np.zeros_like(ekf.P)
-        Q[_WANDERING, _WANDERING] = (velocity, turn_rate, gyro_bias, offset, offset, scale, scale)
+        Q[_WANDERING, _WANDERING] = (velocity, turn_rate, gyro_bias, offset, offset, scale, scale, scale)
+        Q[State.WAY, State.WHEEL_TURN] = Q[State.WHEEL_TURN, State.WAY] = -scale
         ekf.F = drive_model.motion_jacobian(ekf.x, dt)
         ekf.Q = ekf.F @ Q @ ekf.F.T
         self._dt = dt
@@ -56,26 +65,27 @@ class ReferenceFilter:
         dt: float,
         read: tuple[float, float, float],
         variances: tuple[float, float, float],
-        turning: tuple[float, float],
+        swing: float,
+        wobble: float = 0.0,
     ) -> None:
         """Move on and take wheels and gyro."""
         self.predict(dt)
-        self._update(np.array(read), np.array(variances), slice(0, 3), turning)
+        self._update(np.array(read), together(variances, wobble), slice(0, 3), swing)
 
     def step_wheels(
         self,
         dt: float,
         read: tuple[float, float],
         variances: tuple[float, float],
-        turning: tuple[float, float],
+        wobble: float = 0.0,
     ) -> None:
         """Move on and take the wheels."""
         self.predict(dt)
-        self._update(np.array(read), np.array(variances), slice(0, 2), turning)
+        self._update(np.array(read), together(variances, wobble), slice(0, 2))
 
     def update_gyro(self, gyro: float, variance: float) -> None:
         """Take a gyro reading alone."""
-        self._update(np.array([gyro]), np.array([variance]), slice(2, 3), (0.0, 0.0))
+        self._update(np.array([gyro]), np.array([[variance]]), slice(2, 3))
 
     def still(self, velocity_variance: float, turn_rate_variance: float) -> None:
         """Take it that the robot does not move."""
@@ -87,11 +97,17 @@ class ReferenceFilter:
     def _predict_state(self, _: object = 0) -> None:
         self._ekf.x = drive_model.moved(self._ekf.x, self._dt)
 
-    def _update(self, measured: Array, variances: Array, rows: slice, turning: tuple[float, float]) -> None:
+    def _update(
+        self,
+        measured: Array,
+        noise: Array,
+        rows: slice,
+        swing: float = 0.0,
+    ) -> None:
         geometry = self.geometry
         self._ekf.update(
             measured,
-            lambda x: drive_model.readings_jacobian(x, geometry, turning)[rows],
-            lambda x: drive_model.readings(x, geometry)[rows],
-            R=np.diag(variances),
+            lambda x: drive_model.readings_jacobian(x, geometry, swing)[rows],
+            lambda x: drive_model.readings(x, geometry, swing)[rows],
+            R=noise,
         )

@@ -16,7 +16,15 @@ from raccoon.core.errors import ConfigError
 class State(IntEnum):
     """Index of each state in the filter's vector.
 
-    Scales are reading over truth (1 is nominal); offsets are readings at rest in rad/s.
+    VELOCITY is m/s as the wheels read it at their nominal scale; TURN_RATE is true. Offsets are readings at
+    rest, rad/s. WAY: true way over the way read. WHEEL_TURN: the turn the wheels read over the true one.
+    BALANCE: a motion read as 1 by both wheels together is read as 1 - BALANCE by the left one and
+    1 + BALANCE by the right one. GYRO_SCALE: reading over truth. GYRO_DELAY: s by which the gyro is later
+    than the wheels.
+
+    WAY, BALANCE and WHEEL_TURN hold what two wheel scales and the track width say (`wheel_scales`), in the
+    three numbers that show in a different way: driving straight shows BALANCE alone, a turn WHEEL_TURN alone,
+    and WAY shows only as it hangs together with the two, or by tape.
     """
 
     X = 0
@@ -27,13 +35,19 @@ class State(IntEnum):
     GYRO_BIAS = 5
     LEFT_OFFSET = 6
     RIGHT_OFFSET = 7
-    LEFT_SCALE = 8
-    RIGHT_SCALE = 9
-    GYRO_SCALE = 10
-    TRACK_SCALE = 11
+    WAY = 8
+    BALANCE = 9
+    WHEEL_TURN = 10
+    GYRO_SCALE = 11
+    GYRO_DELAY = 12
 
 
 SIZE = len(State)
+
+
+def wheel_scales(way: float, balance: float) -> tuple[float, float]:
+    """Reading over truth of the left and of the right wheel."""
+    return (1.0 - balance) / way, (1.0 + balance) / way
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +66,12 @@ class OdometrySettings:
     gyro_bias: rad/s, smallest prior. uncalibrated_offset_counts, uncalibrated_scale: priors of a motor that
     robot.toml holds no calibration of. calibrated_scale: smallest prior of one that is calibrated.
     standstill_velocity (m/s), standstill_turn_rate (rad/s): what "stands still" means as a measurement.
-    timing: s by which a wheel's reading may be early or late against the gyro's.
-    imu_latency: s from a turn to its reading, against the wheels' (a delay, not a deviation).
+    uncalibrated_track: smallest relative prior of a track width that nobody fitted: wheels touch the floor
+    somewhere within their width.
+    runout: how much a wheel's radius varies over a revolution, relative.
+    timing: s by which readings may be early or late in any case.
+    imu_latency: s from a turn to its reading, against the wheels' (a delay, not a deviation). gyro_delay: how
+    far that may be off at the start; the filter learns it in turns.
     """
 
     bemf_noise_counts: float = 7.0
@@ -72,6 +90,9 @@ class OdometrySettings:
     standstill_turn_rate: float = 2e-4
     timing: float = 0.005
     imu_latency: float = 0.0
+    gyro_delay: float = 0.015
+    runout: float = 0.005
+    uncalibrated_track: float = 0.02
 
     def __post_init__(self) -> None:
         for each in fields(self):

@@ -1,0 +1,98 @@
+"""The odometry's estimate now: the filter's belief, moved on by what was read since it last moved."""
+
+from __future__ import annotations
+
+import math
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.readings import Status
+from raccoon.estimate.drive.estimate import DriveEstimate
+from raccoon.estimate.drive.fusion import Fusion
+from raccoon.estimate.drive.readings import DriveReadings
+from raccoon.estimate.drive.timing import wheels_lead
+from raccoon.estimate.ekf.filter import covariance_index, covariance_of, variance_index
+from raccoon.estimate.ekf.generated import Flat
+from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
+from raccoon.model.drive import DriveGeometry, arc_end
+
+_VAR = {state: variance_index(state) for state in State}
+_VX, _VY, _VH = _VAR[State.X], _VAR[State.Y], _VAR[State.HEADING]
+_VV, _VW, _VB = _VAR[State.VELOCITY], _VAR[State.TURN_RATE], _VAR[State.GYRO_BIAS]
+_VWAY, _WITH_WAY = _VAR[State.WAY], covariance_index(State.VELOCITY, State.WAY)
+
+
+def published(
+    fusion: Fusion, readings: DriveReadings, settings: OdometrySettings, status: Status
+) -> DriveEstimate:
+    """The estimate at the time of the last cycle."""
+    flat, geometry = fusion.drive.flat, fusion.geometry
+    scales = wheel_scales(flat[State.WAY], flat[State.BALANCE])
+    left_speed = (readings.left.speed - flat[State.LEFT_OFFSET]) / scales[0]
+    right_speed = (readings.right.speed - flat[State.RIGHT_OFFSET]) / scales[1]
+    x, y, heading = flat[State.X], flat[State.Y], flat[State.HEADING]
+    way, read = flat[State.WAY], flat[State.VELOCITY]
+    velocity, turn_rate, distance = way * read, flat[State.TURN_RATE], fusion.distance
+    span = readings.pending.span + readings.ahead[0]
+    if span > 0.0:
+        velocity, turn_rate = geometry.body_motion(left_speed, right_speed)
+        travel, turn, gyro_rate = since_step(flat, scales, readings, geometry)
+        turn_rate = turn_rate if gyro_rate is None else gyro_rate
+        x, y, heading = arc_end(x, y, heading, travel, turn)
+        distance += travel
+    lead, late = wheels_lead(flat, settings.timing)
+    x, y, heading = arc_end(x, y, heading, -lead * velocity, (flat[State.GYRO_DELAY] - lead) * turn_rate)
+    along, across = late * velocity * math.cos(heading), late * velocity * math.sin(heading)
+    turned = late * turn_rate
+    # Of way times what the wheels read: both are uncertain, and together.
+    of_velocity = way * way * flat[_VV] + 2.0 * way * read * flat[_WITH_WAY] + read * read * flat[_VWAY]
+    return DriveEstimate(
+        readings.time,
+        x,
+        y,
+        heading,
+        velocity,
+        turn_rate,
+        flat[State.GYRO_BIAS],
+        left_speed,
+        right_speed,
+        distance,
+        sqrt(flat[_VX] + along * along),
+        sqrt(flat[_VY] + across * across),
+        sqrt(flat[_VH] + turned * turned),
+        sqrt(max(of_velocity, 0.0)),
+        sqrt(flat[_VW]),
+        sqrt(flat[_VB]),
+        status,
+        readings.reasons.now,
+    )
+
+
+def since_step(
+    flat: Flat, scales: tuple[float, float], readings: DriveReadings, geometry: DriveGeometry
+) -> tuple[float, float, float | None]:
+    """Travel (m) and turn (rad) since the filter's last step, and the gyro's turn rate in it, rad/s."""
+    pending, ahead = readings.pending, readings.ahead
+    span = pending.span + ahead[0]
+    left = (pending.left + ahead[1] - flat[State.LEFT_OFFSET] * span) / scales[0]
+    right = (pending.right + ahead[2] - flat[State.RIGHT_OFFSET] * span) / scales[1]
+    travel, turn = geometry.body_motion(left, right)
+    known = pending.gyro_span
+    if known <= 0.0:
+        return travel, turn, None
+    rate = (pending.turn / known - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
+    return travel, rate * span, rate
+
+
+def pose_covariance(flat: Flat, here: DriveEstimate, timing: float) -> NDArray[np.float64]:
+    """Covariance of x, y (m) and heading (rad), (3, 3): the filter's, and what the robot moves in the time by
+    which its readings may be early or late.
+    """
+    late = wheels_lead(flat, timing)[1]
+    along, turned = late * here.velocity, late * here.turn_rate
+    moved = np.array([along * math.cos(here.heading), along * math.sin(here.heading), turned])
+    P = covariance_of(flat)[: State.VELOCITY, : State.VELOCITY]
+    found: NDArray[np.float64] = P + np.outer(moved, moved)
+    return found

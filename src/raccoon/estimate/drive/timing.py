@@ -1,0 +1,51 @@
+"""Wheels and gyro in time: how fast the turn rate changes, which shows the delay between them, and which of
+both is late.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from raccoon.estimate.ekf.filter import variance_index
+from raccoon.estimate.ekf.generated import Flat
+from raccoon.estimate.ekf.state import State
+
+LEAST_SWING = 1.0
+"""rad/s2; less may be noise."""
+SAME_TURN = 0.6
+"""Share of the faster of both turn rates by which wheels and gyro may differ and still mean one turn."""
+
+_DELAY = variance_index(State.GYRO_DELAY)
+
+
+class Swing:
+    """How fast the turn rate changes. Feed it at the end of every step of the filter."""
+
+    __slots__ = ("_before",)
+
+    def __init__(self) -> None:
+        self._before = 0.0, 0.0
+
+    def update(self, span: float, wheels: float, gyro: float) -> float:
+        """The change of the wheels' turn rate, rad/s2, from the turn rates by wheels and by gyro, `span` s
+        after the last ones.
+
+        0 where that may be noise, and where the gyro sees another turn: then it is slip, and nobody is late.
+        """
+        before, self._before = self._before, (wheels, gyro)
+        swing, fastest = (wheels - before[0]) / span, max(map(abs, (*before, wheels, gyro)))
+        return swing if abs(swing) > LEAST_SWING and abs(wheels - gyro) < SAME_TURN * fastest else 0.0
+
+
+def wheels_lead(flat: Flat, timing: float) -> tuple[float, float]:
+    """S by which the wheels are ahead of the robot, and the deviation of that.
+
+    Only the delay between wheels and gyro shows. A gyro cannot be early: wheels behind it are late
+    themselves. A gyro behind the wheels may be late, or the wheels may slip while they speed up: half of it
+    is taken for either, and either may be all of it. timing: s, what remains in any case.
+    """
+    delay, variance = flat[State.GYRO_DELAY], flat[_DELAY]
+    if delay <= 0.0:
+        return delay, sqrt(timing**2 + variance)
+    half = 0.5 * delay
+    return half, sqrt(timing**2 + half * half + 0.25 * variance)
