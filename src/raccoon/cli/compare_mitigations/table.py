@@ -76,7 +76,8 @@ def _map(panel: Axes, values: np.ndarray, title: str, conditions: tuple[str, ...
     panel.imshow(scale, cmap="RdYlGn_r", aspect="auto", vmin=-1.0, vmax=2.5)
     for (row, column), value in np.ndenumerate(values):
         text = f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
-        panel.text(column, row, text, ha="center", va="center", fontsize=8)
+        colour = "black" if -0.75 < scale[row, column] < 2.0 else "white"
+        panel.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
     panel.set_title(title, fontsize=10)
     panel.set_xticks(range(len(conditions)), conditions, rotation=25, ha="right", fontsize=8)
     panel.set_yticks(range(len(METHODS)), list(METHODS), fontsize=8)
