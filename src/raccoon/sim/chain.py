@@ -48,6 +48,10 @@ class Chain:
         return cls(median=True, slots=True, coast_share=0.1, battery_time_constant=0.02)
 
 
+FIRMWARE_IMU_HZ = 50.0
+"""How often RaccoonOS has a new IMU reading."""
+
+
 @dataclass(frozen=True, slots=True)
 class Noise:
     """Standard deviations of what a recording scatters by, one robot at rest and moving.

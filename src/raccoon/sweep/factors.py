@@ -104,13 +104,15 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
     """What differs between real robots, batteries, tables and halls of one make.
 
     Battery 6.1 to 7.0 V and the spread of motors and tophats: the measured tables of the variability paper.
-    Offsets, gyro and dead time: what RaccoonOS robots show. Floor and wear: widths of the effect catalogue.
+    Offsets, dead zone, gyro and dead time: what RaccoonOS robots show. Floor and wear: widths of the effect
+    catalogue.
     """
     factors = [
         Factor("battery.open_circuit_voltage", "voltage", 6.1, 7.0),
         Factor("battery.internal_resistance", "resistance", 0.05, 0.15),
         Factor("drive.turn_scrub", "torque", 0.0, 0.03),
         Factor("actuation.latency", "seconds", 0.0, 0.01),
+        Factor("bemf.dead_zone", "counts", 0.0, 25.0),
         _normal("drive.track_width", "factor", 1.0, 0.01),
         _normal("drive.slope", "along_x", 0.0, 0.005),
         _normal("drive.slope", "along_y", 0.0, 0.005),

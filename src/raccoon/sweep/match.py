@@ -7,13 +7,14 @@ import math
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.port import Port
+from raccoon.sim.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world import World
 from raccoon.sweep.factors import LIGHT, Factor, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
@@ -35,14 +36,18 @@ MAX_REASON = 200
 class Match:
     """What all matches of a sweep share.
 
-    world: the table; None is the Botball-size one. start: pose on it (m, m, rad). within, within_angle: m and
-    rad that a match may end from where the nominal robot ends. seconds: of a match. real_seconds: that
-    computing it may take. end: pose (m, m, rad) of the nominal robot, None where the end does not count.
+    chain: how the controller makes words of what it measures, and imu_rate_hz how often a new IMU reading
+    comes: by default as in the RaccoonOS firmware. world: the table; None is the Botball-size one. start:
+    pose on it (m, m, rad). within, within_angle: m and rad that a match may end from where the nominal robot
+    ends. seconds: of a match. real_seconds: that computing it may take. end: pose (m, m, rad) of the nominal
+    robot, None where the end does not count.
     """
 
     program: Program
     robot: RobotConfig
     factors: tuple[Factor, ...]
+    chain: Chain = field(default_factory=Chain.firmware)
+    imu_rate_hz: float = FIRMWARE_IMU_HZ
     world: World | None = None
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     within: float = 0.05
@@ -152,12 +157,13 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
         everywhere = Box((-math.inf, -math.inf), (math.inf, math.inf))
         world = replace(world, lights=(*world.lights, Light(everywhere, values[LIGHT])))
     port = SimPort(
-        robot_with(match.robot, match.factors, values),
+        robot_with(match.robot, match.factors, values).with_chain(match.chain),
         world,
         robot=match.robot,
         seed=seed,
         rate_hz=match.robot.controller.rate_hz,
         start=match.start,
+        imu_rate_hz=match.imu_rate_hz,
     )
     broken = match.broken(values, seed)
     return FaultyPort(port, broken) if broken.kinds else port

@@ -24,6 +24,8 @@ from raccoon.core.errors import ConfigError
 Row = dict[str, Any]
 ENDINGS = (".csv", ".parquet")
 _WHOLE, _TEXT = ("run", "seed"), ("status", "reason")
+DIGEST = 60
+"""Letters from which on a value is a digest, or too long to show."""
 GROWTH = 1.25
 """A .parquet is written anew when so many times as many rows are there, so that its cost stays linear."""
 
@@ -89,9 +91,10 @@ class Results:
         found = json.loads(self._about_path.read_text("utf-8"))
         for name in wanted:
             if name != "end" and found.get(name) != wanted[name]:
+                known, own = _short(found.get(name)), _short(wanted[name])
+                what = f"{name}: {known}, and not {own}" if len(known + own) < 2 * DIGEST else name
                 raise ConfigError(
-                    f"{self.path} is the result of a sweep with another {name}: {_short(found.get(name))},"
-                    f" and not {_short(wanted[name])}; choose another file"
+                    f"{self.path} is the result of a sweep with another {what}; choose another file"
                 )
         return {**wanted, "end": found.get("end")}
 
@@ -214,4 +217,4 @@ def _write(path: Path, content: bytes) -> None:
 
 def _short(value: object) -> str:
     text = json.dumps(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= DIGEST else text[: DIGEST - 3] + "..."

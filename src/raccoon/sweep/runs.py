@@ -109,6 +109,7 @@ def description(match: Match, seed: int) -> dict[str, Any]:
         "robot": hashlib.sha256(repr(match.robot).encode()).hexdigest(),
         "table": hashlib.sha256(repr(match.world).encode()).hexdigest(),
         "start": list(match.start),
+        "sensors": [repr(match.chain), match.imu_rate_hz],
         "seed": seed,
         "factors": [[each.name, each.low, each.high, each.normal] for each in match.factors],
         "limits": [match.within, match.within_angle, match.seconds],

@@ -19,7 +19,7 @@ from raccoon.sim.port import SimPort
 from raccoon.sim.rollout import rollout
 from raccoon.sim.world import Box, Light, Line, Ramp, Thing, Wall
 
-TIME = np.arange(40) * 0.005
+TIME = (np.arange(40) * 0.005).astype(np.float64)
 ZERO, ONE = np.zeros(40), np.ones(40)
 COMMANDS = Commands.of_wheels(TIME, 0.5 * ONE, 0.5 * ONE)
 NAN = math.nan

@@ -2,6 +2,7 @@
 
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 from raccoon.core.config import RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sweep.factors import Factor, default_factors, fault_factors
@@ -33,6 +35,14 @@ def test_a_row_has_the_columns_of_the_match() -> None:
     assert 5.0 <= row["battery.open_circuit_voltage.voltage"] <= 8.0
     assert repr(play(match, 3, seed=9)) == repr(row)
     assert set(crashed(match, 3, seed=9)) == set(row)
+
+
+def test_sensors_are_those_of_the_firmware_unless_asked_otherwise() -> None:
+    match = tiny_match()
+    assert match.chain.median
+    assert match.imu_rate_hz == 50.0
+    plain = replace(match, chain=Chain(), imu_rate_hz=200.0)
+    assert play(plain, 0, 1)["x"] != play(match, 0, 1)["x"]
 
 
 def test_a_record_of_a_match_is_a_trace(tmp_path: Path) -> None:

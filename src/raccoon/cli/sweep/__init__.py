@@ -39,6 +39,11 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--only-varied", action="store_true", help="vary nothing but what --vary names")
     parser.add_argument("--faults", type=float, default=0.0, help="share of matches with each fault (0)")
+    parser.add_argument(
+        "--plain-sensors",
+        action="store_true",
+        help="robot.toml's plain filter and an IMU at 200 Hz, not the RaccoonOS firmware's sensor chain",
+    )
     parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
     parser.add_argument("--start", type=float, nargs=3, metavar=("X", "Y", "DEG"), default=(0.0, 0.0, 0.0))
     parser.add_argument("--within", type=float, default=0.05, help="m from the nominal robot's end (0.05)")

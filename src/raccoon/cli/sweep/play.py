@@ -10,6 +10,7 @@ from raccoon.cli.sweep.bar import Bar
 from raccoon.cli.sweep.report import print_report, print_row
 from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
+from raccoon.sim.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world import World
 from raccoon.sweep.execute import Crew
 from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
@@ -47,6 +48,8 @@ def match_of(args: argparse.Namespace) -> Match:
         Program.read(args.program),
         robot,
         _factors(args, () if args.only_varied else default_factors(robot)),
+        chain=Chain() if args.plain_sensors else Chain.firmware(),
+        imu_rate_hz=200.0 if args.plain_sensors else FIRMWARE_IMU_HZ,
         world=None if args.table is None else World.from_file(args.table),
         start=(x, y, math.radians(degrees)),
         within=args.within,
