@@ -68,8 +68,6 @@ def parse_world(table: Mapping[str, Any]) -> World:
         Wall(_point(entry, "from", where), _point(entry, "to", where))
         for where, entry in _entries(table, "wall", ("from", "to"))
     ]
-    if any(wall.start == wall.end for wall in walls):
-        raise ConfigError("wall: from and to are the same point")
     if area is not None and table.get("walls", True):
         walls = [*walls_around(area), *walls]
     return World(

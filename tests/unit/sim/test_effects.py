@@ -251,7 +251,7 @@ def test_every_effect_names_units_bounds_and_a_size() -> None:
         ("motor.magic", None, {}, "no such id"),
         ("motor.heating", "front", {"gain": 1.0}, "where is 'front': allowed are left, right, 0, 1"),
         ("battery.discharge", "left", {}, "belongs to the whole robot"),
-        ("battery.internal_resistance", None, {"resistance": -1.0}, r"resistance is -1\.0 ohm: allowed are"),
+        ("battery.internal_resistance", None, {"resistance": -1.0}, r"resistance is -1 ohm: allowed are"),
         ("friction.coulomb", None, {"torque": math.nan}, "torque is nan N m"),
         ("drive.track_width", None, {"factor": 0.0}, "factor is 0"),
         ("drive.inertia", None, {"mass": 2.0}, "no parameter mass; allowed are factor"),

@@ -96,7 +96,7 @@ def test_a_table_with_everything_on_it() -> None:
         ("[[line]]\nwidth = 0.1", "either points or arc"),
         ("[[line]]\npoints = [[0, 0], [1, 0]]\nwidth = -1", r"line number 1\.width is -1"),
         ("[[object]]\ncentre = [0, 0]\nradius = 0", "radius is 0"),
-        ("[[wall]]\nfrom = [0, 0]\nto = [0, 0]", "same point"),
+        ("[[wall]]\nfrom = [0, 0]\nto = [0, 0]", "they must differ"),
         ("[[light]]\nlow = [0, 0]\nhigh = [1, 1]\nambient = 7", r"ambient is 7"),
         ("area = { low = [1, 0], high = [0, 1] }", "must be below high"),
         ("[[object]]\ncentre = [0]\nradius = 1", r"centre = \[0\]"),

@@ -27,7 +27,7 @@ def write_picture(drive: Drive, world: World, path: Path) -> None:
             axes.plot(which.x, which.y, style, color=colour, linewidth=1.2, label=label)
     _robot(axes, drive.best, 0, filled=False)
     _robot(axes, drive.best, -1, filled=True)
-    axes.legend(loc="upper right", fontsize=7)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize=7)
     _save(figure, path)
 
 
