@@ -16,8 +16,15 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
+from raccoon.diagnose.recordings.partial import (
+    as_duty,
+    commands_volts,
+    with_columns_named,
+    without_battery,
+)
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.tophats import diagnose_tophats, tophat_ports
+from raccoon.diagnose.recordings.truth import with_reference
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.sim.parameters import Parameters
 
@@ -115,6 +122,7 @@ def diagnose_recording(
         found = _nothing(columns, robot)
     else:
         found = _drive(columns, robot, holdout, model, truth_free)
+        found = with_reference(found, columns, robot, device)
     notes = dict.fromkeys((*found.notes, *problems))
     return replace(found, notes=tuple(notes))
 
@@ -127,7 +135,13 @@ def _drive(
     truth_free: bool,
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
-    found = diagnose(columns, robot, holdout=holdout, model=model)
+    if commands_volts(columns, robot):
+        changed, stiff, causes = as_duty(columns, robot)
+        other = None if holdout is None else as_duty(holdout, robot)[0]
+        found = without_battery(diagnose(changed, stiff, holdout=other, causes=causes))
+    else:
+        found = diagnose(columns, robot, holdout=holdout, model=model)
+    found = with_columns_named(found, columns, robot)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
     tophats = diagnose_tophats(columns, robot, model, truth_free)

@@ -1,0 +1,114 @@
+from __future__ import annotations
+
+import json
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fleet import common_causes, diagnose_all, fleet_dict, fleet_numbers, fleet_report
+from raccoon.diagnose.fleet_changes import Form, change_of
+from raccoon.diagnose.html_fleet import save_fleet_html
+from raccoon.diagnose.result import (
+    CauseResult,
+    Diagnosis,
+    Gain,
+    ParameterResult,
+    SensorFault,
+    Unexplained,
+    Verdict,
+)
+
+
+def cause(id_: str, value: float, where: str | None = None, unit: str = "ohm") -> CauseResult:
+    numbers = {"resistance": ParameterResult(value, 0.004, unit, 0.05)}
+    return CauseResult(id_, where, 1, numbers, Gain(3.0, 1.0, 0.8), 0.99, (), "It sags: charge it.")
+
+
+def diagnosis(*causes: CauseResult, back_emf: float = 1.08, broken: bool = False) -> Diagnosis:
+    return Diagnosis(
+        Verdict.EXPLAINED if causes else Verdict.ADEQUATE,
+        (),
+        causes,
+        (),
+        Unexplained(0.0),
+        (),
+        0.1,
+        identified={"motor.0.back_emf": ParameterResult(back_emf, 0.003, "V s/rad", float("nan"))},
+        sensor_faults=(SensorFault("motor.1.current", "dead", "it is dead"),) if broken else (),
+    )
+
+
+@pytest.fixture
+def weeks() -> dict[str, Diagnosis]:
+    """Ten weeks of one robot: a battery that ages, a motor replaced before week 6, a slope once."""
+    rng = np.random.default_rng(1)
+    found = {}
+    for week in range(10):
+        causes = [cause("battery.internal_resistance", 0.06 + 0.012 * week + 0.002 * rng.standard_normal())]
+        if week == 3:
+            causes.append(cause("drive.slope", 0.02))
+        motor = (1.02 if week >= 6 else 1.08) + 0.003 * rng.standard_normal()
+        found[f"week-{week}.csv"] = diagnosis(*causes, back_emf=motor, broken=week == 8)
+    return found
+
+
+def test_what_creeps_what_jumps_and_what_was_once(weeks: dict[str, Diagnosis]) -> None:
+    causes = {each.name: each for each in common_causes(weeks)}
+    battery = causes["battery.internal_resistance"]
+    assert battery.common
+    assert battery.change is not None
+    assert battery.change.form is Form.TREND
+    assert battery.change.after == pytest.approx(0.168, abs=0.01)
+    assert causes["drive.slope"].recordings == ("week-3.csv",)
+    assert not causes["drive.slope"].common
+    (motor,) = fleet_numbers(weeks)
+    assert motor.change is not None
+    assert (motor.change.form, motor.change.first) == (Form.STEP, 6)
+    text = fleet_report(weeks, list(causes.values()))
+    assert "battery.internal_resistance creeps from 0.06" in text
+    assert "motor.0.back_emf jumps from 1.08" in text
+    assert "with week-6.csv" in text
+    assert "motor.1.current is dead" in text
+
+
+def test_one_robot_of_many_is_far_from_the_others() -> None:
+    fleet = {f"robot-{i}.csv": diagnosis(back_emf=1.08 + 0.002 * (i % 3) - 0.15 * (i == 4)) for i in range(8)}
+    (motor,) = fleet_numbers(fleet)
+    assert motor.outliers == ("robot-4.csv",)
+    assert motor.change is None
+
+
+def test_a_steady_number_does_not_change() -> None:
+    rng = np.random.default_rng(3)
+    changes = [change_of(1.0 + 0.05 * rng.standard_normal(12), np.full(12, 0.05)) for _ in range(200)]
+    assert sum(each is not None for each in changes) <= 2
+    assert change_of([1.0, 1.0], [0.1, 0.1]) is None
+
+
+def test_numbers_in_other_units_count_and_are_not_compared() -> None:
+    fleet = {str(i): diagnosis(cause("friction.coulomb", 0.008, "left", "N m")) for i in range(4)}
+    fleet["volts"] = diagnosis(cause("friction.coulomb", 0.3, "left", "V"))
+    (friction,) = common_causes(fleet)
+    assert friction.share == 1.0
+    assert friction.unit == "N m"
+    assert max(friction.values) < 0.01
+
+
+def test_any_executor_keeps_the_order() -> None:
+    with ThreadPoolExecutor(3) as pool:
+        assert diagnose_all(lambda each: each * 2, list(range(20)), pool) == [2 * each for each in range(20)]
+    assert diagnose_all(str, [1, 2]) == ["1", "2"]
+
+
+def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_path: Path) -> None:
+    causes = common_causes(weeks)
+    save_fleet_html(weeks, causes, tmp_path / "fleet.html", {"bad.csv": "it is <empty>"})
+    page = (tmp_path / "fleet.html").read_text()
+    assert "data:image/png;base64," in page
+    assert "it is &lt;empty&gt;" in page
+    assert "creeps from" in page
+    table = json.loads(json.dumps(fleet_dict(weeks, causes)))
+    assert set(table) == {"recordings", "causes", "numbers"}
+    assert table["causes"][0]["change"]["form"] == "trend"

@@ -1,0 +1,77 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from raccoon.diagnose.html import page, save_html
+from raccoon.diagnose.report import terminal_report
+from raccoon.diagnose.result import (
+    CauseResult,
+    ChannelResult,
+    Curve,
+    Diagnosis,
+    Gain,
+    ParameterResult,
+    Rejected,
+    SensorFault,
+    Unexplained,
+    Verdict,
+)
+
+TIME = np.linspace(0.0, 5.0, 400)
+CAUSE = CauseResult(
+    "motor.back_emf_constant", "left", 1, {"factor": ParameterResult(0.959, 0.004, "", 1.0)},
+    Gain(4.2, 1.1, 0.93), 0.99, ("bemf.scale@left",),
+    "The K_E of the left motor is 4.1 % lower than assumed: calibrate the left motor.",
+)  # fmt: skip
+FOUND = Diagnosis(
+    Verdict.PARTLY,
+    (ChannelResult("motor.0.bemf", "counts", 40.0, 11.0, 10.0, 0.4),),
+    (CAUSE,),
+    (
+        Rejected("drive.slope", "explains nothing that is left"),
+        Rejected("imu.gyro_scale", "not identifiable: imu.gyro.z is missing"),
+    ),
+    Unexplained(0.12, ("heading",)),
+    ("ten counted full turns",),
+    3.2,
+    None,
+    ("a note",),
+    {"battery resistance": ParameterResult(0.12, 0.01, "ohm", 0.0)},
+    (SensorFault("motor.1.current", "dead", "motor.1.current shows <no> current"),),
+    (Curve("motor.0.bemf", "counts", TIME, np.sin(TIME), 0.8 * np.sin(TIME), np.sin(TIME)),),
+)
+
+
+def test_the_terminal_says_cause_number_evidence_refusals_and_what_to_do() -> None:
+    text = terminal_report(FOUND)
+    for part in (
+        "K_E of the left motor is 4.1 % lower", "0.959 +- 0.004", "4.20 without it, 1.10 with it",
+        "cannot be told apart here from: bemf.scale@left",
+        "12 % of the error's power is left; it depends on: heading",
+        "Sensor: motor.1.current shows", "imu.gyro_scale: not identifiable: imu.gyro.z is missing",
+        "To learn more: ten counted full turns.", "0.12 +- 0.01 ohm", "Note: a note.",
+    ):  # fmt: skip
+        assert part in text
+
+
+def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_path: Path) -> None:
+    save_html(FOUND, tmp_path / "out.html", "run <1>")
+    text = (tmp_path / "out.html").read_text()
+    assert text.count("data:image/png;base64,") == 3
+    assert "run &lt;1&gt;" in text
+    assert "shows &lt;no&gt; current" in text
+    for part in (
+        "The K_E of the left motor is 4.1 % lower than assumed.", "<b>To do:</b> Calibrate the left motor.",
+        "cannot tell it from bemf.scale@left", "What was considered and not named",
+        "explains nothing that is left",
+        "What this recording cannot show", "ten counted full turns", "a note",
+    ):  # fmt: skip
+        assert part in text
+
+
+def test_a_page_without_causes_still_has_a_headline() -> None:
+    empty = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
+    assert "nothing that matters is wrong" in page(empty, "run")
+    assert "data:image" not in page(empty, "run")

@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
+from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.trace.loading import load_run
+from shared_data import data_path
+
+ROBOT = RobotConfig()
+
+
+def real(name: str) -> Diagnosis:
+    recording = load_run(data_path("wombat-motor-steps") / name).recording
+    return diagnose_recording(recording.columns, ROBOT, problems=recording.problems)
+
+
+@pytest.mark.parametrize("motor", range(4))
+def test_a_real_step_tells_its_dead_time_and_no_motor_constants(motor: int) -> None:
+    found = real(f"motor_{motor}_cmd_10.csv")
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert found.causes == ()
+    assert 0.24 <= found.identified["dead time at 10 %"].value <= 0.27
+    told = {each.id: each.reason for each in found.rejected}
+    assert told["motor.back_emf_constant"].startswith("not identifiable")
+    assert "repeats" in {each.fault for each in found.sensor_faults}
+
+
+@pytest.mark.parametrize("name", ["motor_0_cmd_15", "motor_1_cmd_20", "motor_2_cmd_15", "motor_3_cmd_20"])
+def test_a_real_stale_start_and_the_filter_behind_it_are_said(name: str) -> None:
+    found = real(f"{name}.csv")
+    faults = {each.fault: each.text for each in found.sensor_faults}
+    assert {"stale", "filtered", "repeats"} <= set(faults)
+    assert found.identified["filter keeps of a sample"].value == pytest.approx(0.2, abs=0.01)
+    assert 0.04 <= found.identified["repeated samples"].value <= 0.43
+
+
+def test_a_made_step_that_turns_backwards() -> None:
+    time = 0.01 * np.arange(200.0)
+    columns = {"t": time, "motor.2.duty": np.full(200, 0.2), "motor.2.speed": np.where(time > 0.3, -5.0, 0.0)}
+    assert kind_of(columns, ROBOT) is Kind.STEP
+    found = diagnose_recording(columns, ROBOT)
+    assert [each.fault for each in found.sensor_faults] == ["repeats", "inverted"]
+    assert found.identified["dead time at 20 %"].value == pytest.approx(0.31, abs=0.011)
