@@ -1,0 +1,66 @@
+"""Does one mission end at one place, whatever firmware the Wombat has?
+
+    python benchmarks/same_place.py [RUNS]
+
+The whole library on the emulator with the simulated robot, uncalibrated, one robot.toml for all three
+firmwares. Each run has a fresh seed of all noise (printed); asked are at most 2 mm between any two true end
+poses. "from goal": the furthest of the three from where the mission meant to end.
+"""
+
+from __future__ import annotations
+
+import math
+import secrets
+import sys
+from itertools import combinations
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+from contract.test_same_place import FIRMWARES, Mission, end_of, long_mission, short_mission
+from raccoon.robot.motions import straight, turn
+from raccoon.robot.robot import Robot
+
+LIMIT_MM = 2.0
+RUNS = 5
+
+
+def square(robot: Robot) -> None:
+    """Half a metre to a side, there and round."""
+    for _ in range(400):
+        robot.tick()
+    for _ in range(4):
+        robot.run(straight(0.5))
+        robot.run(turn(math.pi / 2))
+
+
+MISSIONS: dict[str, tuple[Mission, tuple[float, float]]] = {
+    "straight, turn": (short_mission, (0.5, 0.0)),
+    "two straights, two turns": (long_mission, (0.4, 0.3)),
+    "square": (square, (0.0, 0.0)),
+}
+
+
+def main() -> int:
+    """Print the table; exit status 1 where a mission's median run is further apart than asked."""
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+    print(f"{'mission':26}{'seed':>8}{'apart mm':>10}{'asked':>7}{'from goal mm':>14}")
+    failed = False
+    for name, (mission, goal) in MISSIONS.items():
+        found = sorted(_run(name, mission, goal) for _ in range(runs))
+        print(f"{name:26}{'median':>8}{found[runs // 2]:10.2f}{LIMIT_MM:7.1f}")
+        failed = failed or found[runs // 2] > LIMIT_MM
+    return 1 if failed else 0
+
+
+def _run(name: str, mission: Mission, goal: tuple[float, float]) -> float:
+    seed = secrets.randbelow(1_000_000)
+    places = [end_of(mission, firmware, seed)[:2] for firmware in FIRMWARES]
+    apart = 1e3 * max(math.dist(one, other) for one, other in combinations(places, 2))
+    off = 1e3 * max(math.dist(place, goal) for place in places)
+    print(f"{name:26}{seed:8}{apart:10.2f}{LIMIT_MM:7.1f}{off:14.2f}")
+    return apart
+
+
+if __name__ == "__main__":
+    sys.exit(main())
