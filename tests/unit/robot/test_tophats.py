@@ -55,7 +55,7 @@ def compared(action: Action[object], seen: list[tuple[float, bool, bool]]) -> Ac
     [
         "[[light]]\nlow = [1.5, -2.0]\nhigh = [2.2, 2.0]\nambient = 0.6\n",
         "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.8\nend = 8.0\n",
-        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.3\nbegin = 6.5\n",
+        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.3\nbegin = 9.0\n",
     ],
     ids=["sun patch", "sun goes", "sun comes"],
 )

@@ -111,7 +111,10 @@ class LightTracker(Levels):
                 self._begin()
                 return
             self._on_black = on_black
-        self.stray = 0
+            self._lean = 0.0
+        if self.stray:
+            self.stray = 0
+            self._lean = 0.0
         oldest, older, old = self._recent
         self._recent = (older, old, counts)
         change = counts - oldest
