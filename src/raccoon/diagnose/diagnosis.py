@@ -17,7 +17,7 @@ from raccoon.diagnose.hypotheses import Cause, Settings, base_coordinates, drive
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import white_noise, whiteness
-from raccoon.diagnose.outlook import Search
+from raccoon.diagnose.outlook import Search, estimated
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.quality import brakes, check_units, moves
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Unexplained, Verdict
@@ -89,13 +89,14 @@ def diagnose(
 
 def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The causes that stand on unseen data, and how they do there."""
+    search = estimated(search)
     judged = held_out(search, other)
     while len(search.fit.point.active) > 1:
         weak = [name for name in search.fit.point.active if search.gains.get(name, CLEAR) < CLEAR]
         weak.sort(key=lambda name: judged.overall(judged.without[name]))
         if not weak or judged.overall(judged.without[weak[0]]) > HARM * judged.overall(judged.after):
             break
-        search = pruned(search, weak[0])
+        search = estimated(pruned(search, weak[0]))
         judged = held_out(search, other)
     return search, judged
 

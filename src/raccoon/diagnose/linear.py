@@ -131,8 +131,12 @@ def whitener_for(
     extra: Sequence[Group],
     before: Whitener | None,
     unknown: Sequence[str] = (),
+    known: Sequence[str] = (),
 ) -> Whitener:
     """Noise of what nothing in the catalogue explains.
+
+    known: ids of causes that are sure; nothing along their directions is noise then, or they would be found
+    too small.
 
     unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
     known cause is blamed for what they do.
@@ -154,7 +158,9 @@ def whitener_for(
     noise = _less_at_jumps(problem, linear, noise)
     rest, share = _unexplained(noise, every, slow, linear.target)
     nothing = [
-        NEGLIGIBLE * UNEVEN.get(each.name.partition("@")[0], 1.0) * each.columns for each in linear.groups
+        NEGLIGIBLE * UNEVEN.get(each.name.partition("@")[0], 1.0) * each.columns
+        for each in linear.groups
+        if each.name.partition("@")[0] not in known
     ]
     nothing.extend(each.columns for each in extra if each.name in unknown)
     return Whitener(noise, *_slow_directions(noise, np.concatenate([share * slow, *nothing])), rest)

@@ -19,7 +19,7 @@ from raccoon.sim.effects import effect
 
 Array = NDArray[np.float64]
 
-FORM_ERROR = 0.05
+FORM_ERROR = 0.08
 """Share of a deviation that an effect's equation, which is never quite the robot's, may be off by."""
 VISIBLE = 20.0
 """Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""

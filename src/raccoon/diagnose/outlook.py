@@ -4,7 +4,7 @@ refit."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -30,7 +30,10 @@ REFITS = 5
 PLAIN_REFITS = 3
 SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb", "friction.viscous")
 """Without a current reading these share one scale, which only robot.toml's standard deviations fix."""
-SCALE_STARTS = (-0.6, 0.6)
+TURN = ("imu.gyro_scale", "motor.back_emf_constant")
+"""Turn rate over back-EMF = gyro scale r / (b K_E); the other twins are the gyro's."""
+FAMILIES = (SCALE, TURN)
+RELATIVES_STARTS = (-0.6, 0.6)
 STRAINED = 1.5
 """Standard deviations of robot.toml by which a base number is bent where something large is missing."""
 POLISHED = 3
@@ -117,6 +120,19 @@ def look_around(
     return Search(problem, probes, fit, whitener, linear, table, plain, unknown=dict(unknown or {}))
 
 
+def estimated(search: Search) -> Search:
+    """The same causes fitted once more, now that they are sure: nothing that they do counts as noise."""
+    known = [name.partition("@")[0] for name in search.fit.point.active]
+    if not known:
+        return search
+    problem, extra = search.problem, search.probes(search.linear)
+    whitener = whitener_for(problem, search.linear, extra, search.whitener, tuple(search.unknown), known)
+    fit = fit_point(problem, whitener, search.fit.point)
+    residual = problem.features.measured - problem.predict([fit.point])[0]
+    linear = replace(search.linear, residual=residual)
+    return replace(search, fit=fit, whitener=whitener, linear=linear)
+
+
 Screened = list[tuple[float, Group, Array]]
 
 
@@ -180,7 +196,7 @@ def first_guess(search: Search, group: Group, mean: Array) -> Array:
 def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     """True refits of the most promising causes, best evidence first, one a cause."""
     chosen = [(group.name, first_guess(search, group, mean)) for _, group, mean in candidates(search)]
-    chosen.extend(_scale_starts(search, [name for name, _ in chosen]))
+    chosen.extend(_relatives(search, [name for name, _ in chosen]))
     if not chosen:
         return []
     starts = [search.fit.point.with_cause(name, u) for name, u in chosen]
@@ -193,13 +209,15 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     return sorted(best.items(), key=lambda each: -each[1].evidence)
 
 
-def _scale_starts(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
-    """The others of a scale of which one is tried: where one is far off, a straight line misses the rest."""
-    if not {name.partition("@")[0] for name in names} & set(SCALE) or not _strained(search.fit):
+def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
+    """The others of a family of which one is tried: where one is far off, a straight line misses the rest."""
+    if not _strained(search.fit):
         return []
-    missing = [each for each in SCALE if each not in names and each in search.problem.causes]
-    missing = [each for each in missing if each not in search.fit.point.active]
-    return [(name, np.array([u])) for name in missing for u in SCALE_STARTS]
+    tried = {name.partition("@")[0] for name in names}
+    found = [each for family in FAMILIES if tried & set(family) for each in family if each not in names]
+    found = [each for each in found if each in search.problem.causes]
+    found = [each for each in found if each not in search.fit.point.active]
+    return [(name, np.array([u])) for name in found for u in RELATIVES_STARTS]
 
 
 def _strained(fit: Fit) -> bool:

@@ -31,6 +31,9 @@ FLOOR_GATE = 15.0
 """For what a real floor imitates in ways that no noise model holds: it differs by direction and by wheel."""
 FLOOR_LIKE = ("drive.slope", "friction.direction_dependent", "friction.coulomb@", "friction.viscous@")
 HELD_OUT_GATE = 2.0
+SURE = 30.0
+"""Log evidence, no event counting for much, from which a cause need not help on blocks left out: they are
+predicted by straight lines, which a large cause bends."""
 PROBE_GATE = 30.0
 PROBE_LEAD = 1.3
 BESIDE_UNKNOWN = 0.33
@@ -56,7 +59,7 @@ def forward(search: Search) -> tuple[Search, bool]:
             search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
             continue
         held_out = held_out_score(fit) - reference_held_out
-        if held_out < HELD_OUT_GATE:
+        if held_out < HELD_OUT_GATE and gain < SURE:
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
         rivals = [
@@ -123,7 +126,8 @@ def backward(search: Search) -> tuple[Search, bool]:
         dropped = fit_many(search.problem, search.whitener, [less], search.fit.jacobian[rows], 3)[0]
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = reference_held_out - held_out_score(dropped)
-        if search.gains[name] < _gate(search, name) or search.held_out[name] < HELD_OUT_GATE:
+        fails = search.held_out[name] < HELD_OUT_GATE and search.gains[name] < SURE
+        if search.gains[name] < _gate(search, name) or fails:
             search.failed[name] = "others explain it better together"
             return _accepted_less(search, name, dropped), True
     return search, False
