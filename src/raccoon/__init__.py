@@ -61,6 +61,7 @@ if TYPE_CHECKING:
         when,
     )
     from raccoon.robot.driving import drive, motors
+    from raccoon.robot.light import calibrate_light, rehearse_light
     from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
     from raccoon.robot.mechanisms import move, move_by, release, spin, zero
@@ -128,6 +129,7 @@ _HOMES = {
         "drive_to",
         "follow_path",
     ),
+    "raccoon.robot.light": ("calibrate_light", "rehearse_light"),
     "raccoon.robot.lines": (
         "align_on_line",
         "align_on_wall",
@@ -178,6 +180,7 @@ __all__ = [
     "blocked",
     "bumped",
     "calibrate_drive",
+    "calibrate_light",
     "calibrate_tophats",
     "check_battery",
     "deg",
@@ -200,6 +203,7 @@ __all__ = [
     "pivot",
     "pressed",
     "race",
+    "rehearse_light",
     "release",
     "repeat",
     "replay",

@@ -1,0 +1,75 @@
+"""The start light from a team's program: calibrated, rehearsed, waited for."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from raccoon import (
+    CalibrationError,
+    calibrate_light,
+    open_robot,
+    rehearse_light,
+    run_match,
+    wait,
+    wait_for_light,
+)
+from raccoon.core.port import Port
+from raccoon.core.readings import Inputs, Outputs
+from robots import CONFIG, simulated
+
+PORT = 5
+
+
+class Lamp:
+    """A port with a light sensor on an analog input: counts by time."""
+
+    def __init__(self, counts: Callable[[float], float], port: Port | None = None) -> None:
+        self._port = simulated() if port is None else port
+        self._counts = counts
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        analog = list(inputs.analog)
+        analog[PORT] = self._counts(inputs.time)
+        return replace(inputs, analog=tuple(analog))
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_calibrate_rehearse_and_start() -> None:
+    def counts(time: float) -> float:
+        on = 1.0 < time < 2.2 or 4.0 < time < 4.5 or 6.0 < time < 6.5 or time > 10.0
+        flash = 8.0 < time < 8.015
+        return 200.0 if on or flash else 3000.0
+
+    with open_robot(CONFIG, port=Lamp(counts)) as robot:
+        found = calibrate_light(robot, PORT, lambda: None)
+        assert (found.off, found.on) == (3000.0, 200.0)
+        robot.run(wait(0.5))
+        assert robot.run(rehearse_light(PORT, found, seconds=6.5)) == 2
+        report = run_match(robot, wait(0.1), start=wait_for_light(PORT, found), seconds=5.0)
+        assert robot.time - report.seconds == pytest.approx(10.04, abs=0.02)
+
+
+def test_a_lamp_that_makes_no_difference_is_said() -> None:
+    with (
+        open_robot(CONFIG, port=Lamp(lambda _: 3000.0)) as robot,
+        pytest.raises(CalibrationError, match="shade the sensor"),
+    ):
+        calibrate_light(robot, PORT, lambda: None)
+
+
+def test_too_much_light_is_said_in_the_rehearsal() -> None:
+    with open_robot(CONFIG, port=Lamp(lambda _: 60.0)) as robot:
+        assert robot.run(rehearse_light(PORT, seconds=1.0)) == 0
+        assert any("too bright" in said for said in robot.drive.remarks.values())
+
+
+def test_a_rehearsal_takes_time() -> None:
+    with pytest.raises(ValueError, match="seconds is 0"):
+        rehearse_light(PORT, seconds=0.0)
