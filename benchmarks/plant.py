@@ -53,11 +53,12 @@ def main() -> None:
     default = os.environ.get("RACCOON_SHARED_DATA", str(ROOT.parent / "shared" / "data"))
     parser.add_argument("--recordings", type=Path, default=Path(default))
     args = parser.parse_args()
-    print(f"{'figure':58} {'asked':>10} {'measured':>12} {'ratio':>7}")
+    print(f"{'figure':72} {'asked':>10} {'measured':>12} {'ratio':>7}")
     ours = speeds(args.seconds)
     closed_loop()
     peers(ours)
     agreement()
+    ideal()
     recordings(args.recordings / "fleet-steps")
     growth(args.seconds)
     matches()
@@ -70,7 +71,7 @@ def line(name: str, asked: float | None, measured: float, unit: str = "", smalle
     if asked is None:
         print(f"{name:72} {'':>10} {measured:12,.4g} {unit}")
         return
-    ratio = asked / measured if smaller else measured / asked
+    ratio = measured / asked if not smaller else asked / measured if measured else math.inf
     print(f"{name:72} {asked:10,.4g} {measured:12,.4g} {ratio:6.2f}x {unit}")
 
 
@@ -192,6 +193,24 @@ def agreement() -> None:
         line(f"MuJoCo, {name}: position, % of the way", 1.0, off, smaller=True)
         if turned > 1e-6:
             line(f"MuJoCo, {name}: heading, deg", 1.0, turned, smaller=True)
+
+
+def ideal() -> None:
+    """How far WPILib's robot ends from ours where neither has friction."""
+    if not find_spec("wpilib"):
+        return
+    from peer_manoeuvres import BODY, MANOEUVRES, ROWS, our_end
+    from peer_robots import Motors, WpilibRobot
+
+    motors = Motors(coulomb=0.0, viscous=0.0)
+    for name in ("straight", "turn", "arc"):
+        left, right, brake, _ = MANOEUVRES[name]
+        peer = WpilibRobot(BODY, motors)
+        for row in range(ROWS - 1):
+            peer.drive(left[row], right[row])
+        pose, way = our_end(motors, left, right, brake)
+        off = 100.0 * math.dist(pose[:2], peer.pose[:2]) / way
+        line(f"WPILib, ideal motors, {name}: position, % of the way", 1.0, off, smaller=True)
 
 
 def recordings(folder: Path) -> None:

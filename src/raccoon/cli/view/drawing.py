@@ -21,14 +21,22 @@ TRUTH, BELIEF = "#1f4e9c", "#c0392b"
 def write_picture(drive: Drive, world: World, path: Path) -> None:
     """Draw the whole drive into an SVG or PNG file, by its ending."""
     figure, axes = _table(world, drive)
-    for which, colour, style in ((drive.truth, TRUTH, "-"), (drive.estimate, BELIEF, "--")):
-        if which is not None:
-            label = "truth" if which is drive.truth else "as the robot believes"
-            axes.plot(which.x, which.y, style, color=colour, linewidth=1.2, label=label)
+    for which, trail in _trails(axes, drive):
+        trail.set_data(which.x, which.y)
     _robot(axes, drive.best, 0, filled=False)
     _robot(axes, drive.best, -1, filled=True)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize=7)
     _save(figure, path)
+
+
+def _trails(axes: Any, drive: Drive) -> list[tuple[Path2, Any]]:
+    """An empty trail for each path there is: where the robot was, and where it believed to be."""
+    kinds = ((drive.truth, TRUTH, "-", "truth"), (drive.estimate, BELIEF, "--", "as the robot believes"))
+    return [
+        (which, axes.plot([], [], style, color=colour, linewidth=1.2, label=label)[0])
+        for which, colour, style, label in kinds
+        if which is not None
+    ]
 
 
 def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int:
@@ -40,17 +48,19 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
     count = min(max(int(drive.seconds / speed * FRAMES_A_SECOND), 2), MOST_FRAMES)
     moments = np.linspace(best.time[0], best.time[-1], count)
     rows = np.searchsorted(best.time, moments).clip(0, len(best.time) - 1)
-    (trail,) = axes.plot([], [], color=TRUTH, linewidth=1.2)
+    trails = _trails(axes, drive)
     body, nose = _robot(axes, best, 0, filled=True)
     clock = axes.set_title("", fontsize=8, loc="left")
 
     def draw(frame: int) -> list[Any]:
         row = int(rows[frame])
-        trail.set_data(best.x[: row + 1], best.y[: row + 1])
+        for which, trail in trails:
+            until = int(np.searchsorted(which.time, moments[frame], side="right"))
+            trail.set_data(which.x[:until], which.y[:until])
         body.center = (best.x[row], best.y[row])
         nose.set_data(*_nose(best, row))
         clock.set_text(f"{best.time[row] - best.time[0]:.1f} s")
-        return [trail, body, nose, clock]
+        return [*(trail for _, trail in trails), body, nose, clock]
 
     animation = FuncAnimation(figure, draw, frames=count, blit=False)
     temporary = path.with_name(f".{path.stem}.part{path.suffix}")
