@@ -29,7 +29,13 @@ class Margins:
 
     @property
     def gain_db(self) -> float:
+        """The gain margin in dB."""
         return 20.0 * math.log10(self.gain)
+
+    @property
+    def delay(self) -> float:
+        """S of dead time beyond the model's that the loop bears: the phase it has left at its crossover."""
+        return self.phase / self.crossover if self.crossover > 0.0 else math.inf
 
 
 def speed_loop_gains(

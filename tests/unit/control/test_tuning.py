@@ -42,6 +42,13 @@ def test_margins_of_a_loop_known_in_closed_form() -> None:
     assert found.gain == pytest.approx(math.pi / (2 * 10.0 * 0.02), rel=1e-2)
 
 
+def test_the_delay_that_a_loop_bears_takes_all_of_its_phase() -> None:
+    wheel = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
+    gains = speed_loop_gains(wheel, LAG, DEAD_TIME)
+    bears = margins(gains, wheel, LAG, DEAD_TIME).delay
+    assert margins(gains, wheel, LAG, DEAD_TIME + bears).phase == pytest.approx(0.0, abs=0.01)
+
+
 def test_the_gain_margin_is_where_the_loop_starts_to_oscillate() -> None:
     wheel = WheelModel(1.8, 1.08, 0.0, 0.004, 0.02)
     gains = speed_loop_gains(wheel, LAG, 0.01)
