@@ -5,7 +5,9 @@ The evidence that a manoeuvre would give for cause A beside what is refitted and
     2 (log likelihood with A - without) = || P d_A ||^2
 
 d_A: the whitened change of the recording by a usual deviation; P takes away what base numbers and B absorb
-(T-optimal design after Atkinson and Fedorov 1975, with a linearised rival).
+(T-optimal design after Atkinson and Fedorov 1975, with a linearised rival), and as in the search what a
+wandering floor and small deviations of everything else would hide. No half second counts for more than it
+would there.
 """
 
 from __future__ import annotations
@@ -20,9 +22,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import Cause, base_coordinates, drive_causes, neutral_settings
-from raccoon.diagnose.linear import linearise
+from raccoon.diagnose.linear import NEGLIGIBLE, linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
 from raccoon.diagnose.noise import NoiseModel, white_noise
+from raccoon.diagnose.outlook import EVENT, MOST_OF_EVENT
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.sim.chain import Chain
@@ -30,6 +33,8 @@ from raccoon.sim.chain import Chain
 Array = NDArray[np.float64]
 
 RATE = 200
+FLOOR_SHARE = 0.04
+"""Of Coulomb friction, by which a floor's friction wanders."""
 TYPICAL_NOISE = {"bemf_left": 12.0, "bemf_right": 12.0, "gyro": 0.015, "battery": 0.03}
 """Standard deviation of a bin on a moving robot, with the pushes of the floor in it."""
 
@@ -118,26 +123,21 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     duty = manoeuvre(name)
     log = planned_log(duty)
     habits = Habits(Chain.firmware(), brake=False)
+    every = {each.name: each for each in drive_causes()}
     problem = Problem(
         Features.of(log), PlantRollout(log, robot, habits), robot, neutral_settings(robot),
-        base_coordinates(robot), chosen,
+        base_coordinates(robot), every,
     )  # fmt: skip
-    linear = linearise(problem, problem.nominal(), list(chosen))
-    noise = _noise(problem)
-    own = noise.whiten(linear.own).reshape(len(linear.own), -1)
-    wanted = [
-        noise.whiten(each.columns).reshape(len(each.columns), -1)
-        for each in linear.groups
-        if each.name == cause
-    ]
-    against = [
-        noise.whiten(each.columns).reshape(len(each.columns), -1)
-        for each in linear.groups
-        if each.name != cause
-    ]
-    others = np.vstack([own, *against])
-    evidence = max(_unabsorbed(column, others) for columns in wanted for column in columns)
-    return Advice(name, evidence * size**2, _reach(problem), len(duty) / RATE)
+    linear = linearise(problem, problem.nominal(), list(every))
+    white = _whitening(problem)
+    own, wanted = white(linear.own), [white(each.columns) for each in linear.groups if each.name == cause]
+    against = [white(each.columns) for each in linear.groups if each.name in chosen and each.name != cause]
+    noise = [NEGLIGIBLE * white(each.columns) for each in linear.groups if each.name not in chosen]
+    floor = FLOOR_SHARE * white(slow_friction(problem, linear))
+    others = np.vstack([own, *against, *noise, floor])
+    rows = EVENT * len(log.channels)
+    evidence = max(_evidence(size * each, others, rows) for columns in wanted for each in columns)
+    return Advice(name, evidence, _reach(problem), len(duty) / RATE)
 
 
 def planned_log(duty: Array) -> Log:
@@ -148,16 +148,19 @@ def planned_log(duty: Array) -> Log:
     return Log(time, duty, channels)
 
 
-def _noise(problem: Problem) -> NoiseModel:
+def _whitening(problem: Problem) -> Callable[[Array], Array]:
     features = problem.features
-    return white_noise(features.floors, np.ones(len(features.time), np.intp))
+    noise: NoiseModel = white_noise(features.floors, np.ones(len(features.time), np.intp))
+    return lambda columns: noise.whiten(columns).reshape(len(columns), -1)
 
 
-def _unabsorbed(column: Array, others: Array) -> float:
-    """||P d||^2 with unit priors on the others."""
+def _evidence(column: Array, others: Array, rows: int) -> float:
+    """||P d||^2 with unit priors on the others, of which no event of so many rows may give more than the
+    search lets it."""
     gram = others @ others.T + np.eye(len(others))
-    projection = others @ column
-    return float(column @ column - projection @ np.linalg.solve(gram, projection))
+    left = column - np.linalg.solve(gram, others @ column) @ others
+    events = np.add.reduceat(left * column, np.arange(0, len(column), rows))
+    return float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum())
 
 
 def _reach(problem: Problem) -> float:
