@@ -199,7 +199,7 @@ def run(case: Case, firmware: Firmware) -> Result:
     return result
 
 
-GOOD_ERROR_MM, GOOD_TURN_DEG, GOOD_SIGMAS = 12.0, 3.0, 4.0
+GOOD_ERROR_MM, GOOD_TURN_DEG, GOOD_SIGMAS = 8.0, 2.0, 4.0
 """A pose that is called ok may be off by no more: the first two at any time, also in the cycles before a
 fault can be noticed; the third, which the pose itself promises, from then on."""
 

@@ -203,7 +203,7 @@ class RestWatch:
     """Counts, smoothed."""
 
     def __init__(self) -> None:
-        self._since: float | None = None
+        self._since: float | None = -math.inf  # before its first command it stands
         self._smooth = [0.0] * MOTOR_PORTS
         self.offset = [0.0] * MOTOR_PORTS
 
