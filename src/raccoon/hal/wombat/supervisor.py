@@ -13,7 +13,7 @@ from raccoon.core.errors import HardwareError
 
 SILENCE_SECONDS = 0.5
 """A program that says nothing for so long hangs."""
-BEAT_SECONDS = 0.05
+BEAT_SECONDS = 0.1
 """Beats more often than that are not passed on: the supervisor need not wake up for each cycle."""
 START_SECONDS = 10.0
 
