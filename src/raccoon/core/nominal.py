@@ -64,7 +64,7 @@ class BemfModel:
     """`[model.bemf]`."""
 
     filter_time_constant: Measured = measured(
-        0.0225, 0.0005, "s", "of the controller's back-EMF filter", NOT_NEGATIVE
+        0.0225, 0.0005, "s", "lag of the back-EMF; left like this, a Wombat's own counts", NOT_NEGATIVE
     )
     offset: Measured = measured(0.0, 1.0, "counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
 

@@ -42,7 +42,7 @@ def examine(
 
 def lost(error: HardwareError) -> Finding:
     """The finding for a device that cannot be opened or was lost."""
-    return Finding("controller", Verdict.FAULT, "lost", str(error), "see docs/hardware.md")
+    return Finding("controller", Verdict.FAULT, "not reached", str(error), "see docs/hardware.md")
 
 
 def _examine(
