@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
+    from raccoon.trace.loading import Run
 
 ENDINGS = (".jsonl", ".jsonl.gz", ".csv", ".mcap", ".mat")
 METADATA = "metadata.csv"
@@ -50,7 +51,7 @@ def diagnose_job(job: Job) -> Diagnosis:
     from raccoon.diagnose.recordings.kinds import diagnose_recording
     from raccoon.trace.loading import load_run
 
-    loaded = load_run(job.path)
+    loaded = _loaded(job.path)
     robot = load_robot(job.robot) if job.robot is not None else loaded.robot or RobotConfig()
     start = None
     if job.model is not None:
@@ -68,6 +69,19 @@ def diagnose_job(job: Job) -> Diagnosis:
         device=recording.device,
         problems=recording.problems,
     )
+
+
+def _loaded(path: Path) -> Run:
+    """A recording; an error about power outside -1..1 says what that usually is."""
+    from raccoon.core.errors import TraceError
+    from raccoon.trace.loading import load_run
+
+    try:
+        return load_run(path)
+    except TraceError as error:
+        if ".duty" in str(error) and "-1 to 1" in str(error):
+            raise TraceError(f"{error}; it looks like percent") from None
+        raise
 
 
 def diagnose_or_reason(job: Job) -> Diagnosis | str:

@@ -14,6 +14,8 @@ from raccoon.core.errors import TraceError
 Array = NDArray[np.float64]
 
 SHORTEST_SECONDS = 2.0
+SLOWEST_STEP = 0.2
+"""S between samples; a wheel settles in less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,6 +104,12 @@ def _time(columns: Mapping[str, Array]) -> Array:
         row = int(np.argmax(steps <= 0.0)) + 1
         raise TraceError(
             f"t goes from {time[row - 1]:.6g} s to {time[row]:.6g} s at row {row}: it must advance"
+        )
+    step = float(np.median(steps)) if len(steps) else 0.0
+    if step > SLOWEST_STEP:
+        guess = ": it looks like milliseconds, not seconds" if step >= 1.0 else ""
+        raise TraceError(
+            f"t advances by {step:.3g} s a sample{guess}; at most {SLOWEST_STEP:g} s are allowed"
         )
     if len(time) < 50 or time[-1] - time[0] < SHORTEST_SECONDS:
         raise TraceError(

@@ -50,7 +50,7 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     for text in diagnosis.suggested_manoeuvres:
         yield f"To learn more: {text}."
     for text in diagnosis.notes:
-        yield f"Note: {text}."
+        yield f"Note: {text}" if text.endswith("?") else f"Note: {text}."
     yield f"({diagnosis.seconds:.1f} s)"
 
 

@@ -82,7 +82,7 @@ def test_one_robot_of_many_is_far_from_the_others() -> None:
 
 def test_a_steady_number_does_not_change() -> None:
     rng = np.random.default_rng(3)
-    changes = [change_of(1.0 + 0.05 * rng.standard_normal(12), np.full(12, 0.05)) for _ in range(200)]
+    changes = [change_of((1.0 + 0.05 * rng.standard_normal(12)).tolist(), [0.05] * 12) for _ in range(200)]
     assert sum(each is not None for each in changes) <= 2
     assert change_of([1.0, 1.0], [0.1, 0.1]) is None
 

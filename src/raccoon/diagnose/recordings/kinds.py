@@ -14,6 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
 from raccoon.diagnose.recordings.partial import (
@@ -135,13 +136,16 @@ def _drive(
     truth_free: bool,
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
+    sound = without_broken(columns, robot)
+    columns = sound.columns
+    holdout = None if holdout is None else without_broken(holdout, robot).columns
     if commands_volts(columns, robot):
         changed, stiff, causes = as_duty(columns, robot)
         other = None if holdout is None else as_duty(holdout, robot)[0]
         found = without_battery(diagnose(changed, stiff, holdout=other, causes=causes))
     else:
         found = diagnose(columns, robot, holdout=holdout, model=model)
-    found = with_columns_named(found, columns, robot)
+    found = judged_again(with_columns_named(found, columns, robot), columns, sound, robot)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
     tophats = diagnose_tophats(columns, robot, model, truth_free)

@@ -1,0 +1,160 @@
+"""Channels of a drive that lie: stuck, saturated or impossible. They are left out and said, not explained."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.log import ROLES
+from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+IMPOSSIBLE = 1e5
+"""No sensor of a robot reads more in its own unit; wrong units are below it and are named by `quality`."""
+CLIPPED_SHARE = 0.1
+"""Share of the samples at exactly the largest value from which a reading is saturated."""
+FEWEST = 50
+JITTER = 0.5
+CANNOT_FOLLOW = 0.5
+"""Error left over the spread of what was measured from which the simulation does not follow the commands."""
+OTHER_ROBOT = 0.25
+"""Logarithm of a factor on both sides beyond which robot.toml is hardly this robot's."""
+OF_THE_ROBOT = (
+    "motor.back_emf_constant", "motor.armature_resistance", "drive.inertia", "drive.wheel_radius",
+    "drive.track_width",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Sound:
+    """Columns without what lies, what that was, and what is strange about the time."""
+
+    columns: Columns
+    faults: tuple[SensorFault, ...]
+    notes: tuple[str, ...]
+
+
+def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
+    """Leave out what no simulation should be fitted to."""
+    ports = {"left": robot.drive.left, "right": robot.drive.right}
+    kept, faults = dict(columns), []
+    moved = _moves(columns, ports)
+    for role, (pattern, _, _) in ROLES.items():
+        name = pattern.format(**ports)
+        if name not in kept:
+            continue
+        values, fault = _possible(name, np.asarray(kept[name], float))
+        kept[name] = values
+        found = [
+            each for each in (fault, _stuck(name, role, values, moved), _clipped(name, role, values)) if each
+        ]
+        faults += found
+        if any(each.fault in ("stuck", "saturated") for each in found):
+            del kept[name]
+    return Sound(kept, tuple(faults), _about_time(columns["t"]))
+
+
+def _moves(columns: Columns, ports: Mapping[str, int]) -> bool:
+    """Whether different commands were given at all."""
+    duties = [columns.get(f"motor.{port}.{kind}") for port in ports.values() for kind in ("duty", "voltage")]
+    return any(each is not None and np.isfinite(each).any() and np.nanstd(each) > 0.02 for each in duties)
+
+
+def _possible(name: str, values: Array) -> tuple[Array, SensorFault | None]:
+    wild = np.abs(values) > IMPOSSIBLE
+    if not wild.any():
+        return values, None
+    text = f"{name} has {int(wild.sum())} impossible values such as {float(values[wild][0]):.3g}: left out"
+    return np.where(wild, np.nan, values), SensorFault(name, "impossible", text)
+
+
+def _stuck(name: str, role: str, values: Array, moved: bool) -> SensorFault | None:
+    known = values[np.isfinite(values)]
+    if role == "battery" or not moved or len(known) < FEWEST or np.ptp(known) > 0.0:
+        return None
+    text = f"{name} reads {float(known[0]):g} all the time although the robot is driven: check plug and wires"
+    return SensorFault(name, "stuck", text)
+
+
+def _clipped(name: str, role: str, values: Array) -> SensorFault | None:
+    known = values[np.isfinite(values)]
+    if role == "battery" or len(known) < FEWEST or not np.ptp(known) > 0.0:
+        return None
+    for edge in (float(known.max()), float(known.min())):
+        share = float((known == edge).mean())
+        # 0 at rest is no edge.
+        if share > CLIPPED_SHARE and abs(edge) > 0.5 * float(np.abs(known).max()):
+            text = f"{name} stays at {edge:g} in {100 * share:.0f} % of its samples: it is cut off there"
+            return SensorFault(name, "saturated", text)
+    return None
+
+
+def _about_time(time: Array) -> tuple[str, ...]:
+    steps = np.diff(time[np.isfinite(time)])
+    if len(steps) < FEWEST:
+        return ()
+    middle = float(np.median(steps))
+    low, high = (float(each) for each in np.percentile(steps, [5.0, 95.0]))
+    if high - low < JITTER * 2.0 * middle:
+        return ()
+    return (
+        f"t is uneven: steps of {1000 * low:.1f} to {1000 * high:.1f} ms around {1000 * middle:.1f} ms; what "
+        "is faster than that cannot be judged",
+    )
+
+
+def judged_again(found: Diagnosis, columns: Columns, sound: Sound, robot: RobotConfig) -> Diagnosis:
+    """A diagnosis with the broken channels in it, and without causes where the simulation does not follow."""
+    found = replace(found, sensor_faults=sound.faults, notes=(*found.notes, *sound.notes))
+    found = replace(found, notes=(*found.notes, *_one_side(sound, robot), *_other_robot(found)))
+    lost = [each.name for each in found.channels if _lost(each.name, each.rmse_after, columns)]
+    if not lost or not found.causes:
+        return found
+    reason = f"the recorded motion does not follow the commands ({', '.join(lost)}): nothing is named"
+    dropped = tuple(Rejected(each.name, reason) for each in found.causes)
+    return replace(
+        found, verdict=Verdict.UNKNOWN, causes=(), rejected=(*found.rejected, *dropped), model=None,
+        notes=(*found.notes, reason + "; are commands and readings of the same drive?"),
+    )  # fmt: skip
+
+
+def _lost(name: str, error: float, columns: Columns) -> bool:
+    wheel = name.endswith((".bemf", ".speed"))
+    return wheel and name in columns and error > CANNOT_FOLLOW * float(np.nanstd(columns[name]))
+
+
+def _one_side(sound: Sound, robot: RobotConfig) -> tuple[str, ...]:
+    """Which wheel is not measured, where only one is."""
+    missing = {
+        port: not any(_known(sound, f"motor.{port}.{kind}") for kind in ("bemf", "speed"))
+        for port in (robot.drive.left, robot.drive.right)
+    }
+    if all(missing.values()) or not any(missing.values()):
+        return ()
+    port = next(each for each, gone in missing.items() if gone)
+    return (f"motor.{port}.bemf is missing: what only that wheel shows is not identifiable",)
+
+
+def _known(sound: Sound, name: str) -> bool:
+    return name in sound.columns and bool(np.isfinite(sound.columns[name]).sum() >= 20)
+
+
+def _other_robot(found: Diagnosis) -> tuple[str, ...]:
+    far = [
+        each
+        for each in found.causes
+        if each.id in OF_THE_ROBOT
+        and each.where is None
+        and abs(math.log(max(each.parameters["factor"].value, 1e-9))) > OTHER_ROBOT
+    ]
+    if not far:
+        return ()
+    percent = 100.0 * (far[0].parameters["factor"].value - 1.0)
+    return (f"{far[0].id} is off by {percent:+.0f} %: is this robot.toml of this robot?",)

@@ -1,0 +1,137 @@
+"""`raccoon diagnose` from the command line, mostly on files that it must refuse or survive."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from raccoon.cli.main import main
+from unit.diagnose.axes import motor
+
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def drive() -> Columns:
+    return dict(make(4, seconds=6.0).columns)
+
+
+def written(path: Path, columns: Columns) -> Path:
+    rows = np.column_stack(list(columns.values()))
+    text = [",".join("" if np.isnan(cell) else repr(float(cell)) for cell in row) for row in rows]
+    path.write_text("\n".join([",".join(columns), *text]) + "\n")
+    return path
+
+
+def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path / "motor.csv", motor(5, 0.008))
+    out, page, model = (tmp_path / each for each in ("out.json", "out.html", "model.toml"))
+    command = ["diagnose", str(path), "--json", str(out), "--html", str(page), "--save-model", str(model)]
+    assert main(command) == 0
+    assert json.loads(out.read_text())["causes"][0]["id"] == "friction.coulomb"
+    assert "Dry friction" in page.read_text()
+    said = capsys.readouterr().out
+    assert "Dry friction of 0.00" in said
+    assert "not written" in said
+    assert not model.exists()
+
+
+def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
+    (tmp_path / "empty.csv").write_text("")
+    out, page = tmp_path / "out.json", tmp_path / "out.html"
+    names = [str(each) for each in (*paths, tmp_path / "empty.csv")]
+    assert main(["diagnose", *names, "--json", str(out), "--html", str(page)]) == 0
+    table = json.loads(out.read_text())
+    assert set(table["recordings"]) == {"motor-5.csv", "motor-6.csv"}
+    assert "no column t" in table["failed"]["empty.csv"]
+    assert "friction.coulomb: 100 % (common)" in capsys.readouterr().out
+    assert "2 recordings" in page.read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("empty", "no column t"),
+        ("header", "the recording is empty"),
+        ("text", "no column t"),
+        ("two", "2 samples"),
+        ("milliseconds", "milliseconds"),
+        ("percent", "percent"),
+        ("reversed", "go back"),
+        ("degrees", "degrees"),
+        ("nothing", "holds no numbers"),
+    ],
+)
+def test_what_cannot_be_read_is_one_clear_line(
+    name: str, said: str, drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / f"{name}.csv"
+    duties = {key: each for key, each in drive.items() if key.endswith("duty")}
+    match name:
+        case "empty":
+            path.write_text("")
+        case "header":
+            path.write_text(",".join(drive) + "\n")
+        case "text":
+            path.write_text("hello\nworld\n")
+        case "two":
+            written(path, {key: each[:2] for key, each in drive.items()})
+        case "milliseconds":
+            written(path, {**drive, "t": 1000.0 * drive["t"]})
+        case "percent":
+            written(path, {**drive, **{key: 100.0 * each for key, each in duties.items()}})
+        case "reversed":
+            written(path, {**drive, "t": drive["t"][::-1].copy()})
+        case "degrees":
+            written(path, {**drive, "imu.gyro.z": 57.3 * drive["imu.gyro.z"]})
+        case "nothing":
+            written(path, {**drive, **{key: np.full(len(each), np.nan) for key, each in duties.items()}})
+    assert main(["diagnose", str(path)]) == 2
+    captured = capsys.readouterr().err
+    assert said in captured
+    assert captured.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("constant", "the commands never change"),
+        ("saturated", "it is cut off there"),
+        ("no wheels", "motor.0.bemf or motor.0.speed"),
+        ("no commands", "motor.0.duty, motor.1.duty, truth.x is missing"),
+    ],
+)
+def test_what_cannot_be_told_is_a_verdict(
+    name: str, said: str, drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wheels = [key for key in drive if key.endswith(("bemf", "position"))]
+    duties = [key for key in drive if key.endswith("duty")]
+    match name:
+        case "constant":
+            columns = {**drive, **{key: np.zeros(len(drive["t"])) for key in duties}}
+        case "saturated":
+            columns = {**drive, **{key: np.clip(drive[key], -200.0, 200.0) for key in wheels}}
+        case "no wheels":
+            columns = {key: each for key, each in drive.items() if key not in wheels}
+        case _:
+            columns = {key: each for key, each in drive.items() if key not in duties}
+    assert (
+        main(["diagnose", str(written(tmp_path / "run.csv", columns)), "--json", str(tmp_path / "out.json")])
+        == 0
+    )
+    assert json.loads((tmp_path / "out.json").read_text())["verdict"] == "not_identifiable"
+    assert said in capsys.readouterr().out
+
+
+def test_another_robots_file_is_an_error(
+    drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "robot.toml").write_text('name = "other"\n[drive]\nleft = 2\nright = 3\n')
+    path = written(tmp_path / "run.csv", drive)
+    assert main(["diagnose", str(path), "--robot", str(tmp_path / "robot.toml")]) == 2
+    assert "is it this robot's?" in capsys.readouterr().err
