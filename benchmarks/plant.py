@@ -232,8 +232,9 @@ def recordings(folder: Path) -> None:
         line(f"fleet steps held out, {name}: R2", 0.986, float(np.median([each.r2 for each in scores])))
         rmse = float(np.median([each.rmse for each in scores]))
         line(f"fleet steps held out, {name}: RMSE, m/s", 0.061, rmse, smaller=True)
+    asked = [steps.supported(wheel) for wheel in wheels]
     for effect in steps.EFFECTS:
-        count = sum(steps.is_supported(wheel, (effect,)) for wheel in wheels)
+        count = sum(effect in each for each in asked)
         line(f"  wheels of {len(wheels)} whose fitted steps ask for {effect}", None, count)
     for name, split in (("0 V, fitted on 2, 4, -4 V", 0.503), ("-4 V and 0 V, fitted on 2, 4 V", 0.352)):
         sag = steps.sag(tables, split)

@@ -130,20 +130,24 @@ def fitted(wheel: Wheel, effects: tuple[str, ...] = ()) -> Floats:
     )
 
 
-def is_supported(wheel: Wheel, effects: tuple[str, ...]) -> bool:
-    """Whether the steps that were fitted are likelier with the effects, one number dearer each (BIC).
+def supported(wheel: Wheel) -> tuple[str, ...]:
+    """The effects with each of which the fitted steps are likelier, a number more counted in (BIC).
 
     Neighbouring residuals are alike (lag-1 correlation c), so n of them count as n (1 - c) / (1 + c).
     """
-    train = wheel.time < SPLIT
-    sums = []
-    for numbers, with_effects in ((fitted(wheel), ()), (fitted(wheel, effects), effects)):
-        error = (simulated(numbers, wheel, with_effects)[0] - wheel.speed)[train]
-        sums.append(float(np.mean(error**2)))
-        if not with_effects:
-            alike = float(np.clip(np.corrcoef(error[1:], error[:-1])[0, 1], 0.0, 0.999))
-            count = max(8.0, len(error) * (1.0 - alike) / (1.0 + alike))
-    return count * math.log(sums[0] / sums[1]) > len(effects) * math.log(count)
+    plain = _train_errors(wheel, ())
+    alike = float(np.clip(np.corrcoef(plain[1:], plain[:-1])[0, 1], 0.0, 0.999))
+    count = max(8.0, len(plain) * (1.0 - alike) / (1.0 + alike))
+    return tuple(
+        each
+        for each in EFFECTS
+        if count * math.log(np.mean(plain**2) / np.mean(_train_errors(wheel, (each,)) ** 2)) > math.log(count)
+    )
+
+
+def _train_errors(wheel: Wheel, effects: tuple[str, ...]) -> Floats:
+    speed, _ = simulated(fitted(wheel, effects), wheel, effects)
+    return (speed - wheel.speed)[wheel.time < SPLIT]
 
 
 def held_out(wheel: Wheel, numbers: Floats, effects: tuple[str, ...] = ()) -> Score:
