@@ -27,12 +27,18 @@ LIGHTS: dict[str, tuple[list[float], list[float], list[float]]] = {
     "sun patch": ([0, 5, 5.1, 8, 8.1, 14], [-1, -1, 1, 1, -1, -1], [5.0, 8.0]),
 }
 SHADES = (0.3, 0.1, 0.02)
-ROWS = [(light, shade) for light in LIGHTS for shade in SHADES]
+FLICKER_HZ, FLICKER = 100.3, "flicker"
+ROWS = [(light, shade) for light in LIGHTS for shade in SHADES] + [
+    (FLICKER, level) for level in (0.005, 0.02)
+]
+"""Light and its shade; of lamps that flicker by 30 %, their level."""
 SKEW = 0.03  # m by which the second sensor is late at lines that are crossed askew
 
 
 def row(light: str, shade: float) -> str:
     """Name of a row of the table."""
+    if light == FLICKER:
+        return f"lamps of {shade:5.3f} that flicker"
     return f"{light:12} sun <-> {shade:4.2f}"
 
 
@@ -40,12 +46,18 @@ def drive(seed: np.random.SeedSequence, draw: int, light: str, shade: float) -> 
     """Share of wrong clear readings by method, of both sensors; lines are crossed square or askew in turn."""
     rng = np.random.default_rng(seed)
     condition = TOPHAT_READINGS[2 * (draw % 4)]  # each sensor and height in turn
-    knots, levels, events = LIGHTS[light]
     at = np.arange(0.0, SECONDS, 1.0 / RATE)
-    ambient = np.interp(at, knots, [shade if each < 0 else each for each in levels])
     counted = np.ones(len(at), dtype=bool)
-    for event in events:
-        counted &= ~((at > event) & (at < event + FORGIVEN))
+    if light == FLICKER:
+        before = ambient = shade * (
+            1.0 + 0.3 * np.sin(math.tau * FLICKER_HZ * at + rng.uniform(0.0, math.tau))
+        )
+    else:
+        knots, levels, events = LIGHTS[light]
+        ambient = np.interp(at, knots, [shade if each < 0 else each for each in levels])
+        before = np.full(len(at), ambient[0])
+        for event in events:
+            counted &= ~((at > event) & (at < event + FORGIVEN))
     radius = reflectance.spot_radius(condition.height)
     lines = np.cumsum(rng.uniform(0.15, 0.5, 30))
     skew = SKEW if draw // 4 % 2 else 0.0
@@ -60,8 +72,10 @@ def drive(seed: np.random.SeedSequence, draw: int, light: str, shade: float) -> 
         darkness.append(np.sum(covered, axis=0))
         counts.append(reflectance.read(rng, darkness[-1], optics, ambient=ambient))
         path = reflectance.line_coverage(np.arange(0.0, 0.6, SPEED / RATE), 0.3, 0.015, radius)
-        samples = reflectance.read(rng, path, optics, ambient=float(ambient[0]))
+        samples = reflectance.read(rng, path, optics, ambient=before[: len(path)])
         found.append(calibrate(samples))
+        if not found[-1].usable:
+            return {}
         score = _judge(darkness[-1], counted)
         for method in ("fixed", "midpoint", "percentile", "trimmed", "k_means"):
             try:

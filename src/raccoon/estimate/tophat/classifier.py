@@ -9,6 +9,7 @@ from typing import NamedTuple
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration
+from raccoon.estimate.tophat.flicker import FlickerWatch
 from raccoon.estimate.tophat.tracker import LightTracker
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
@@ -59,12 +60,13 @@ class Tophat:
         self._adapt = adapt
         self.levels = LightTracker(white, black)
         self._debounce = debounce
+        self._flicker = FlickerWatch(flickers=calibration.flickers)
         levels = self.levels
         levels.threshold = calibration.threshold or levels.threshold
         levels.low, levels.high = calibration.low or levels.low, calibration.high or levels.high
         self._state: bool | None = None
         self._other = 0  # readings in a row on the side that is not the state's
-        self._last_time = self._last_counts = 0.0
+        self._last_time = self._taken = self._last_counts = self._last_light = 0.0
         self._last_coverage = 0.0
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
@@ -104,12 +106,22 @@ class Tophat:
             return TophatReading(self._state, 0.5, self._last_coverage, Status.UNCERTAIN, None)
         counts = float(counts)
         levels = self.levels
-        if self._state is None:
-            self._last_counts = counts
-        if self._adapt:
-            # The mean of two readings at 200 Hz does not see lamps that flicker at 100 Hz.
-            levels.update(0.5 * (counts + self._last_counts), others_lost, way)
+        flicker = self._flicker
+        flicker.update(counts)
         light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
+        if self._state is None:
+            self._last_counts, self._last_light, self._taken = counts, light, time
+        # The mean of two readings at 200 Hz does not see lamps that flicker at 100 Hz.
+        if flicker.flickers:
+            light, self._last_light = 0.5 * (light + self._last_light), light
+            self._last_counts = counts
+            counts = mean = FULL_SCALE / (1.0 + light)
+            time, self._taken = 0.5 * (time + self._taken), time
+        else:
+            mean, self._last_light = 0.5 * (counts + self._last_counts), light
+            self._last_counts, self._taken = counts, time
+        if self._adapt:
+            levels.update(mean, others_lost, way)
         coverage = (levels.light - light) / (levels.light - levels.dark)
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
         last = self._last_coverage
@@ -120,7 +132,7 @@ class Tophat:
         if (coverage >= 0.5) is not (last >= 0.5):
             share = (0.5 - last) / (coverage - last)
             self._edge_time = self._last_time + share * (time - self._last_time)
-        self._last_time, self._last_coverage, self._last_counts = time, coverage, counts
+        self._last_time, self._last_coverage = time, coverage
         edge = self._decide(counts)
         return TophatReading(self._state, self._probability(counts), coverage, levels.status, edge)
 
@@ -139,7 +151,8 @@ class Tophat:
             self._other = 0
             return None
         self._other += 1
-        if self._other < self._debounce:
+        # A spike is in two of the means.
+        if self._other < self._debounce + self._flicker.flickers:
             return None
         self._state, self._other = not state, 0
         return Edge(self._edge_time, not state)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface, TophatCalibration, Verdict, believed
+from raccoon.estimate.tophat.flicker import alternates, demodulated
 from raccoon.estimate.tophat.mixture import best_mixture, single_surface_bic
 from raccoon.estimate.tophat.quality import checked, refusal, wanders
 from raccoon.estimate.tophat.sequence import (
@@ -58,6 +59,14 @@ def calibrate(samples: ArrayLike, *, prior_black: float = 0.5) -> TophatCalibrat
     refused = refusal(counts)
     if refused is not None:
         return refused
+    if alternates(counts):
+        found = _found(demodulated(counts), prior_black)
+        return replace(found, flickers=True, reason=f"{found.reason}; the light flickers")
+    return _found(counts, prior_black)
+
+
+def _found(counts: Array, prior_black: float) -> TophatCalibration:
+    """The calibration on readings that are worth a search."""
     calm = settled(counts) & ~spikes(counts)
     found = clusters(counts[calm])
     judged = _in_order(counts, found, prior_black) or _against_trend(counts, calm, prior_black)
@@ -140,10 +149,11 @@ def calibrate_two_phase(floor: ArrayLike, line: ArrayLike, *, prior_black: float
     Raises ConfigError as `calibrate` does.
     """
     sets = [checked(floor), checked(line)]
-    for counts in sets:
-        refused = refusal(counts)
-        if refused is not None and refused.verdict is Verdict.TOO_FEW:
-            return refused
+    refused = [each for each in map(refusal, sets) if each is not None]
+    for each in refused:
+        # Black alone may stand at the top of the converter, and white at its bottom.
+        if each.verdict is Verdict.TOO_FEW or len(refused) == 2:
+            return each
     white, black = (_bulk(counts) for counts in sets)
     if _separation(white, black) < APART:
         return TophatCalibration(

@@ -165,7 +165,7 @@ class Hypotheses:
     """The bank. Begin it where all was clear and feed it every reading since.
 
     black: P(more of the spot is on black). sure: P(the likeliest of white, black and edge).
-    steady: P(the light stands and no edge is being crossed).
+    steady: P(the light stands and no edge is being crossed). on_edge: an edge is likelier than the surfaces.
     """
 
     def __init__(self, sensor: Sensor, start: Belief) -> None:
@@ -192,6 +192,7 @@ class Hypotheses:
             self._doubt(start)
         self.black = 0.5 if start.on_black is None else float(start.on_black)
         self.steady = self.sure = 0.0
+        self.on_edge = False
 
     def _doubt(self, start: Belief) -> None:
         """The other story from the start on: that the surface had been taken for the other one."""
@@ -283,6 +284,7 @@ class Hypotheses:
         white, black = float(phases[0]), float(phases[1])
         self.black = black + float(phases[2:] @ _MORE_BLACK)
         self.sure = max(white, black, 1.0 - white - black)
+        self.on_edge = white + black < 0.5
         self.steady = float(by_phase[:2, 0].sum())
 
     def best(self) -> Belief:

@@ -28,6 +28,7 @@ CATCH_UP = 3  # of them in one tick
 LIKELIER, BELIEVED, SURE = 0.6, 0.9, 0.99  # probabilities: to follow in calm, always, and to end the doubt
 STEADY = 0.95  # probability from which it is calm
 CALM_READINGS, STEADY_READINGS = 4, 8
+WIDEST = 0.15  # m of black, from which it may as well be white in less light
 LEAN_SHARE = 0.1  # of a reading in the mean of what the levels miss by lately
 MOST_LEAN = 1.5  # standard deviations of that from which the light runs ahead of the levels
 NOTHING = (-1e9, -1e9, -1e9)
@@ -42,6 +43,7 @@ class LightTracker(Levels):
 
     __slots__ = (
         "_bank",
+        "_black_way",
         "_calm",
         "_done",
         "_later",
@@ -76,7 +78,7 @@ class LightTracker(Levels):
         self._log: list[tuple[float, float]] = []  # counts and way of the readings since `_start`
         self._start = self._later = self._belief()
         self._told = -1e9  # the last unexplained reading that said something
-        self._stray_way = self._lean = 0.0
+        self._stray_way = self._lean = self._black_way = 0.0
         self.stray = self.jumps = self._outside = self._calm = self._done = 0
 
     @property
@@ -96,7 +98,7 @@ class LightTracker(Levels):
         log = self._log
         log.append((counts, way))
         if self._bank is not None:
-            if self._news(counts, way):
+            if not self._bank.on_edge or self._news(counts, way) or self._done:
                 self._weigh(self._bank, others_lost)
             return
         on_black = counts >= self.threshold
@@ -126,6 +128,12 @@ class LightTracker(Levels):
         if change * change <= LEVEL * LEVEL * (noise + LEAST_SD):
             self._learn(counts, on_black, miss, noise)
             self._refresh()
+        if on_black:
+            self._black_way += way
+            if self._black_way > WIDEST and self.status is Status.OK:
+                self.status = Status.UNCERTAIN
+        else:
+            self._black_way = 0.0
         if len(log) >= 2 * REMEMBERED:
             del log[:-REMEMBERED]
             self._start, self._later = self._later, self._belief()
