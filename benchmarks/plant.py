@@ -23,9 +23,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raccoon import RobotConfig, deg, open_robot, repeat, seq, straight, turn
+from raccoon import RobotConfig, deg, open_robot, repeat, seq, straight, turn, wait
 from raccoon.core.readings import Outputs
 from raccoon.sim.catalogue import CATALOGUE
+from raccoon.sim.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -134,6 +135,19 @@ def closed_loop() -> None:
 
     line("closed loop, the simulated port alone", None, 10.0 / timed(cycles))
     line("closed loop, whole library in it: a square", 30.0, square_rate())
+    for name, chain, rate in (("plain", Chain(), 200.0), ("firmware's", Chain.firmware(), FIRMWARE_IMU_HZ)):
+        worst = max(square_error(chain, rate, seed) for seed in range(3))
+        line(f"  end of the square, {name} sensor chain, worst of 3 seeds", None, 1e3 * worst, "mm off")
+
+
+def square_error(chain: Chain, imu_rate_hz: float, seed: int) -> float:
+    """M between start and end of a square that the library drives behind a sensor chain."""
+    robot = Parameters.from_robot(RobotConfig()).with_chain(chain)
+    port = SimPort(robot, World.default(), seed=seed, imu_rate_hz=imu_rate_hz)
+    with open_robot(RobotConfig(), port=port) as library:
+        library.run(seq(wait(1.0), repeat(seq(straight(0.30), turn(deg(90))), 4), wait(0.5)))
+        end = port.read().truth
+    return math.inf if end is None else math.hypot(end.x, end.y)
 
 
 def square_rate() -> float:
@@ -228,10 +242,15 @@ def recordings(folder: Path) -> None:
         f"... and {len(steps.EFFECTS)} effects at once": tuple(steps.EFFECTS),
     }
     for name, effects in models.items():
-        scores = [steps.held_out(wheel, steps.fitted(wheel, effects), effects) for wheel in wheels]
+        fits = [steps.fitted(wheel, effects) for wheel in wheels]
+        scores = [
+            steps.held_out(wheel, numbers, effects) for wheel, numbers in zip(wheels, fits, strict=True)
+        ]
         line(f"fleet steps held out, {name}: R2", 0.986, float(np.median([each.r2 for each in scores])))
         rmse = float(np.median([each.rmse for each in scores]))
         line(f"fleet steps held out, {name}: RMSE, m/s", 0.061, rmse, smaller=True)
+        if effects == steps.LATENCY:
+            line("  latency", None, 1e3 * float(np.median([numbers[5] for numbers in fits])), "ms")
     asked = [steps.supported(wheel) for wheel in wheels]
     for effect in steps.EFFECTS:
         count = sum(effect in each for each in asked)
