@@ -8,7 +8,7 @@ from typing import Any
 
 from raccoon.core.errors import ConfigError
 from raccoon.diagnose.pictures import cause_figure, curve_figure, error_figure, png
-from raccoon.diagnose.report import UNKNOWABLE, VERDICTS, reasons, terminal_report
+from raccoon.diagnose.report import UNKNOWABLE, VERDICTS, reasons, terminal_report, with_deviation
 from raccoon.diagnose.result import CauseResult, Diagnosis, write_text
 
 MOST_CURVES = 6
@@ -37,6 +37,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         refused={reason: ids for reason, ids in why.items() if not reason.startswith(UNKNOWABLE)},
         hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},
         text=terminal_report(diagnosis),
+        precise=with_deviation,
     )
     return text
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
@@ -64,8 +65,15 @@ def reasons(rejected: tuple[Rejected, ...]) -> dict[str, list[str]]:
 
 def number_text(each: ParameterResult) -> str:
     """Value, deviation and unit."""
-    unit = f" {each.unit}" if each.unit else ""
-    return f"{each.value:.4g} +- {each.std:.2g}{unit}"
+    return f"{with_deviation(each.value, each.std)} +- {each.std:.2g} {each.unit}".rstrip()
+
+
+def with_deviation(value: float, std: float) -> str:
+    """A number with as many digits as its deviation has, at least four."""
+    if not (math.isfinite(std) and std > 0.0 and math.isfinite(value) and value != 0.0):
+        return f"{value:.4g}"
+    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
+    return f"{value:.{min(max(digits, 4), 9)}g}"
 
 
 def _identified(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import DriveModel, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.result import (
@@ -134,8 +134,11 @@ def _judged(fit: _Fitted, begin: float) -> Diagnosis:
         else:
             causes.append((without, each))
     causes.sort(key=lambda pair: -pair[0].position)
-    floor = fit.errors(fit.factors)
-    results = tuple(_cause(*pair, before, after, rank + 1) for rank, pair in enumerate(causes))
+    floor = replace(fit, unseen=fit.fitted).errors(fit.factors)
+    results = tuple(
+        _cause(*pair, (before, after, floor), rank + 1, fit.robot.model.drive)
+        for rank, pair in enumerate(causes)
+    )
     rejected = [
         Rejected(each.name, "inside its deviation" if each not in useless else "it does not help unseen runs")
         for each in parts
@@ -200,7 +203,15 @@ def _combined(parts: Sequence[_Part]) -> Array:
     return np.asarray(np.prod([np.ones(3), *(each.factors for each in parts)], axis=0))
 
 
-def _cause(without: _Errors, part: _Part, before: _Errors, after: _Errors, rank: int) -> CauseResult:
+def _cause(
+    without: _Errors, part: _Part, errors: tuple[_Errors, _Errors, _Errors], rank: int, drive: DriveModel
+) -> CauseResult:
+    """errors: before, after and the floor."""
+    before, after, floor = errors
+    track = part.id.endswith("track_width")
+    number = (drive.track_width if track else drive.wheel_radius).value * part.factor
+    value = f"{'track_width' if track else 'wheel_radius'} = {number:.5f} (m)"
+
     wheels = "both wheels" if part.where is None else f"the {part.where} wheel"
     what = {
         "drive.track_width": "The wheels touch the floor",
@@ -209,11 +220,11 @@ def _cause(without: _Errors, part: _Part, before: _Errors, after: _Errors, rank:
     percent = abs(part.factor - 1.0) * 100.0
     more, less = ("further apart", "closer together") if part.id.endswith("width") else ("larger", "smaller")
     sentence = (
-        f"{what} {percent:.2f} % {more if part.factor > 1.0 else less} than configured: put the value below "
-        "into robot.toml."
+        f"{what} {percent:.2f} % {more if part.factor > 1.0 else less} than configured: put {value} into "
+        "robot.toml."
     )
     removable = max(before.position - after.position, 1e-300)
-    unit = max(after.position, 1e-12)
+    unit = max(floor.position, 1e-12)
     return CauseResult(
         part.id,
         part.where,

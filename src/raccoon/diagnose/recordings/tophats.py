@@ -10,12 +10,12 @@ from __future__ import annotations
 import time as clock
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.tophat_fit import SAME_UNIT, WIDTHS, LevelFit, Nominal, level_fits, predicted
 from raccoon.diagnose.recordings.tophat_levels import Levels, levels_of
 from raccoon.diagnose.recordings.tophat_words import (
     AMBIENT,
@@ -37,34 +37,15 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.model.reflectance import FULL_SCALE, LEAST_HEIGHT, MOST_HEIGHT, counts
 from raccoon.sim.effects import effect
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.tophats import GENERATION
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-WIDTHS = {AMBIENT: 200.0, GAIN: 0.2, HEIGHT: 0.006}
-"""Twice the catalogue's width of a usual deviation."""
-SAME_UNIT = 4.0
-"""Counts by which two sound sensors of one make differ on the same floor at the least."""
 FITS = 9.0
-PAIR_PENALTY = 6.0
 TIE = 3.0
 FITTED = 0.7
-ROUNDS = 40
-
-
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    """Causes with their values. cost: misfit of the levels plus that of usual deviations."""
-
-    ids: tuple[str, ...]
-    values: Array
-    stds: Array
-    misfit: float
-    cost: float
 
 
 def tophat_ports(columns: Columns, robot: RobotConfig) -> list[int]:
@@ -118,27 +99,11 @@ def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:
     return Verdict.UNKNOWN if unknown else Verdict.ADEQUATE
 
 
-@dataclass(frozen=True, slots=True)
-class _Nominal:
-    """What the simulation assumes of one sensor."""
-
-    offset: float = 0.0
-    factor: float = 1.0
-    height: float = 0.007
-    sd: float = 0.0
-
-    def level(self, black: bool | float, offset: float, factor: float, height: float) -> float:
-        """Counts over a surface with changes of the three on top."""
-        at = float(np.clip(self.height + height, LEAST_HEIGHT, MOST_HEIGHT))
-        read = self.factor * factor * counts(float(black), GENERATION, at) + self.offset + offset
-        return float(np.clip(read, 0.0, FULL_SCALE))
-
-
-def _nominal(model: Parameters | None, port: int) -> _Nominal:
+def _nominal(model: Parameters | None, port: int) -> Nominal:
     names = {AMBIENT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
     if model is None:
-        return _Nominal(height=float(effect(HEIGHT).parameters[0].neutral or 0.007))
-    return _Nominal(*(model.value(id_, name, str(port)) for id_, name in names.items()))
+        return Nominal(height=float(effect(HEIGHT).parameters[0].neutral or 0.007))
+    return Nominal(*(model.value(id_, name, str(port)) for id_, name in names.items()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +121,7 @@ class _Sensor:
     curves: tuple[Curve, ...] = ()
 
 
-def _sensor(columns: Columns, port: int, nominal: _Nominal, truth_free: bool) -> _Sensor:
+def _sensor(columns: Columns, port: int, nominal: Nominal, truth_free: bool) -> _Sensor:
     surface = None if truth_free else columns.get(f"truth.surface.{port}")
     levels = levels_of(columns["t"], columns[f"analog.{port}"], surface)
     if isinstance(levels, str):
@@ -171,66 +136,23 @@ def _sensor(columns: Columns, port: int, nominal: _Nominal, truth_free: bool) ->
     return _judged(levels, port, nominal)
 
 
-def _judged(levels: Levels, port: int, nominal: _Nominal) -> _Sensor:
+def _judged(levels: Levels, port: int, nominal: Nominal) -> _Sensor:
     early = levels.time < levels.time[0] + FITTED * float(np.ptp(levels.time))
     if not all((early & (levels.black == side)).sum() >= 8 for side in (False, True)):
         early = np.ones(len(early), np.bool_)
     table = levels.means(early)
-    fits = _fits(table, nominal)
+    fits = level_fits(table, nominal)
     best = min(fits, key=lambda each: each.cost)
     late = ~early if (~early).sum() >= 20 else np.ones(len(early), np.bool_)
     return _result(levels, port, nominal, fits, best, late)
 
 
-def _fits(table: Array, nominal: _Nominal) -> list[_Fit]:
-    """No cause, each alone, each pair; a second one must earn its place."""
-    names = tuple(WIDTHS)
-    choices: list[tuple[str, ...]] = [(), *((each,) for each in names), *combinations(names, 2)]
-    return [_fit(table, nominal, each) for each in choices]
-
-
-def _fit(table: Array, nominal: _Nominal, ids: tuple[str, ...]) -> _Fit:
-    """Gauss-Newton on the levels with usual deviations as priors."""
-    widths = np.array([WIDTHS[each] for each in ids])
-    weight = 1.0 / np.hypot(table[:, 3], SAME_UNIT)
-
-    def residual(u: Array) -> Array:
-        return (_predicted(table[:, 1], nominal, ids, widths * u) - table[:, 2]) * weight
-
-    u = np.zeros(len(ids))
-    for _ in range(ROUNDS if len(ids) else 0):
-        r = residual(u)
-        J = np.column_stack([(residual(u + 1e-4 * row) - r) / 1e-4 for row in np.eye(len(ids))])
-        A = J.T @ J + np.eye(len(ids))
-        step = np.linalg.solve(A, J.T @ r + u)
-        u = u - np.clip(step, -0.5, 0.5)
-        if np.abs(step).max() < 1e-6:
-            break
-    r = residual(u)
-    if len(ids):
-        J = np.column_stack([(residual(u + 1e-4 * row) - r) / 1e-4 for row in np.eye(len(ids))])
-        stds = widths * np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.eye(len(ids)))))
-    else:
-        stds = np.zeros(0)
-    misfit = float(r @ r) / max(len(table) / 2.0, 1.0)
-    cost = misfit * max(len(table) / 4.0, 1.0) + float(u @ u) + PAIR_PENALTY * len(ids)
-    return _Fit(ids, widths * u, stds, misfit, cost)
-
-
-def _predicted(black: Array, nominal: _Nominal, ids: Sequence[str], values: Array) -> Array:
-    found = dict(zip(ids, values, strict=True))
-    offset, height = float(found.get(AMBIENT, 0.0)), float(found.get(HEIGHT, 0.0))
-    factor = max(1.0 + float(found.get(GAIN, 0.0)), 0.01)
-    pair = [nominal.level(side, offset, factor, height) for side in (0.0, 1.0)]
-    return np.where(black > 0.5, pair[1], pair[0])
-
-
 def _result(
     levels: Levels,
     port: int,
-    nominal: _Nominal,
-    fits: Sequence[_Fit],
-    best: _Fit,
+    nominal: Nominal,
+    fits: Sequence[LevelFit],
+    best: LevelFit,
     late: NDArray[np.bool_],
 ) -> _Sensor:
     seen, black = levels.counts[late], levels.black[late].astype(float)
@@ -238,7 +160,7 @@ def _result(
     floor = max(levels.noise, 1.0)
 
     def error(ids: Sequence[str], values: Array) -> float:
-        return float(np.sqrt(np.mean((_predicted(black, nominal, ids, values) - seen) ** 2)))
+        return float(np.sqrt(np.mean((predicted(black, nominal, ids, values) - seen) ** 2)))
 
     before, after = error((), np.zeros(0)), error(best.ids, best.values)
     removable = max(before - spread, 1e-9)
@@ -283,11 +205,11 @@ def _result(
     )
 
 
-def _along(levels: Levels, nominal: _Nominal, ids: tuple[str, ...], values: Array) -> Array:
-    return _predicted(levels.black.astype(float), nominal, ids, values)
+def _along(levels: Levels, nominal: Nominal, ids: tuple[str, ...], values: Array) -> Array:
+    return predicted(levels.black.astype(float), nominal, ids, values)
 
 
-def _number(id_: str, moved: float, std: float, nominal: _Nominal) -> ParameterResult:
+def _number(id_: str, moved: float, std: float, nominal: Nominal) -> ParameterResult:
     base = {AMBIENT: nominal.offset, GAIN: nominal.factor, HEIGHT: nominal.height}[id_]
     unit = effect(id_).parameters[0].unit
     return ParameterResult(base * (1.0 + moved) if id_ == GAIN else base + moved, std, unit, base)
@@ -298,7 +220,7 @@ def _mean(seen: Array, black: Array, side: int) -> float:
     return float(mine.mean()) if len(mine) else 0.0
 
 
-def _rivals(fits: Sequence[_Fit], best: _Fit, id_: str) -> tuple[str, ...]:
+def _rivals(fits: Sequence[LevelFit], best: LevelFit, id_: str) -> tuple[str, ...]:
     """Causes of other fits that do about as well without this one."""
     found = {
         name
@@ -310,10 +232,10 @@ def _rivals(fits: Sequence[_Fit], best: _Fit, id_: str) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def _drift(levels: Levels, nominal: _Nominal, best: _Fit, port: int) -> tuple[str, ...]:
+def _drift(levels: Levels, nominal: Nominal, best: LevelFit, port: int) -> tuple[str, ...]:
     """Whether both levels move together with time, in one sentence; () where they stand."""
     table = levels.means(np.ones(len(levels.time), np.bool_))
-    left = table[:, 2] - _predicted(table[:, 1], nominal, best.ids, best.values)
+    left = table[:, 2] - predicted(table[:, 1], nominal, best.ids, best.values)
     pieces = np.unique(table[:, 0])
     shift = np.array([left[table[:, 0] == each].mean() for each in pieces])
     limit = 5.0 * float(np.hypot(np.median(table[:, 3]), SAME_UNIT))
