@@ -92,16 +92,16 @@ ROWS: Mapping[str, Row] = {
 
 
 def cases(rows: list[str], trials: int) -> Iterator[Case]:
-    """All cases, round by round, so that a run that is cut short has some of everything."""
-    wanted: list[tuple[float, str, str, int]] = []
+    """All cases, round by round and well mixed, so that a run that is cut short has some of everything."""
+    wanted: list[tuple[float, int, Case]] = []
     for name in rows:
         row = ROWS[name]
         count = max(int(row.share * trials + 0.5), 1)
         for cause in row.causes:
-            wanted.extend(((index + 0.5) / count, name, cause, index) for index in range(count))
-    wanted.sort(key=lambda each: each[0])
-    for _, name, cause, index in wanted:
-        yield Case(name, cause, index)
+            each = (Case(name, cause, index) for index in range(count))
+            wanted.extend(((it.index + 0.5) / count, zlib.crc32(it.key.encode()), it) for it in each)
+    wanted.sort(key=lambda each: each[:2])
+    yield from (case for _, _, case in wanted)
 
 
 def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:

@@ -35,6 +35,38 @@ def test_a_single_hidden_cause_is_named_first(cause: str) -> None:
     assert said.causes[0].gain.heldout_rmse_after < said.causes[0].gain.heldout_rmse_before
 
 
+def names_of(said: Diagnosis) -> set[str]:
+    return {name for each in said.causes for name in (each.name, *each.confounded_with)}
+
+
+@pytest.mark.parametrize(
+    "causes", [("drive.wheel_slip", "imu.gyro_bias"), ("friction.viscous", "imu.latency")]
+)
+def test_two_hidden_causes_are_both_named_and_nothing_else(causes: tuple[str, str]) -> None:
+    rng = np.random.default_rng(4)
+    hidden = [draw(each, rng) for each in causes]
+    said = diagnose(make(4, hidden, seconds=25.0).columns, RobotConfig())
+    assert {each.name for each in said.causes} == {each.name for each in hidden}
+    assert not said.unexplained.depends_on
+
+
+def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
+    rng = np.random.default_rng(6)
+    causes = ("battery.discharge", "actuation.latency", "drive.turn_scrub", "imu.gyro_bias")
+    hidden = [draw(each, rng) for each in causes]
+    said = diagnose(make(6, hidden, seconds=40.0).columns, RobotConfig())
+    assert {each.name for each in hidden} <= names_of(said)
+
+
+@pytest.mark.parametrize("cause", ["imu.latency", "friction.stiction"])
+def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another(cause: str) -> None:
+    hidden = draw(cause, np.random.default_rng(8), size=0.3)
+    said = diagnose(make(8, [hidden], seconds=40.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] in ([hidden.name], [])
+    if cause == "imu.latency":
+        assert said.causes
+
+
 def test_the_parameter_lies_near_the_hidden_one() -> None:
     hidden = draw("actuation.latency", np.random.default_rng(5))
     said = diagnose(make(5, [hidden], seconds=25.0).columns, RobotConfig())
@@ -57,7 +89,8 @@ def test_structural_twins_are_reported_as_a_class() -> None:
 
 
 def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on() -> None:
-    hidden = draw_unknown("gyro_speed", np.random.default_rng(1))
-    said = diagnose(make(1, [hidden], seconds=40.0).columns, RobotConfig())
-    assert said.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
-    assert any("gyro" in each for each in said.unexplained.depends_on)
+    for kind, covariate in (("gyro_speed", "gyro over speed"), ("payload", "time (inertia)")):
+        hidden = draw_unknown(kind, np.random.default_rng(1))
+        said = diagnose(make(1, [hidden], seconds=40.0).columns, RobotConfig())
+        assert said.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
+        assert covariate in said.unexplained.depends_on

@@ -1,0 +1,93 @@
+"""What decides a cause: many moments, and fits that have arrived."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.drives import exciting
+from blind.generator import make
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import problem_of
+from raccoon.diagnose.experiment import planned_log
+from raccoon.diagnose.features import Features
+from raccoon.diagnose.fit import Fit, fit_point
+from raccoon.diagnose.hypotheses import base_coordinates, drive_causes, neutral_settings
+from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.noise import white_noise
+from raccoon.diagnose.outlook import EVENT, MOST_OF_EVENT, lead
+from raccoon.diagnose.problem import Point, Problem, Whitener
+from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
+from raccoon.diagnose.search import EVIDENCE_GATE, FLOOR_GATE, gate
+from raccoon.diagnose.unknown import probes_for
+from raccoon.sim.chain import Chain
+from raccoon.sim.physical import plant_numbers
+
+ROBOT = RobotConfig()
+CAUSES = {each.name: each for each in drive_causes()}
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    log = planned_log(exciting(np.random.default_rng(1), 8.0))
+    rollout = PlantRollout(log, ROBOT, Habits(Chain.firmware(), brake=False))
+    features = Features.of(log)
+    causes = dict(CAUSES)
+    return Problem(features, rollout, ROBOT, neutral_settings(ROBOT), base_coordinates(ROBOT), causes)
+
+
+def fit_of(problem: Problem, white: np.ndarray) -> Fit:
+    base = len(problem.base)
+    none = np.zeros((base, white.size))
+    return Fit(problem.nominal(), white, none, float(white @ white), np.ones(base, bool))
+
+
+def test_one_event_counts_for_little_and_many_for_much(problem: Problem) -> None:
+    size = problem.features.measured.size
+    channels = problem.features.measured.shape[1]
+    before = np.ones(size)
+    one = before.copy()
+    one[: EVENT * channels] = 0.0
+    assert lead(problem, fit_of(problem, one), fit_of(problem, before)) == pytest.approx(MOST_OF_EVENT)
+    steady = lead(problem, fit_of(problem, 0.97 * before), fit_of(problem, before))
+    assert steady == pytest.approx(0.5 * size * (1.0 - 0.97**2))
+
+
+def test_a_floor_must_be_beaten_by_more() -> None:
+    assert gate("friction.coulomb@left") == gate("drive.slope") == FLOOR_GATE
+    assert gate("friction.coulomb") == gate("imu.gyro_bias") == EVIDENCE_GATE < FLOOR_GATE
+
+
+def test_a_variant_has_the_numbers_of_the_parameters_it_stands_for(problem: Problem) -> None:
+    point = Point(np.full(len(problem.base), 0.3), {"motor.heating@left": np.array([0.5, 0.2])})
+    settings = problem.settings(point)
+    chain = Chain.firmware()
+    whole = parameters_of(settings, problem.neutral, ROBOT, chain)
+    variant = Variant(whole.robot, chain, settings)
+    assert plant_numbers(variant) == pytest.approx(plant_numbers(whole))  # type: ignore[arg-type]
+
+
+def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:
+    truth = problem.nominal().with_cause("drive.inertia", np.array([-0.8]))
+    measured = problem.predict([truth])[0]
+    problem = replace(problem, features=replace(problem.features, measured=measured))
+    noise = white_noise(problem.features.floors, np.zeros(len(measured), np.intp))
+    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), measured)
+    start = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
+    fit = fit_point(problem, whitener, start)
+    assert fit.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
+
+
+def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
+    from raccoon.diagnose.linear import linearise
+
+    columns = make(2, seconds=6.0).columns
+    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    linear = linearise(real, real.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    group = next(each for each in probes_for(real)(linear) if each.name.endswith("gyro over time"))
+    channel = real.features.roles.index("gyro")
+    time = real.features.time
+    for straight in (np.ones_like(time), time - time.mean()):
+        assert group.columns[:, :, channel] @ straight == pytest.approx(0.0, abs=1e-9)
