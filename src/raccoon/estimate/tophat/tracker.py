@@ -30,6 +30,7 @@ STEADY = 0.95  # probability from which it is calm
 CALM_READINGS, STEADY_READINGS = 4, 8
 WIDEST = 0.15  # m of black, from which it may as well be white in less light
 LEAN_SHARE = 0.1  # of a reading in the mean of what the levels miss by lately
+LEAN_READINGS = 15  # on one surface before that is asked; a line is shorter
 MOST_LEAN = 1.5  # standard deviations of that from which the light runs ahead of the levels
 NOTHING = (-1e9, -1e9, -1e9)
 
@@ -47,6 +48,7 @@ class LightTracker(Levels):
         "_calm",
         "_done",
         "_later",
+        "_lasted",
         "_lean",
         "_log",
         "_on_black",
@@ -79,7 +81,7 @@ class LightTracker(Levels):
         self._start = self._later = self._belief()
         self._told = -1e9  # the last unexplained reading that said something
         self._stray_way = self._lean = self._black_way = 0.0
-        self.stray = self.jumps = self._outside = self._calm = self._done = 0
+        self.stray = self.jumps = self._lasted = self._outside = self._calm = self._done = 0
 
     @property
     def in_doubt(self) -> bool:
@@ -113,16 +115,16 @@ class LightTracker(Levels):
                 self._begin()
                 return
             self._on_black = on_black
-            self._lean = 0.0
+            self._lasted = 0
         if self.stray:
-            self.stray = 0
-            self._lean = 0.0
+            self.stray = self._lasted = 0
         oldest, older, old = self._recent
         self._recent = (older, old, counts)
         change = counts - oldest
         noise = self._dark_noise if on_black else self._light_noise
-        lean = self._lean = self._lean + LEAN_SHARE * (miss - self._lean)
-        if lean * lean > MOST_LEAN * MOST_LEAN * spread * spread:
+        lasted = self._lasted = self._lasted + 1
+        lean = self._lean = self._lean + LEAN_SHARE * (miss - self._lean) if lasted > 1 else 0.0
+        if lasted > LEAN_READINGS and lean * lean > MOST_LEAN * MOST_LEAN * spread * spread:
             self._begin()
             return
         if change * change <= LEVEL * LEVEL * (noise + LEAST_SD):
@@ -192,7 +194,6 @@ class LightTracker(Levels):
     def _begin(self) -> None:
         self._bank = Hypotheses(self._sensor, self._start)
         self._done = self._calm = 0
-        self._lean = 0.0
         self.status = Status.UNCERTAIN
 
     def _weigh(self, bank: Hypotheses, others_lost: bool | None) -> None:
@@ -234,7 +235,7 @@ class LightTracker(Levels):
 
     def _end(self) -> None:
         self._bank = None
-        self._lean = 0.0
+        self._lasted = 0
         self._start = self._later = self._belief()
         self._recent = NOTHING
         self.stray = 0
