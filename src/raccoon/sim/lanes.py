@@ -7,6 +7,8 @@ stores; compiled, a vector unit does several robots at once.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from raccoon.sim.quantities import Circuit, Plant, State
 
 BLOCK = 32  # robots: their numbers stay in the fastest cache
@@ -21,6 +23,9 @@ KEEP_ROW = SPEED_ROW + 2
 ROWS = KEEP_ROW + 3
 # Fields before these change in a step, when a motor is sampled, and in a cycle.
 _FIRST_SAMPLED, _FIRST_SENSED = (State._fields.index(name) for name in ("sampled_left", "recent_left"))
+# What no step reads of the one before: only a cycle's last step has to work it out.
+_UNREAD = ("forward_speed", "yaw_rate", "bus")
+_BETWEEN = [row for row, name in enumerate(State._fields[:_FIRST_SAMPLED]) if name not in _UNREAD]
 
 
 def lanes_text() -> str:
@@ -49,9 +54,10 @@ def lanes_text() -> str:
         store_speeds=_stores(SPEED_ROW, "speeds", 20, 2),
         state=_cells(0, STATE_ROWS),
         plant=_cells(STATE_ROWS, PLANT_ROWS),
-        store_step=_fields(0, _FIRST_SAMPLED, 20),
+        store_step=_fields(range(_FIRST_SAMPLED), 20),
+        store_between=_fields(_BETWEEN, 20),
         store_sampled=_stores(_FIRST_SAMPLED, "looked", 20, 2),
-        store_cycle=_fields(_FIRST_SENSED, STATE_ROWS, 16),
+        store_cycle=_fields(range(_FIRST_SENSED, STATE_ROWS), 16),
     )
 
 
@@ -67,9 +73,8 @@ def _stores(row: int, name: str, indent: int, count: int = 4) -> str:
     return "\n".join(f"{' ' * indent}{_cell(row + i)} = {name}[{i}]" for i in range(count))
 
 
-def _fields(begin: int, end: int, indent: int) -> str:
-    names = State._fields
-    return "\n".join(f"{' ' * indent}{_cell(row)} = n.{names[row]}" for row in range(begin, end))
+def _fields(rows: Iterable[int], indent: int) -> str:
+    return "\n".join(f"{' ' * indent}{_cell(row)} = n.{State._fields[row]}" for row in rows)
 
 
 _TEXT = """
@@ -126,7 +131,13 @@ def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, no
                     s = State({state})
                     looked = sampled_both(s, {speeds}, left, right)
 {store_sampled}
-                for k in range({block}):
+                for k in range({block} if step < steps - 1 else 0):
+                    s = State({state})
+                    p = Plant({plant})
+                    c = Circuit({circuit})
+                    n = moved(s, p, command(({order}), left, right), c, {speeds}, h, per_h)
+{store_between}
+                for k in range({block} if step == steps - 1 else 0):
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
