@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -79,8 +80,24 @@ def _single(results: Sequence[Result]) -> str:
 
 def _announced(results: Sequence[Result]) -> str:
     missed = [each for each in results if not first_right(each) and not each["causes"]]
-    told = [_reason(each).startswith(("not visible", "not identifiable")) for each in missed]
-    return f"{_single(results)}; silent ones announced as not visible: {percent(told)}"
+    told = percent(map(announced, missed))
+    return f"{_single(results)}; of the silent ones said to be too small to show: {told}"
+
+
+def announced(result: Result) -> bool:
+    """Whether a missed cause was said to be invisible, or smaller than what would have shown."""
+    reason = _reason(result)
+    if reason.startswith(("not visible", "not identifiable")):
+        return True
+    said = re.search(r"would show (from|below) about ([-+.\de]+)", reason)
+    name = next(iter(result["hidden"]))
+    if said is None or not result["true"].get(name):
+        return False
+    parameter, value = next(iter(result["true"][name].items()))
+    if parameter == "limit":
+        return bool(value > float(said[2]))
+    nominal = result["nominal"][name][parameter]
+    return bool(abs(value - nominal) * (100.0 if parameter == "factor" else 1.0) < float(said[2]))
 
 
 def _reason(result: Result) -> str:

@@ -233,7 +233,8 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     result: dict[str, Any] = {
         "key": case.key, "row": case.row, "cause": case.cause, "seed": blind.seed,
         "hidden": {each.name: dict(each.values) for each in blind.hidden},
-        "true": _true(blind), "seconds": seconds, "predicted": predicted, **said_of(said),
+        "true": _true(blind, blind.robot), "nominal": _true(blind, NEUTRAL),
+        "seconds": seconds, "predicted": predicted, **said_of(said),
     }  # fmt: skip
     if row.tail:
         result["gain"] = gain(blind, said, row.seconds)
@@ -248,9 +249,9 @@ def _advised(name: str, hidden: list[Hidden], rng: np.random.Generator) -> Blind
     return make(int(rng.integers(2**31)), hidden, drive=manoeuvre(name))
 
 
-def _true(blind: Blind) -> dict[str, dict[str, float]]:
-    """The true values of the hidden causes' parameters, with the robot's own deviation in them."""
-    settings = true_settings(blind.robot)
+def _true(blind: Blind, robot: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """The values of the hidden causes' parameters in a robot, with its own deviation in them."""
+    settings = true_settings(robot)
     found = {}
     for each in blind.hidden:
         if each.id == "unknown":

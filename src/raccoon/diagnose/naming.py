@@ -14,6 +14,7 @@ from raccoon.diagnose.log import Log
 from raccoon.diagnose.outlook import Search, blocks_of
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.search import CLOSE
+from raccoon.diagnose.visible import VISIBLE, shows_from, visibility
 from raccoon.diagnose.wording import explanation, manoeuvre_for
 from raccoon.sim.effects import effect
 
@@ -21,9 +22,6 @@ Array = NDArray[np.float64]
 
 FORM_ERROR = 0.08
 """Share of a deviation that an effect's equation, which is never quite the robot's, may be off by."""
-VISIBLE = 20.0
-"""Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""
-
 TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
 b."""
@@ -159,26 +157,11 @@ def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
         if missing and id_ in ids:
             return f"not identifiable: there is no {role} reading in this recording"
     if visible < VISIBLE:
-        return "not visible in this recording: a usual deviation would not show"
+        return f"not visible in this recording: a usual deviation would not show{shows_from(id_, visible)}"
     for name, reason in search.failed.items():
         if name.partition("@")[0] == id_:
-            return reason
-    return "explains nothing that is left"
-
-
-def visibility(search: Search) -> dict[str, float]:
-    """Evidence that one width of each effect would make beside all that is fitted: ||P d||^2 by id."""
-    table = search.table
-    count = table.base + sum(len(each) for each in table.active.values())
-    rest = table.whole.take([*range(count), *(i for _, span in table.off for i in span)]).without(count)
-    found: dict[str, float] = {}
-    for group, span in table.off:
-        if group.name not in search.problem.causes:
-            continue
-        id_ = search.problem.causes[group.name].id
-        power = max(float(rest.matrix[i - count, i - count]) for i in span)
-        found[id_] = max(found.get(id_, 0.0), power)
-    return found
+            return f"{reason}{shows_from(id_, visible)}"
+    return f"explains nothing that is left{shows_from(id_, visible)}"
 
 
 def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:

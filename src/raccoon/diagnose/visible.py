@@ -1,0 +1,51 @@
+"""How large each effect must be to show in a recording: what silence about it means."""
+
+from __future__ import annotations
+
+import math
+
+from raccoon.diagnose.hypotheses import WIDTH_FACTOR
+from raccoon.diagnose.outlook import Search
+from raccoon.diagnose.search import gate
+from raccoon.sim.effects import effect
+
+VISIBLE = 20.0
+"""Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""
+
+
+def visibility(search: Search) -> dict[str, float]:
+    """Evidence that one width of each effect would make beside all that is fitted: ||P d||^2 by id.
+
+    Of an effect of a side, at the side where it shows least.
+    """
+    table = search.table
+    count = table.base + sum(len(each) for each in table.active.values())
+    rest = table.whole.take([*range(count), *(i for _, span in table.off for i in span)]).without(count)
+    found: dict[str, float] = {}
+    for group, span in table.off:
+        if group.name in search.problem.causes:
+            power = max(float(rest.matrix[i - count, i - count]) for i in span)
+            found[group.name] = max(found.get(group.name, 0.0), power)
+    least: dict[str, float] = {}
+    for name, power in found.items():
+        id_ = search.problem.causes[name].id
+        least[id_] = min(least.get(id_, power), power)
+    return least
+
+
+def shows_from(id_: str, power: float) -> str:
+    """The smallest deviation that would be named, in words.
+
+    power: evidence of one width; u widths make a log evidence of (power u^2 - log(1 + power)) / 2.
+    """
+    if power <= 0.0:
+        return ""
+    u = math.sqrt((2.0 * gate(id_) + math.log1p(power)) / power)
+    parameter = effect(id_).parameters[0]
+    width = WIDTH_FACTOR * parameter.prior_width
+    if parameter.name == "factor":
+        return f"; would show from about {100.0 * math.expm1(width * u):.2g} % on"
+    if parameter.name == "limit":
+        return f"; would show below about {1.0 / u:.2g} {parameter.unit}"
+    unit = f" {parameter.unit}" if parameter.unit else ""
+    return f"; would show from about {width * u:.2g}{unit} on"
