@@ -31,8 +31,8 @@ from raccoon.sim.parameters import Parameters
 ALL: tuple[Firmware, ...] = ("stock", 17, 21)
 RACCOON: tuple[Firmware, ...] = (17, 21)
 STOCK: tuple[Firmware, ...] = ("stock",)
-REST_CYCLES, FAULT_CYCLE = 100, 220
-DISTANCE, ANGLE, LAST_DISTANCE = 0.2, math.radians(30.0), 0.02
+REST_CYCLES, FAULT_CYCLE = 100, 200
+DISTANCE, ANGLE, LAST_DISTANCE = 0.15, math.radians(20.0), 0.02
 SPEED = 0.2
 FORGIVEN, FORGIVEN_TURN = 0.0005, math.radians(0.1)
 """m and rad that no deviation needs to account for."""
@@ -77,7 +77,7 @@ class Bench:
             robot.run(straight(DISTANCE, self.case.speed))
             robot.run(turn(ANGLE))
             robot.run(straight(LAST_DISTANCE, self.case.speed))
-            for _ in range(60):
+            for _ in range(40):
                 robot.tick()
 
     def read(self) -> Inputs:

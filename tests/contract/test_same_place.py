@@ -51,7 +51,6 @@ def end_of(mission: Mission, firmware: Firmware, seed: int) -> tuple[float, floa
     ("mission", "place", "seed"),
     [
         (short_mission, (0.5, 0.0, 90.0), 0),
-        (short_mission, (0.5, 0.0, 90.0), 1),
         (long_mission, (0.4, 0.3, 180.0), 0),
     ],
 )
