@@ -1,10 +1,11 @@
 """The odometry against three simpler schemes, on the same traces.
 
-    python benchmarks/odometry.py [effects] [match] [slip] [clean] [consistency] [optiodom] [time] [--seeds
-    20]
+    python benchmarks/odometry.py [PART ...] [--seeds N | --quick]
 
-Without a name all parts run (about 20 minutes). Every part prints what was asked of it and what came out.
-Position errors are those of the robot's middle, in m; path is the true way after the start.
+Parts: time, optiodom, slip, match, clean, consistency, effects, calibrated.
+Without a name all parts run, about ten minutes of one core; each says how long it took. Every part prints
+what was asked of it and what came out. Position errors are those of the robot's middle, in m; path is the
+true way after the start.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from odometry_traces import (
     DATA,
     EFFECTS,
     Trace,
+    calibrated,
     match,
     optiodom,
     optiodom_robot,
@@ -31,6 +33,8 @@ from odometry_traces import (
     runs,
     sessions,
     simulated,
+    spread_motors,
+    with_random_slip,
     with_slip,
 )
 from raccoon.core.config import RobotConfig
@@ -118,14 +122,54 @@ def pooled(scores: list[Score]) -> float:
 
 
 def effects(seeds: int) -> None:
-    """Each effect in turn, on matches of 30 s."""
-    cases = [("none", None, {}), *EFFECTS]
-    for name, where, values in cases:
-        parameters = Parameters.from_robot(RobotConfig())
-        if values:
-            parameters = parameters.with_effect(name, where, **values)
-        title = f"{name}{'@' + where if where else ''} {values}"
-        compared(title, (match(seed, parameters, 30.0) for seed in range(seeds)))
+    """Each effect in turn, on matches of 30 s of a robot that nobody calibrated."""
+    heading_row("one effect at a time, robot.toml as documented", seeds)
+    for title, parameters in cases():
+        row(title, [match(seed, parameters, 30.0) for seed in range(seeds)])
+
+
+def calibrated_effects(seeds: int) -> None:
+    """The same after the calibration drive with a tape, the effect being there; and motors of the spread."""
+    heading_row("the same after a calibration drive of 0.6 m along a tape", seeds)
+    spread = [(spread_motors(seed), seed) for seed in range(seeds)]
+    row("motors of the spread", [after_calibration(each, seed) for each, seed in spread])
+    for title, parameters in cases():
+        row(title, [after_calibration(parameters, seed) for seed in range(seeds)])
+
+
+def after_calibration(parameters: Parameters, seed: int) -> Trace:
+    """A match of 30 s of a robot that was calibrated before."""
+    return replace(match(seed, parameters, 30.0), robot=calibrated(parameters, seed))
+
+
+def cases() -> list[tuple[str, Parameters]]:
+    """A robot without faults, and one of each fault."""
+    nominal = Parameters.from_robot(RobotConfig())
+    found = [("none", nominal)]
+    for name, where, values in EFFECTS:
+        title = f"{name}{'@' + where if where else ''} {'/'.join(f'{each:.3g}' for each in values.values())}"
+        found.append((title, nominal.with_effect(name, where, **values)))
+    return found
+
+
+def heading_row(title: str, seeds: int) -> None:
+    """What stands over the rows."""
+    print(f"\n{title}: RMS of the position error in mm, {seeds} matches of 30 s each")
+    print(f"{'':38} {'filter':>8} {'wheels':>8} {'rules':>8} {'wpimath':>8}{'in 95 %':>10}{'deg, 95%':>10}")
+
+
+def row(title: str, traces: list[Trace]) -> None:
+    """Root mean square of the position error of each scheme, and what the filter says of its own."""
+    scores = {
+        name: [score(scheme(trace.robot), trace) for trace in traces] for name, scheme in SCHEMES.items()
+    }
+    ours = scores["this filter"]
+    places = "".join(f"{name} {1e3 * pooled(each):6.1f} mm  " for name, each in scores.items())
+    covered = 100 * statistics.fmean(each.coverage or 0.0 for each in ours)
+    turned = math.degrees(np.percentile([each.heading for each in ours], 95))
+    print(
+        f"{title:36}{places}  inside 95 % ellipse {covered:5.1f} %  heading 95% {turned:.2f} deg", flush=True
+    )
 
 
 def matches(seeds: int) -> None:
@@ -202,7 +246,8 @@ def consistency(seeds: int) -> None:
     """Normalised estimation error squared, with faults drawn from the very prior the filter has."""
     squares, inside = [], []
     for seed in range(seeds):
-        trace = match(seed, drawn(seed), 40.0)
+        slip = OdometrySettings().slip_noise
+        trace = with_random_slip(match(seed, drawn(seed), 40.0), slip, seed)
         ours = Ours(trace.robot)
         for number, (inputs, command) in enumerate(trace.cycles):
             x, y, heading = ours.update(inputs, command)
@@ -239,6 +284,9 @@ def drawn(seed: int) -> Parameters:
     found = found.with_effect("drive.track_width", factor=factor(track_std(robot, settings)))
     found = found.with_effect("imu.gyro_scale", factor=factor(robot.model.imu.gyro_scale.std))
     found = found.with_effect("imu.gyro_bias", rate=settings.gyro_bias * float(random.normal()))
+    # Over T = 40 s a bias that walks turns the heading by sqrt(T^3 / 3), one that drifts by T^2 / 2.
+    drift = 0.18 * settings.gyro_bias_walk * float(random.normal())
+    found = found.with_effect("imu.gyro_drift", rate_per_second=drift)
     found = found.with_effect("imu.latency", seconds=0.01 * abs(float(random.normal())))
     for side in ("left", "right"):
         found = found.with_effect("bemf.scale", side, factor=factor(scale_std(robot, settings, side)))
@@ -353,7 +401,10 @@ PARTS: dict[str, tuple[Callable[[int], None], int]] = {
     "clean": (clean, 100),
     "consistency": (consistency, 200),
     "effects": (effects, 20),
+    "calibrated": (calibrated_effects, 20),
 }
+QUICK = 4
+"""Simulated runs of every part with --quick."""
 
 
 def main() -> None:
@@ -363,10 +414,15 @@ def main() -> None:
     parser.add_argument(
         "--seeds", type=int, help="how many simulated runs instead of the figure's own number"
     )
+    parser.add_argument("--quick", action="store_true", help=f"{QUICK} simulated runs of each part")
     arguments = parser.parse_args()
+    begin = time.process_time()
     for name in arguments.parts or PARTS:
         measure, usual = PARTS[name]
-        measure(arguments.seeds or usual)
+        began = time.process_time()
+        measure(arguments.seeds or (QUICK if arguments.quick else usual))
+        print(f"({name}: {time.process_time() - began:.0f} s of processor time)", flush=True)
+    print(f"\nall: {time.process_time() - begin:.0f} s of processor time")
 
 
 if __name__ == "__main__":

@@ -26,6 +26,8 @@ from raccoon.core.config import (
     RobotConfig,
 )
 from raccoon.core.readings import SI_WORDS, Inputs, Outputs, Truth
+from raccoon.estimate.drive_calibration.straight import calibrate_straight
+from raccoon.model.drive import arc_end
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
@@ -125,6 +127,34 @@ def match(seed: int, parameters: Parameters, seconds: float = 120.0, name: str =
     return simulated(name, parameters.robot, parameters, missions(random, seconds), seed)
 
 
+def calibrated(parameters: Parameters, seed: int) -> RobotConfig:
+    """The robot after the drive of 0.6 m along a tape (read to 2 mm) that teams make at set-up."""
+    robot = parameters.robot
+    plan = [(2.0, 0.0, 0.0), (4.0, 0.15, 0.0), (1.0, 0.0, 0.0)]
+    cycles = simulated("calibration", robot, parameters, plan, seed + 1_000_000).cycles
+    truth = cycles[-1][0].truth
+    assert truth is not None
+    read = math.hypot(truth.x, truth.y) + 0.002 * float(np.random.default_rng([seed, 4]).normal())
+    found = calibrate_straight(robot, [inputs for inputs, _ in cycles], read)
+    motors = {
+        robot.drive.left: MotorConfig(radians_per_tick=found.left, bemf_offset=found.left_offset),
+        robot.drive.right: MotorConfig(radians_per_tick=found.right, bemf_offset=found.right_offset),
+    }
+    return replace(robot, motors=motors)
+
+
+def spread_motors(seed: int) -> Parameters:
+    """Motors drawn from the spread of real ones: 4 % of back-EMF, offsets of 40 counts."""
+    random = np.random.default_rng([seed, 5])
+    found = Parameters.from_robot(RobotConfig())
+    for side in ("left", "right"):
+        factor = 1.0 + 0.04 * float(np.clip(random.normal(), -2.0, 2.0))
+        found = found.with_effect("motor.back_emf_constant", side, factor=factor)
+        counts = 40.0 * float(np.clip(random.normal(), -2.0, 2.0))
+        found = found.with_effect("bemf.offset", side, counts=counts)
+    return found
+
+
 def real_robot(seed: int, robot: RobotConfig | None = None) -> Parameters:
     """The faults of real robots: gyro drift of 109 or 27 degrees an hour, offsets, motors that differ by 4
     %.
@@ -151,7 +181,11 @@ EFFECTS: tuple[tuple[str, str | None, dict[str, float]], ...] = (
     ("bemf.filter_lag", None, {"time_constant": 0.030}),
     ("drive.wheel_radius", "left", {"factor": 1.02}),
     ("drive.track_width", None, {"factor": 1.02}),
+    ("drive.wheel_slip", None, {"time": 0.02}),
     ("drive.wheel_slip", None, {"time": 0.05}),
+    ("drive.turn_scrub", None, {"torque": 0.05}),
+    ("drive.inertia", None, {"factor": 1.3}),
+    ("drive.slope", None, {"along_x": 0.03, "along_y": 0.02}),
     ("drive.wheel_eccentricity", "left", {"amplitude": 0.02, "phase": 0.0}),
     ("drive.backlash", None, {"angle": 0.03}),
     ("imu.gyro_bias", None, {"rate": 109 * DEGREES_AN_HOUR}),
@@ -196,6 +230,35 @@ def with_slip(trace: Trace, begin: float, seconds: float, side: str, share: floa
             gyro = (gyro[0], gyro[1], gyro[2] + round(rate / inputs.device.gyro_rad_s))
         cycles.append((replace(inputs, gyro=gyro, truth=Truth(x, y, heading)), outputs))
     return Trace(f"slip {side}", trace.robot, cycles)
+
+
+def with_random_slip(trace: Trace, std: float, seed: int) -> Trace:
+    """The same drive, but either wheel loses or gains a little way all the time: `std` m after one metre.
+
+    Truth and gyro change, the wheels' readings do not.
+    """
+    track = trace.robot.model.drive.track_width.value
+    random = np.random.default_rng([seed, 6])
+    cycles: list[Cycle] = []
+    x = y = heading = time = 0.0
+    before: Truth | None = None
+    for inputs, outputs in trace.cycles:
+        truth, gyro = inputs.truth, inputs.gyro
+        assert truth is not None
+        if before is not None:
+            turn = truth.heading - before.heading
+            direction = before.heading + 0.5 * turn
+            way = (truth.x - before.x) * math.cos(direction) + (truth.y - before.y) * math.sin(direction)
+            rolled = np.abs([way - 0.5 * turn * track, way + 0.5 * turn * track])
+            left, right = (std * np.sqrt(rolled) * random.standard_normal(2)).tolist()
+            if gyro is not None:
+                rate = (right - left) / track / (inputs.time - time)
+                gyro = (gyro[0], gyro[1], gyro[2] + round(rate / inputs.device.gyro_rad_s))
+            way, turn = way + 0.5 * (left + right), turn + (right - left) / track
+            x, y, heading = arc_end(x, y, heading, way, turn)
+        before, time = truth, inputs.time
+        cycles.append((replace(inputs, gyro=gyro, truth=Truth(x, y, heading)), outputs))
+    return Trace(f"{trace.name}, random slip", trace.robot, cycles)
 
 
 def optiodom_robot(session: str, left: float, right: float, track: float) -> RobotConfig:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import DriveModel, RobotConfig
 from raccoon.core.readings import Device
 from raccoon.estimate.drive.wheels import counts_scale
 from raccoon.estimate.ekf.filter import ProcessNoise
@@ -56,10 +56,14 @@ def offset_std_counts(robot: RobotConfig, settings: OdometrySettings, side: str)
 
 
 def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:
-    """Relative standard deviation of the track width; one that nobody fitted is as wide as wheels are."""
-    track = robot.model.drive.track_width
-    floor = settings.uncalibrated_track if track.date is None else 1e-4
-    return max(track.std / track.value, floor)
+    """Relative standard deviation of the track width.
+
+    Where robot.toml gives neither a date nor a deviation of its own nobody measured it, and the wheels touch
+    the floor somewhere within their width.
+    """
+    track, nominal = robot.model.drive.track_width, DriveModel().track_width
+    measured = track.date is not None or track.std != nominal.std
+    return max(track.std / track.value, 1e-4 if measured else settings.uncalibrated_track)
 
 
 def scale_std(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:

@@ -1,0 +1,54 @@
+"""Delay between wheels and gyro, and scales that a straight drive does not show."""
+
+import math
+
+import pytest
+
+from drive_traces import Errors, Segment, drive
+from raccoon.core.config import RobotConfig
+from raccoon.estimate.drive.odometry import Odometry
+from raccoon.estimate.drive.timing import Swing, wheels_lead
+from raccoon.estimate.ekf.filter import variance_index
+from raccoon.estimate.ekf.state import SIZE, State
+
+REST, TURN, STRAIGHT = (1.0, 0.0, 0.0), (1.0, 0.0, 1.6), (4.0, 0.18, 0.0)
+
+
+def driven(segments: list[Segment], errors: Errors) -> Odometry:
+    odometry = Odometry(RobotConfig())
+    for inputs, command in drive(segments, errors, seed=5):
+        odometry.update(inputs, command)
+    return odometry
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.01, 0.02])
+def test_a_late_gyro_is_found_out_in_turns(latency: float) -> None:
+    odometry = driven([REST, TURN, REST, TURN, REST], Errors(imu_latency=latency))
+    flat = odometry._fusion.drive.flat
+    delay, std = flat[State.GYRO_DELAY], math.sqrt(flat[variance_index(State.GYRO_DELAY)])
+    assert delay == pytest.approx(latency, abs=0.003)
+    assert std < 0.003
+
+
+def test_driving_straight_does_not_move_what_it_does_not_show() -> None:
+    odometry = driven([REST, *([STRAIGHT] * 4)], Errors(scale=(1.02, 0.98)))
+    flat = odometry._fusion.drive.flat
+    assert flat[State.BALANCE] == pytest.approx(-0.02, abs=0.002)
+    assert flat[State.WAY] == pytest.approx(1.0, abs=0.01)
+    assert math.sqrt(flat[variance_index(State.WAY)]) > 0.03
+
+
+def test_slip_is_no_delay() -> None:
+    swing = Swing()
+    assert swing.update(0.02, 0.5, 0.0) == 0.0  # the wheels turn, the robot does not
+    swing = Swing()
+    assert swing.update(0.02, 0.5, 0.4) == pytest.approx(25.0)
+    assert swing.update(0.02, 0.505, 0.5) == 0.0  # noise
+
+
+def test_wheels_behind_the_gyro_are_late_themselves_and_else_half_is_theirs() -> None:
+    flat = [0.0] * (SIZE + SIZE * (SIZE + 1) // 2)
+    flat[State.GYRO_DELAY] = -0.01
+    assert wheels_lead(tuple(flat), 0.0) == (-0.01, 0.0)
+    flat[State.GYRO_DELAY] = 0.02
+    assert wheels_lead(tuple(flat), 0.0) == pytest.approx((0.01, 0.01))
