@@ -166,11 +166,11 @@ def rare_line(rng: np.random.Generator, draws: int) -> None:
         print(f"  {name:12} {right / draws:.1%}")
 
 
-def changing_light(rng: np.random.Generator, draws: int, workers: int) -> None:
+def changing_light(rng: np.random.Generator, draws: int, workers: int, speed: float) -> None:
     """14 s of driving over lines, two sensors; wrong clear readings after 0.3 s, mean % (runs above 1 %)."""
     print("\nLight that changes while driving, two sensors, wrong clear readings % (runs above 1 %):")
     jobs = [
-        (seed, draw, light, shade)
+        (seed, draw, light, shade, speed)
         for light, shade in tophat_lights.ROWS
         for draw, seed in enumerate(np.random.SeedSequence(int(rng.integers(2**63))).spawn(draws))
     ]
@@ -221,6 +221,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--workers", type=int, default=1, help="processes for the changing light")
+    parser.add_argument("--speed", type=float, default=0.24, help="m/s, in the changing light")
     parser.add_argument("--seed", type=int, default=None, help="the same draws again; else fresh ones")
     parser.add_argument("--pictures", type=Path, help="also draw the clusters of the eight conditions there")
     parser.add_argument("--only", choices=("conditions", "quality", "bare", "rare", "light", "start", "cost"))
@@ -233,7 +234,7 @@ def main() -> int:
         "quality": lambda: quality(rng, args.draws),
         "bare": lambda: bare_floors(rng, args.draws),
         "rare": lambda: rare_line(rng, args.draws),
-        "light": lambda: changing_light(rng, args.draws, args.workers),
+        "light": lambda: changing_light(rng, args.draws, args.workers, args.speed),
         "start": lambda: start_light(rng, 5 * args.draws),
         "cost": lambda: cost(rng),
     }

@@ -16,7 +16,7 @@ from raccoon.model.paper import TOPHAT_READINGS
 
 Array = NDArray[np.float64]
 RATE = 200.0
-SPEED = 0.24  # m/s
+CALIBRATED_AT = 0.24  # m/s
 SECONDS = 14.0
 FORGIVEN = 0.4  # s after a change begins: it takes 0.1 s, and 0.3 s are allowed
 
@@ -42,7 +42,9 @@ def row(light: str, shade: float) -> str:
     return f"{light:12} sun <-> {shade:4.2f}"
 
 
-def drive(seed: np.random.SeedSequence, draw: int, light: str, shade: float) -> Mapping[str, list[float]]:
+def drive(
+    seed: np.random.SeedSequence, draw: int, light: str, shade: float, speed: float
+) -> Mapping[str, list[float]]:
     """Share of wrong clear readings by method, of both sensors; lines are crossed square or askew in turn."""
     rng = np.random.default_rng(seed)
     condition = TOPHAT_READINGS[2 * (draw % 4)]  # each sensor and height in turn
@@ -68,10 +70,10 @@ def drive(seed: np.random.SeedSequence, draw: int, light: str, shade: float) -> 
             condition.height, math.exp(0.15 * rng.standard_normal())
         )
         places = lines + index * skew
-        covered = [reflectance.line_coverage(SPEED * at, place, 0.015, radius) for place in places]
+        covered = [reflectance.line_coverage(speed * at, place, 0.015, radius) for place in places]
         darkness.append(np.sum(covered, axis=0))
         counts.append(reflectance.read(rng, darkness[-1], optics, ambient=ambient))
-        path = reflectance.line_coverage(np.arange(0.0, 0.6, SPEED / RATE), 0.3, 0.015, radius)
+        path = reflectance.line_coverage(np.arange(0.0, 0.6, CALIBRATED_AT / RATE), 0.3, 0.015, radius)
         samples = reflectance.read(rng, path, optics, ambient=before[: len(path)])
         found.append(calibrate(samples))
         if not found[-1].usable:
@@ -87,7 +89,7 @@ def drive(seed: np.random.SeedSequence, draw: int, light: str, shade: float) -> 
         black = np.array([bool(midpoint.update(float(each))) for each in counts[-1]])
         scores.setdefault("on the fly", []).append(score(black))
         scores.setdefault("not adapting", []).append(score(counts[-1] >= (found[-1].threshold or 0.0)))
-    answers = _classified([Tophat(each) for each in found], at, counts)
+    answers = _classified([Tophat(each) for each in found], at, counts, speed / RATE)
     for index, black in enumerate(answers):
         scores.setdefault("ours", []).append(_judge(darkness[index], counted)(black))
     return scores
@@ -100,10 +102,10 @@ def _judge(darkness: Array, counted: NDArray[np.bool_]) -> Callable[[NDArray[np.
     return lambda black: float((black != truth)[clear].mean())
 
 
-def _classified(tophats: list[Tophat], at: Array, counts: list[Array]) -> NDArray[np.bool_]:
+def _classified(tophats: list[Tophat], at: Array, counts: list[Array], way: float) -> NDArray[np.bool_]:
     """Black or not by sensor and reading; the robot knows the way it goes, as from its wheels."""
     group = TophatGroup(tophats)
-    ways = [SPEED / RATE] * len(tophats)
+    ways = [way] * len(tophats)
     rows = [
         [bool(each.black) for each in group.update(float(now), [float(one[index]) for one in counts], ways)]
         for index, now in enumerate(at)
