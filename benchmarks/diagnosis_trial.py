@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from blind.generator import Blind
 from blind.hidden import Hidden
@@ -22,7 +23,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import advise, manoeuvre
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Settings, base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import INSIDE, WIDTH_FACTOR, Settings, base_coordinates, neutral_settings
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout import Habits, PlantRollout
@@ -145,7 +146,8 @@ def gain(blind: Blind, said: Diagnosis, seconds: float) -> dict[str, float]:
 def contributions(blind: Blind, seconds: float) -> dict[str, float]:
     """What each hidden cause changes that base numbers cannot absorb: root mean square in units of the noise.
 
-    Simulated by the package with the true parameters, with and without the cause.
+    Base numbers absorb what they can within robot.toml's bounds. Simulated by the package with the true
+    parameters, with and without the cause.
     """
     unseen = Unseen(cut(blind.columns, seconds), 0.0)
     full = true_settings(blind.robot)
@@ -160,9 +162,9 @@ def contributions(blind: Blind, seconds: float) -> dict[str, float]:
     residual = unseen.of_settings(variants)
     floor = np.sqrt((residual[0] ** 2).mean(axis=0))
     rows = ((residual - residual[0]) / floor).reshape(len(variants), -1)
-    columns, changes = rows[1 : len(base) + 1] / 0.5, rows[len(base) + 1 :]
-    gram = columns @ columns.T + np.eye(len(base))
-    left = changes - (np.linalg.solve(gram, columns @ changes.T)).T @ columns
+    columns, changes = rows[1 : len(base) + 1].T / 0.5, rows[len(base) + 1 :]
+    absorbed = [lsq_linear(columns, change, (-INSIDE, INSIDE)).x @ columns.T for change in changes]
+    left = changes - np.array(absorbed)
     sizes = np.sqrt((left**2).mean(axis=1))
     return {each.name: float(size) for each, size in zip(blind.hidden, sizes, strict=True)}
 
