@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.axis_causes import AxisCause, axis_causes
+from raccoon.diagnose.recordings.axis_causes import axis_causes
 from raccoon.diagnose.recordings.axis_fit import AxisData, AxisFit, Keep, Rows, cut, fit_axis
 from raccoon.diagnose.recordings.axis_log import AxisLog
 from raccoon.diagnose.recordings.axis_search import AxisSearch, Tried, search_axis
@@ -71,11 +71,12 @@ def judge_axis(log: AxisLog, holdout: AxisLog | None) -> JudgedAxis:
     causes = axis_causes(log, rough)
     search = search_axis(data, rough.numbers, causes)
     floor = np.maximum(errors(data, search.saturated), TINY)
-    kept, useless = _helpful(data, unseen, search, floor)
-    fit = _fit_with(data, search, [each.cause for each in kept])
+    fits = _Fits(data, search)
+    kept, useless = _helpful(fits, unseen, floor)
+    fit = fits.of(kept)
     before, after = errors(unseen, search.base), errors(unseen, fit)
     without = [
-        overall(errors(unseen, _fit_with(data, search, [o.cause for o in kept if o is not each])), floor)
+        overall(errors(unseen, fits.of([other for other in kept if other is not each])), floor)
         for each in kept
     ]
     order = np.argsort([-each for each in without], kind="stable")
@@ -115,11 +116,23 @@ def _on_everything(log: AxisLog, rough: Rough, data: AxisData, fit: AxisFit) -> 
     return fit_axis(whole, fit.numbers, fit.u)
 
 
-def _fit_with(data: AxisData, search: AxisSearch, causes: Sequence[AxisCause]) -> AxisFit:
-    """The base model with exactly these causes, from where the search had ended."""
-    found = dict(zip((each.name for each in search.fit.numbers), search.fit.u, strict=True))
-    numbers = [*search.base.numbers, *(number for each in causes for number in each.numbers)]
-    return fit_axis(data, numbers, np.array([found[each.name] for each in numbers]))
+@dataclass(slots=True)
+class _Fits:
+    """The base model with any set of causes, each set fitted once, from where the search had ended."""
+
+    data: AxisData
+    search: AxisSearch
+    known: dict[frozenset[str], AxisFit] = field(default_factory=dict)
+
+    def of(self, causes: Sequence[Tried]) -> AxisFit:
+        """The fit with exactly these."""
+        key = frozenset(each.cause.id for each in causes)
+        if key not in self.known:
+            found = dict(zip((n.name for n in self.search.fit.numbers), self.search.fit.u, strict=True))
+            numbers = [*self.search.base.numbers, *(n for each in causes for n in each.cause.numbers)]
+            start = np.array([found[each.name] for each in numbers])
+            self.known[key] = fit_axis(self.data, numbers, start)
+        return self.known[key]
 
 
 def error_with(judged: JudgedAxis, rival: Tried, instead_of: Tried) -> float:
@@ -135,18 +148,14 @@ def error_with(judged: JudgedAxis, rival: Tried, instead_of: Tried) -> float:
     return overall(errors(judged.unseen, fit), judged.floor)
 
 
-def _helpful(
-    data: AxisData, unseen: AxisData, search: AxisSearch, floor: Array
-) -> tuple[list[Tried], list[Tried]]:
+def _helpful(fits: _Fits, unseen: AxisData, floor: Array) -> tuple[list[Tried], list[Tried]]:
     """Accepted causes that lower the error on unseen data, and those that do not."""
-    kept, useless = list(search.accepted), []
+    kept, useless = list(fits.search.accepted), []
     while kept:
-        whole = overall(errors(unseen, _fit_with(data, search, [each.cause for each in kept])), floor)
-        others = [[other.cause for other in kept if other is not each] for each in kept]
-        gains = [
-            1.0 - whole / overall(errors(unseen, _fit_with(data, search, each)), floor) for each in others
-        ]
-        gains = [0.0 if _tiny(each, search) else gain for each, gain in zip(kept, gains, strict=True)]
+        whole = overall(errors(unseen, fits.of(kept)), floor)
+        others = [[other for other in kept if other is not each] for each in kept]
+        gains = [1.0 - whole / overall(errors(unseen, fits.of(each)), floor) for each in others]
+        gains = [0.0 if _tiny(each, fits.search) else gain for each, gain in zip(kept, gains, strict=True)]
         worst = int(np.argmin(gains))
         if gains[worst] >= LEAST_GAIN:
             break

@@ -45,8 +45,8 @@ def run(
                         u = math.copysign(max(abs(u) - deadband, 0.0), u)
                     for _ in range(pieces):
                         settled = (u - back_emf * w) / resistance if electrical else u
-                        i = settled + (i - settled) * kept_current
-                        force = (back_emf * i if electrical else i) - offset
+                        old, i = i, settled + (i - settled) * kept_current
+                        force = (back_emf * 0.5 * (old + i) if electrical else i) - offset
                         side = np.sign(w) if w != 0.0 else np.sign(force)
                         dry = coulomb * (1.0 + asymmetry * side) + load * abs(force)
                         if stiction > 0.0:

@@ -29,7 +29,7 @@ NEUTRAL: Mapping[str, float] = {
     "quadratic": 0.0, "load": 0.0, "latency": 0.0, "deadband": 0.0,
 }  # fmt: skip
 """Every number of the model, neutral or (for the first four) to be set."""
-LONGEST_STEP, LONGEST_STEP_OF_A_WINDING = 0.001, 0.00025
+LONGEST_STEP, LONGEST_STEP_OF_A_WINDING = 0.001, 0.0005
 MOST_PARTS = 10
 TINY = 1e-12
 
@@ -148,8 +148,8 @@ def _advance(state: _State, u: Array, p: Mapping[str, Array], step: float, elect
     w = state.speed
     settled = (u - p["back_emf"] * w) / p["resistance"] if electrical else u
     kept = np.exp(-step * p["resistance"] / np.maximum(p["inductance"], TINY))
-    state.current = settled + (state.current - settled) * kept
-    force = (p["back_emf"] * state.current if electrical else state.current) - p["offset"]
+    old, state.current = state.current, settled + (state.current - settled) * kept
+    force = (0.5 * p["back_emf"] * (old + state.current) if electrical else state.current) - p["offset"]
     side = np.sign(w)
     side = np.where(side == 0.0, np.sign(force), side)
     dry = p["coulomb"] * (1.0 + p["asymmetry"] * side) + p["load"] * np.abs(force)
