@@ -11,6 +11,7 @@ from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
 from raccoon.sim.equations import substep
+from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, state_at_rest, wiring_signs
 from raccoon.sim.quantities import Command
@@ -40,6 +41,10 @@ class SimulatedPlant:
         self._world = World.default() if world is None else world
         self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
         self._state = state_at_rest(self._numbers)
+        self.free_motors = {
+            each.motor: FreeMotor(robot, each.motor, each.inertia) for each in robot.mechanisms.values()
+        }
+        """The motors of the mechanisms by port."""
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -57,6 +62,8 @@ class SimulatedPlant:
         for _ in range(steps):
             step = seconds / steps
             self._state = substep(self._state, self._numbers, self._command(drives), step, 1.0 / step)
+        for port, motor in self.free_motors.items():
+            motor.step(drives[port], self._state.bus, seconds)
         change = (self._state.forward_speed - before) / seconds if seconds > 0.0 else 0.0
         return self._seen(change)
 
@@ -77,6 +84,8 @@ class SimulatedPlant:
         volts = [0.0] * MOTOR_PORTS
         volts[self._ports[0]] = self._signs[0] * p.back_emf_left * s.speed_left
         volts[self._ports[1]] = self._signs[1] * p.back_emf_right * s.speed_right
+        for port, motor in self.free_motors.items():
+            volts[port] = motor.back_emf
         return PlantState(
             bemf_volts=tuple(volts),
             battery_voltage=s.bus,

@@ -24,6 +24,7 @@ class FreeMotor:
         self._resistance = motor.armature_resistance.value
         self._constant = motor.back_emf_constant.value
         self._coulomb, self._viscous = friction.coulomb.value, friction.viscous.value
+        self._inertia = inertia
         self._lag = time_constant(inertia, self._resistance, self._constant, self._viscous)
         self._filter = max(config.model.bemf.filter_time_constant.value, 1e-6)
         self.stops = (-math.inf, math.inf)
@@ -31,12 +32,16 @@ class FreeMotor:
         self._counts = 0.0
         self._ticks = 0.0
 
-    def step(self, duty: float, battery_voltage: float, dt: float) -> None:
-        """Let `dt` s pass at a duty in the sign of the board."""
-        voltage = self._sign * duty * battery_voltage
-        goal = steady_speed(voltage, self._resistance, self._constant, self._coulomb, self._viscous)
+    def step(self, duty: float | None, battery_voltage: float, dt: float) -> None:
+        """Let `dt` s pass at a duty in the sign of the board; None: terminals open, it coasts."""
         start = self.speed
-        self.speed += (goal - start) * (1.0 - math.exp(-dt / self._lag))
+        if duty is None:
+            lost = min(abs(start), self._coulomb / self._inertia * dt)
+            self.speed -= math.copysign(lost, start)
+        else:
+            voltage = self._sign * duty * battery_voltage
+            goal = steady_speed(voltage, self._resistance, self._constant, self._coulomb, self._viscous)
+            self.speed += (goal - start) * (1.0 - math.exp(-dt / self._lag))
         low, high = self.stops
         wanted = self.angle + 0.5 * (start + self.speed) * dt
         self.angle = min(high, max(low, wanted))
@@ -45,6 +50,11 @@ class FreeMotor:
         counts = self._constant * self.speed / SIMULATOR.bemf_volts
         self._counts += (counts - self._counts) * (1.0 - math.exp(-dt / self._filter))
         self._ticks += int(self._counts) * dt
+
+    @property
+    def back_emf(self) -> float:
+        """V that it induces, in the sign of the board."""
+        return self._sign * self._constant * self.speed
 
     @property
     def words(self) -> tuple[int, int]:

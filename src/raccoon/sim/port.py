@@ -106,7 +106,9 @@ class SimPort:
             duty, closed = bridges(self._outputs, self._ports, self._signs)
             self._robot.step(duty, closed, self._bemf_noise())
             for port, motor in self.free_motors.items():
-                motor.step(self._outputs.duty[port], self._robot.state.battery, 1.0 / self._rate_hz)
+                held = self._outputs.brake[port] or self._outputs.duty[port] != 0.0
+                duty = self._outputs.duty[port] if held else None
+                motor.step(duty, self._robot.state.battery, 1.0 / self._rate_hz)
         self._cycle += 1
         return self._inputs()
 

@@ -26,6 +26,8 @@ from raccoon import (
 )
 from raccoon.core.config import MechanismConfig, MotorConfig, ServoConfig
 from raccoon.core.readings import Outputs
+from raccoon.hal.wombat.emulator import Firmware
+from raccoon.robot.emulated import open_emulated
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -167,3 +169,13 @@ def test_an_exception_in_the_program_stops_the_arm() -> None:
         assert port.written[-1].duty == (0.0,) * 4
         robot.run(wait(0.05))
         assert port.written[-1].duty == (0.0,) * 4
+
+
+@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+def test_an_arm_behind_every_firmware(firmware: Firmware) -> None:
+    with open_robot(CONFIG, port=open_emulated(CONFIG, firmware)) as robot:
+        robot.run(wait(0.5))
+        robot.run(parallel(servo("claw", "open"), move("arm", deg(60)), straight(0.1)))
+        assert robot.mechanism("arm").angle == pytest.approx(deg(60), abs=0.04)
+        robot.run(move_by("arm", deg(-90)))
+        assert robot.mechanism("arm").angle == pytest.approx(deg(-30), abs=0.04)
