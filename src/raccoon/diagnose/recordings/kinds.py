@@ -33,6 +33,12 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 SHORT_DRIVE = 2.0
+_WITH_MORE = {
+    Verdict.ADEQUATE: Verdict.EXPLAINED,
+    Verdict.UNKNOWN: Verdict.PARTLY,
+    Verdict.NOT_IDENTIFIABLE: Verdict.PARTLY,
+}
+"""The verdict of a drive whose tophats have causes too."""
 
 
 class Kind(StrEnum):
@@ -151,10 +157,9 @@ def _drive(
     tophats = diagnose_tophats(columns, robot, model, truth_free)
     shift = len(found.causes)
     more = tuple(replace(each, rank=each.rank + shift) for each in tophats.causes)
-    explained = found.verdict is Verdict.ADEQUATE and more
     return replace(
         found,
-        verdict=Verdict.EXPLAINED if explained else found.verdict,
+        verdict=_WITH_MORE.get(found.verdict, found.verdict) if more else found.verdict,
         channels=found.channels + tophats.channels,
         causes=found.causes + more,
         rejected=found.rejected + tophats.rejected,
