@@ -16,43 +16,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.estimate.tophat.calibration import FULL_SCALE
-from raccoon.model.reflectance import edge_coverage
+from raccoon.estimate.tophat.stories import (
+    GROUP,
+    LIGHTS,
+    MORE_BLACK,
+    PHASES,
+    STAGES,
+    STORIES,
+    chances,
+    moves_of_stories,
+)
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
-STAGES = 6  # of an edge
-FASTEST = 4  # stages in one reading
-PACE_SPREAD, LEAST_SPREAD = 0.3, 0.35  # of the stages in one reading: speed and spot are known roughly
-STANDS = 0.003  # of u, sd of its change in one reading while the light stands
-PACES = (0.06, 0.4)  # of u, sd of the change in one reading where the light begins to move
-SUNLIGHT = 15.0  # sd of that change where the sun comes out at once, light
-BEGINS, ENDS = (1.0 / 1500, 1.0 / 4000, 1.0 / 4000), 1.0 / 30  # chance in one reading that it does, or stops
-UNEVEN = 0.15  # of the pace, sd by which it changes from one reading to the next
-WITH_OTHERS = {None: 1.0, True: 8.0, False: 0.5}  # times likelier, by whether other sensors are at a loss
-BETWEEN_LINES, LINE_WIDTH = 0.2, 0.05  # m, on the average
 LEAST_WAY = 5e-5  # m a reading: a standing robot may still be pushed
 MOST_PACE = 3.3
 STRAY = 1e-6  # density of a reading that means nothing, in units of 1 / the least u
 MISTAKEN = 0.02  # probability that the surface was taken for the other one before
 ON_EDGE, PUT_DOWN = 1e-4, 0.02  # probability of each stage of an edge at the start, and of a robot put down
 LEAK = 0.03  # light that a sensor gets whatever is below it
-LIGHTS = 2  # standing, moving
-PHASES = 2 + 2 * STAGES
-STORIES = PHASES * LIGHTS
-
-_coverage = edge_coverage(1.0 - 2.0 * (np.arange(STAGES) + 0.5) / STAGES, 1.0)
-DARKNESS: Array = np.concatenate([[0.0, 1.0], _coverage, _coverage[::-1]])
-"""Share of the spot on black by phase: white, black, entering, leaving."""
-_MORE_BLACK: Array = (DARKNESS[2:] > 0.5).astype(float)
-_GROUP: Index = np.repeat(np.minimum(np.arange(PHASES), 2), LIGHTS)
 
 
 class Belief(NamedTuple):
@@ -77,88 +65,6 @@ class Sensor(NamedTuple):
     spot: float
     pattern: float
     noise: float
-
-
-class _Moves(NamedTuple):
-    """Every step from story to story: where from, where to, by how many stages (-1: none), how light went."""
-
-    source: Index
-    target: Index
-    stages: Index
-    change: Index
-    from_white: NDArray[np.bool_]
-    on_edge: NDArray[np.bool_]
-    moves_on: Array
-    part: Array
-    uneven: Array
-    wander: Array
-    pace: Array
-    sun: Array
-    white_part: Array
-    black_part: Array
-    blur: Array
-
-
-# What light does from one reading to the next: from, to, sd of its change and of its pace in shares of u and
-# of its pace in light, and the part of the pace by which it changes with the variance of that. It stops
-# anywhere between two readings.
-_CHANGES = (
-    (0, 0, STANDS, 0.0, 0.0, 0.0, 0.0),
-    (0, 1, 0.0, PACES[0], 0.0, 1.0, 0.0),
-    (0, 1, 0.0, PACES[1], 0.0, 1.0, 0.0),
-    (0, 1, 0.0, 0.0, SUNLIGHT, 1.0, 0.0),
-    (1, 1, 0.0, 0.0, 0.0, 1.0, UNEVEN**2),
-    (1, 0, STANDS, 0.0, 0.0, 0.5, 1.0 / 12.0),
-)
-
-
-@lru_cache(maxsize=1)
-def _moves() -> _Moves:
-    steps = [(phase, phase, -1) for phase in (0, 1)]
-    for surface, first, end in ((0, 2, 1), (1, 2 + STAGES, 0)):
-        steps += [(surface, first + k - 1, k) for k in range(1, FASTEST + 1)]
-        for stage in range(STAGES):
-            for k in range(FASTEST + 1):
-                steps.append((first + stage, first + stage + k if stage + k < STAGES else end, k))
-    ways = np.array([(*step, change) for step in steps for change in range(len(_CHANGES))], dtype=np.intp)
-    source, target, stages, change = ways.T
-    before, after, wander, pace, sun, part, uneven = np.array(_CHANGES).T
-    dark = DARKNESS[target]
-    return _Moves(
-        source=source * LIGHTS + before[change].astype(np.intp),
-        target=target * LIGHTS + after[change].astype(np.intp),
-        stages=stages,
-        change=change,
-        from_white=source == 0,
-        on_edge=source > 1,
-        moves_on=after[change],
-        part=part[change],
-        uneven=uneven[change],
-        wander=wander[change] ** 2,
-        pace=pace[change] ** 2,
-        sun=sun[change] ** 2,
-        white_part=1.0 - dark,
-        black_part=dark,
-        blur=np.where((dark > 0.0) & (dark < 1.0), 0.3 / STAGES, 0.0),
-    )
-
-
-@lru_cache(maxsize=128)
-def _chances(pace_tenths: int, spot_microns: int, others_lost: bool | None) -> Array:
-    """Probability of every move at a pace (stages a reading)."""
-    moves = _moves()
-    pace = 0.1 * pace_tenths
-    way = pace * 1e-6 * spot_microns / STAGES
-    number = np.arange(FASTEST + 1)
-    advance = np.exp(-0.5 * ((number - pace) / (PACE_SPREAD * pace + LEAST_SPREAD)) ** 2)
-    advance /= advance.sum()
-    rate = np.where(moves.from_white, min(way / BETWEEN_LINES, 0.1), min(way / LINE_WIDTH, 0.2))
-    along = advance[moves.stages]
-    entering = rate * along / (1.0 - advance[0])
-    chance = np.where(moves.stages < 0, 1.0 - rate, np.where(moves.on_edge, along, entering))
-    begins = WITH_OTHERS[others_lost] * np.array(BEGINS)
-    changes = np.array([1.0 - begins.sum(), *begins, 1.0 - ENDS, ENDS])
-    return np.asarray(chance * changes[moves.change])
 
 
 class Hypotheses:
@@ -215,9 +121,9 @@ class Hypotheses:
 
     def update(self, counts: float, way: float, others_lost: bool | None = None) -> None:
         """Take a reading; way: m driven over the floor since the one before."""
-        sensor, moves = self._sensor, _moves()
+        sensor, moves = self._sensor, moves_of_stories()
         steps = min(max(way, LEAST_WAY) * STAGES / sensor.spot, MOST_PACE)
-        chance = _chances(round(10.0 * steps), round(1e6 * sensor.spot), others_lost)
+        chance = chances(round(10.0 * steps), round(1e6 * sensor.spot), others_lost)
         seen = FULL_SCALE / max(counts, 1.0) - 1.0
         share = sensor.share
         weight, light, dark, pace, uu, uv, vv, up, vp, pp = self._stories[:, moves.source]
@@ -252,22 +158,30 @@ class Hypotheses:
         uv -= to_u * to_v * inverse
         vv -= to_v * to_v * inverse
         rest = up - to_u * to_p * inverse, vp - to_v * to_p * inverse, pp - to_p * to_p * inverse
-        # No less light than the sensor's own. Black sends back its share of any light, or less: where a story
-        # says more, it is as likely as it can be wrong by so much, and goes on from where it is not.
+        light, dark, possible = self._possible(light, dark, uu, uv, vv)
+        self._join(weight * chance * density * possible, (light, dark, pace), (uu, uv, vv, *rest))
+
+    def _possible(
+        self, light: Array, dark: Array, uu: Array, uv: Array, vv: Array
+    ) -> tuple[Array, Array, Array]:
+        """u and v within what is possible, and how likely it is that they were.
+
+        No less light than the sensor's own. Black sends back its share of any light, or less: where a story
+        says more, it is as likely as it can be wrong by so much, and goes on from where it is not.
+        """
+        sensor = self._sensor
         short = np.minimum(light / sensor.floor - 1.0, 0.0)
-        most = share + 2.0 * sensor.share_sd
+        most = sensor.share + 2.0 * sensor.share_sd
         over = np.maximum(dark - most * light - LEAK, 0.0)
         to_light, to_dark = uv - most * uu, vv - most * uv
-        over_var = to_dark - most * to_light + 1e-4 * light * light
-        by = over / over_var
-        weight = weight * chance * density * np.exp(-50.0 * short * short - 0.5 * over * by)
+        by = over / (to_dark - most * to_light + 1e-4 * light * light)
         light = np.maximum(light - to_light * by, 0.5 * sensor.floor)
         dark = np.clip(dark - to_dark * by, sensor.least_dark, 0.97 * light)
-        self._join(weight, (light, dark, pace), (uu, uv, vv, *rest))
+        return light, dark, np.exp(-50.0 * short * short - 0.5 * over * by)
 
     def _join(self, weight: Array, means: Sequence[Array], covariance: Sequence[Array]) -> None:
         """One Gaussian a story, with the moments of all that arrive at it."""
-        at = _moves().target
+        at = moves_of_stories().target
         weight /= weight.sum()
         weight += 1e-30  # a story that nothing speaks for still has a place
         total = np.bincount(at, weight, STORIES)
@@ -282,7 +196,7 @@ class Hypotheses:
         by_phase = total.reshape(PHASES, LIGHTS)
         phases = by_phase.sum(axis=1)
         white, black = float(phases[0]), float(phases[1])
-        self.black = black + float(phases[2:] @ _MORE_BLACK)
+        self.black = black + float(phases[2:] @ MORE_BLACK)
         self.sure = max(white, black, 1.0 - white - black)
         self.on_edge = white + black < 0.5
         self.steady = float(by_phase[:2, 0].sum())
@@ -292,7 +206,7 @@ class Hypotheses:
         weight = self._stories[0].copy()
         likely = weight[:LIGHTS].sum(), weight[LIGHTS : 2 * LIGHTS].sum(), weight[2 * LIGHTS :].sum()
         group = int(np.argmax(likely))
-        weight[group != _GROUP] = 0.0
+        weight[group != GROUP] = 0.0
         weight /= weight.sum()
         on_black = self.black > 0.5
         _, u, v, _, uu, uv, vv, _, _, _ = self._stories
