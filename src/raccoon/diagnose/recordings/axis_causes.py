@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -31,63 +32,35 @@ def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
     any mechanism has them. A motor's base model is the textbook's, U = R I + L dI/dt + K_E w and an inertia.
     There, viscous friction shows only with a current (else it is part of K_E).
     """
-    force, drag = rough.force, rough.force / rough.speed
-    found = []
     mechanism = log.effort_unit != "V"
-    if not mechanism:
-        found.append(
-            _one("friction.coulomb", "torque", Number("coulomb", 0.0, 0.2 * force, low=0.0, prior=True), 0.3)
-        )
+    found = [] if mechanism else [_positive("friction.coulomb", "torque", "coulomb", 0.2 * rough.force, 0.3)]
     if log.electrical:
-        found.append(
-            _one(
-                "friction.viscous",
-                "coefficient",
-                Number("viscous", 0.0, 0.2 * drag, low=0.0, prior=True),
-                0.2,
-            )
-        )
-    found.append(
-        _one(
-            "actuation.latency",
-            "seconds",
-            Number("latency", 0.0, 0.02, low=0.0, high=LATEST, prior=True),
-            0.2,
-        )
-    )
-    found.append(_direction(log, mechanism))
-    found.append(_stiction(rough))
-    found.append(
-        _one(
-            "friction.load_dependent",
-            "coefficient",
-            Number("load", 0.0, 0.2, low=0.0, high=0.9, prior=True),
-            0.1,
-        )
-    )
-    found.append(
-        _one(
-            "friction.quadratic",
-            "coefficient",
-            Number("quadratic", 0.0, 0.2 * drag / rough.speed, low=0.0, prior=True),
-            0.1,
-        )
-    )
+        width = 0.2 * rough.force / rough.speed
+        found.append(_positive("friction.viscous", "coefficient", "viscous", width, 0.2))
+    found += [
+        _positive("actuation.latency", "seconds", "latency", 0.02, 0.2, LATEST),
+        _direction(log, mechanism),
+        _stiction(rough),
+        _positive("friction.load_dependent", "coefficient", "load", 0.2, 0.1, 0.9),
+        _positive("friction.quadratic", "coefficient", "quadratic", 0.2 * rough.force / rough.speed**2, 0.1),
+    ]
     if not mechanism:
-        found.append(
-            _one(
-                "actuation.deadband",
-                "duty",
-                Number("deadband", 0.0, 0.05 * rough.effort, low=0.0, prior=True),
-                0.3,
-            )
-        )
-        found.append(_one("drive.slope", "along_x", Number("offset", 0.0, 0.1 * force, prior=True), 0.1))
+        offset = Number("offset", 0.0, 0.1 * rough.force, prior=True)
+        found.append(_positive("actuation.deadband", "duty", "deadband", 0.05 * rough.effort, 0.3))
+        found.append(AxisCause("drive.slope", (offset,), ("along_x",), (0.1,)))
     return tuple(found)
 
 
-def _one(id: str, name: str, number: Number, start: float) -> AxisCause:  # noqa: A002
-    return AxisCause(id, (number,), (name,), (start,))
+def _positive(
+    id: str,  # noqa: A002
+    name: str,
+    number: str,
+    width: float,
+    start: float,
+    high: float = math.inf,
+) -> AxisCause:
+    """A cause of one number that is not below 0."""
+    return AxisCause(id, (Number(number, 0.0, width, low=0.0, high=high, prior=True),), (name,), (start,))
 
 
 def _direction(log: AxisLog, mechanism: bool) -> AxisCause:
