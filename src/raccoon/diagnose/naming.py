@@ -26,6 +26,9 @@ TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
 b."""
 
+SCALE = ("drive.inertia", "friction.coulomb", "friction.viscous")
+"""Without a current reading, more resistance of both motors is the same as less of all of these together."""
+
 NEEDS = {
     "gyro": (
         "imu.gyro_bias", "imu.gyro_scale", "imu.gyro_drift", "imu.latency", "drive.track_width",
@@ -128,6 +131,8 @@ def confounded(search: Search, cause: Cause) -> tuple[str, ...]:
         for twins in TWINS:
             if cause.id in twins:
                 close.extend(sorted(twins - {cause.id} - set(close)))
+        if cause.id == "motor.armature_resistance":
+            close.extend(each for each in SCALE if each not in search.fit.point.active)
     return tuple(dict.fromkeys(close))
 
 
