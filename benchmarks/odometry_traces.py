@@ -28,6 +28,7 @@ from raccoon.core.config import (
 from raccoon.core.readings import SI_WORDS, Inputs, Outputs, Truth
 from raccoon.estimate.drive_calibration.straight import calibrate_straight
 from raccoon.model.drive import arc_end
+from raccoon.sim.chain import Noise
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
@@ -104,7 +105,7 @@ def simulated(
     parameters: Parameters,
     plan: Sequence[tuple[float, float, float]],
     seed: int,
-    **options: float,
+    **options: float | Noise,
 ) -> Trace:
     """What the simulated robot does and reads when it drives a plan."""
     port = SimPort(parameters, World.empty(), robot=robot, seed=seed, **options)  # type: ignore[arg-type]
@@ -121,10 +122,17 @@ def simulated(
     return Trace(name, robot, cycles)
 
 
-def match(seed: int, parameters: Parameters, seconds: float = 120.0, name: str = "match") -> Trace:
-    """A match of the robot with these effects."""
+def match(
+    seed: int,
+    parameters: Parameters,
+    seconds: float = 120.0,
+    name: str = "match",
+    noise: Noise | None = None,
+) -> Trace:
+    """A match of the robot with these effects; noise: of its sensors, the simulator's own if None."""
     random = np.random.default_rng([seed, 1])
-    return simulated(name, parameters.robot, parameters, missions(random, seconds), seed)
+    plan = missions(random, seconds)
+    return simulated(name, parameters.robot, parameters, plan, seed, noise=noise or Noise())
 
 
 def calibrated(parameters: Parameters, seed: int) -> RobotConfig:
@@ -259,6 +267,21 @@ def with_random_slip(trace: Trace, std: float, seed: int) -> Trace:
         before, time = truth, inputs.time
         cycles.append((replace(inputs, gyro=gyro, truth=Truth(x, y, heading)), outputs))
     return Trace(f"{trace.name}, random slip", trace.robot, cycles)
+
+
+def with_wandering_bias(trace: Trace, walk: float, seed: int) -> Trace:
+    """The same drive with a gyro whose bias wanders by `walk` rad/s in one second, with the root of time."""
+    random = np.random.default_rng([seed, 7])
+    cycles: list[Cycle] = []
+    bias, time = 0.0, trace.cycles[0][0].time
+    for inputs, outputs in trace.cycles:
+        bias += walk * math.sqrt(inputs.time - time) * float(random.standard_normal())
+        time = inputs.time
+        gyro = inputs.gyro
+        if gyro is not None:
+            gyro = gyro[0], gyro[1], gyro[2] + bias / inputs.device.gyro_rad_s
+        cycles.append((replace(inputs, gyro=gyro), outputs))
+    return Trace(f"{trace.name}, wandering bias", trace.robot, cycles)
 
 
 def optiodom_robot(session: str, left: float, right: float, track: float) -> RobotConfig:
