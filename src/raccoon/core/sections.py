@@ -1,0 +1,138 @@
+"""Sections of a robot.toml: what the robot is made of and how it moves; ports, signs, calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS, SERVO_PULSE_US
+from raccoon.core.schema import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Measured,
+    measured,
+    named,
+    number,
+    optional,
+    port,
+    switch,
+    word,
+)
+
+REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
+CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerConfig:
+    """`[controller]`: what the program talks to."""
+
+    port: str = word("wombat", "what the program talks to", CONTROLLERS)
+    rate_hz: float = number(200.0, "Hz", "cycles a second", Bounds(10.0, 1000.0))
+    device: str = word("", "path of a serial port or SPI device; the usual one of the port where empty")
+    counter_rate_hz: float = number(
+        0.0, "Hz", "measured updates of a Wombat's counters; 0: usual for its firmware", Bounds(0.0, 1000.0)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryConfig:
+    """`[battery]`: the pack, and the voltages a match is planned for."""
+
+    chemistry: str = word("lifepo4", "of the cells", ("lifepo4", "lipo", "nimh"))
+    cells: float = number(2.0, "", "in series", Bounds(1.0, 12.0))
+    weakest: float = number(6.1, "V", "lowest voltage of a match: no motion is planned faster", POSITIVE)
+    tuned_at: Measured | None = optional("V", "resting voltage the program was tuned at", POSITIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class DriveConfig:
+    """`[drive]`: the two driven wheels."""
+
+    left: int = port(0, "motor port of the left wheel", MOTOR_PORTS)
+    right: int = port(1, "motor port of the right wheel", MOTOR_PORTS)
+
+
+@dataclass(frozen=True, slots=True)
+class MotorConfig:
+    """`[motor.N]`: wiring and calibration of one motor port."""
+
+    inverted: bool = switch(False, "true where positive duty turns the wheel backwards")
+    radians_per_tick: Measured | None = optional(
+        "rad", "wheel angle of one tick of the position counter; derived from the model when absent", POSITIVE
+    )
+    bemf_offset: Measured | None = optional("counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
+    power_factor: Measured = measured(
+        1.0, 0.0, "", "static compensation k: the duty of this motor is multiplied by it", Bounds(0.5, 1.5)
+    )
+    static_voltage: Measured | None = optional(
+        "V", "that friction takes at any speed; derived from the model when absent", NOT_NEGATIVE
+    )
+    speed_voltage: Measured | None = optional(
+        "V/(rad/s)", "that a unit of wheel speed takes; derived from the model when absent", POSITIVE
+    )
+    acceleration_voltage: Measured | None = optional(
+        "V/(rad/s2)", "that a unit of acceleration takes; derived from the model when absent", POSITIVE
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TophatConfig:
+    """`[tophat.NAME]`: one reflectance sensor and where it sits."""
+
+    analog: int = port(0, "analog port", ANALOG_PORTS)
+    forward: float = number(0.11, "m", "ahead of the wheel axis", Bounds(-1.0, 1.0))
+    left: float = number(0.0, "m", "to the left of the middle", Bounds(-1.0, 1.0))
+
+
+PULSES = Bounds(SERVO_PULSE_US[0], SERVO_PULSE_US[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ServoConfig:
+    """`[servo.NAME]`: one servo, its mechanical range and the places a program calls by name."""
+
+    port: int = port(0, "servo port", SERVO_PORTS)
+    lowest_us: float = number(600.0, "us", "shortest pulse the mechanism stands", PULSES)
+    highest_us: float = number(2400.0, "us", "longest pulse the mechanism stands", PULSES)
+    speed_us: float = number(3000.0, "us/s", "how fast the loaded servo turns, as change of pulse", POSITIVE)
+    positions_us: Mapping[str, float] = named("us", "names for pulses, such as { open = 1200 }", PULSES)
+
+    def __post_init__(self) -> None:
+        if self.lowest_us >= self.highest_us:
+            raise ConfigError(
+                f"lowest_us = {self.lowest_us:g}: it must be below highest_us = {self.highest_us:g}"
+            )
+        for name, pulse in self.positions_us.items():
+            if not self.lowest_us <= pulse <= self.highest_us:
+                raise ConfigError(
+                    f"positions_us.{name} = {pulse:g}: allowed are numbers from {self.lowest_us:g} to"
+                    f" {self.highest_us:g}"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class MechanismConfig:
+    """`[mechanism.NAME]`: an arm or a gripper on a motor of its own, beside the drive."""
+
+    motor: int = port(2, "motor port", MOTOR_PORTS)
+    speed: float = number(3.0, "rad/s", "of moves", POSITIVE)
+    acceleration: float = number(20.0, "rad/s2", "of moves", POSITIVE)
+    inertia: float = number(0.01, "kg m2", "that the motor feels", POSITIVE)
+    tolerance: float = number(0.03, "rad", "a move ends this near its goal", POSITIVE)
+
+
+@dataclass(frozen=True, slots=True)
+class MotionConfig:
+    """`[motion]`: how fast the robot moves unless a motion says otherwise, and how closely it ends."""
+
+    speed: float = number(0.15, "m/s", "of straight motions", POSITIVE)
+    acceleration: float = number(0.4, "m/s2", "of straight motions", POSITIVE)
+    turn_rate: float = number(1.5, "rad/s", "of turns", POSITIVE)
+    turn_acceleration: float = number(6.0, "rad/s2", "of turns", POSITIVE)
+    jerk: float = number(0.0, "m/s3", "of straight motions; 0 is no limit", NOT_NEGATIVE)
+    turn_jerk: float = number(0.0, "rad/s3", "of turns; 0 is no limit", NOT_NEGATIVE)
+    distance_tolerance: float = number(0.001, "m", "a straight motion ends this near its goal", POSITIVE)
+    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", POSITIVE)
