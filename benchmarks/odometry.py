@@ -372,7 +372,7 @@ def times(_: int) -> None:
     from raccoon.estimate.drive.prior import prior, process_noise
     from raccoon.estimate.ekf.filter import DriveFilter
     from raccoon.estimate.ekf.reference import ReferenceFilter
-    from raccoon.estimate.ekf.state import OdometrySettings
+    from raccoon.estimate.ekf.state import SIZE, OdometrySettings
     from raccoon.model.drive import DriveGeometry
 
     settings, robot = OdometrySettings(), RobotConfig()
@@ -387,7 +387,7 @@ def times(_: int) -> None:
             each.step(0.005, read, variances, 2.0, 1e-3)
             clocks[name].append(time.perf_counter() - begin)
     generated, filterpy = (1e6 * statistics.median(clocks[each]) for each in clocks)
-    print(f"\npredict and update (12 states): generated {generated:.1f} us, filterpy {filterpy:.1f} us")
+    print(f"\npredict and update ({SIZE} states): generated {generated:.1f} us, filterpy {filterpy:.1f} us")
     print(f"asked: at most a quarter of filterpy: {generated / filterpy:.3f}")
     difference = max(abs(a - b) for a, b in zip(fast.flat, stock.flat, strict=True))
     print(f"asked: equal to 1e-9: largest difference {difference:.1e}")

@@ -74,8 +74,9 @@ def test_the_parameter_lies_near_the_hidden_one() -> None:
     assert found.value == pytest.approx(hidden.values["seconds"], rel=0.05)
 
 
-def test_a_clean_recording_is_adequate() -> None:
-    said = diagnose(make(3, seconds=25.0).columns, RobotConfig())
+@pytest.mark.parametrize(("seed", "seconds"), [(3, 25.0), (4, 8.0), (5, 30.0)])
+def test_a_clean_recording_is_adequate_short_or_long(seed: int, seconds: float) -> None:
+    said = diagnose(make(seed, seconds=seconds).columns, RobotConfig())
     assert said.verdict is Verdict.ADEQUATE
     assert said.causes == ()
 

@@ -32,8 +32,8 @@ Columns = Mapping[str, Array]
 
 CHAINS = (Chain.firmware(), Chain())
 LARGE_REST = 0.3
-FAR_FROM_NOISE = 2.5
-"""Error on unseen data, in units of the noise, at which a model that nothing improves is still wrong."""
+FAR_FROM_NOISE = 1.5
+"""Error on unseen data, over what is expected there, at which a model that nothing improves is still wrong."""
 FAR = 40.0
 USUAL = 0.4
 """How much log misfit another filter than the firmware's must save."""
@@ -115,11 +115,17 @@ def _problem(
 
 
 def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
-    """The simulation's settings before any diagnosis."""
+    """The simulation's settings before any diagnosis; a model's inertias count from robot.toml's."""
     settings = neutral_settings(robot)
-    for id_, place, name in settings if model is not None else ():
-        if model is not None and id_ != "inertia":
+    if model is None:
+        return settings
+    for id_, place, name in settings:
+        if id_ != "inertia":
             settings[(id_, place, name)] = model.value(id_, name, place)
+    own, given = robot.model.drive, model.robot.model.drive
+    straight = given.inertia_straight.value / own.inertia_straight.value
+    settings[("inertia", None, "straight")] = straight
+    settings[("inertia", None, "turn")] = given.inertia_turn.value / own.inertia_turn.value
     return settings
 
 
@@ -165,7 +171,7 @@ def _log_misfit(problem: Problem, start: Point) -> float:
     residual = features.measured - problem.predict([start])[0]
     scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), features.floors)
     noise = white_noise(scale, np.zeros(len(residual), np.intp))
-    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), residual)
+    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), residual, np.zeros_like(residual))
     fit = fit_point(problem, whitener, start, 2)
     final = features.measured - problem.predict([fit.point])[0]
     size = np.maximum(np.std(features.measured, axis=0), features.floors)
@@ -194,7 +200,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     settings = problem.settings(search.fit.point)
     model = parameters_of(settings, neutral_settings(problem.robot), problem.robot, habits.chain)
     left = judged.left
-    verdict = _verdict(bool(causes), bool(depends_on), left, judged.overall(judged.after))
+    verdict = _verdict(bool(causes), bool(depends_on), left, judged.surprise)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     return Diagnosis(
         verdict,
@@ -226,11 +232,11 @@ def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
     )
 
 
-def _verdict(causes: bool, unknown: bool, left: float, error: float) -> Verdict:
+def _verdict(causes: bool, unknown: bool, left: float, surprise: float) -> Verdict:
     if unknown:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     if not causes:
-        return Verdict.ADEQUATE if error < FAR_FROM_NOISE else Verdict.UNKNOWN
+        return Verdict.ADEQUATE if surprise < FAR_FROM_NOISE else Verdict.UNKNOWN
     return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
 
 

@@ -34,7 +34,9 @@ class Masked:
 class HeldOut:
     """Root mean squares on held-out bins. before, after, floor: (channels,). without: after dropping each
     cause. time (bins,), measured (bins, channels), residual (2, bins, channels): those bins themselves,
-    measured less simulated before and after, for pictures."""
+    measured less simulated before and after, for pictures. expected (channels,): what `after` should be on
+    data that no fit has seen: the floor, friction that wanders, what no model gets right, and how uncertain
+    the fit is. The floor alone is what a fit of everything leaves on data it has seen."""
 
     before: Array
     after: Array
@@ -43,6 +45,7 @@ class HeldOut:
     time: Array
     measured: Array
     residual: Array
+    expected: Array
 
     def overall(self, rms: Array) -> float:
         """One number for all channels, in units of their noise."""
@@ -54,6 +57,12 @@ class HeldOut:
         return float(
             np.clip((self.overall(self.without[name]) ** 2 - self.overall(self.after) ** 2) / possible, 0, 1)
         )
+
+    @property
+    def surprise(self) -> float:
+        """Error after over what is expected on unseen data, of all channels: about 1 or less is as it should
+        be."""
+        return float(np.sqrt(np.mean((self.after / self.expected) ** 2)))
 
     @property
     def left(self) -> float:
@@ -90,7 +99,16 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         judged.features.time[start:],
         judged.features.measured[start:],
         kept[:2],
+        np.sqrt(floor**2 + _spread(search, full)[start:].mean(axis=0)),
     )
+
+
+def _spread(search: Search, fit: Fit) -> Array:
+    """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of the fit."""
+    own = search.linear.own
+    covariance = np.linalg.inv(np.eye(len(own)) + fit.jacobian @ fit.jacobian.T)
+    uncertain = np.einsum("ibc,ij,jbc->bc", own, covariance, own, optimize=True)
+    return np.asarray(search.whitener.spread + uncertain, float)
 
 
 def _refitted(problem: Problem, masked: Masked, start: Point) -> Fit:

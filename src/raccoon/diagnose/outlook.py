@@ -121,12 +121,11 @@ def look_around(
 
 
 def estimated(search: Search) -> Search:
-    """The same causes fitted once more, now that they are sure: nothing that they do counts as noise."""
-    known = [name.partition("@")[0] for name in search.fit.point.active]
-    if not known:
-        return search
+    """The same causes fitted once more, now that the search is over: nothing that an effect does counts as
+    noise."""
     problem, extra = search.problem, search.probes(search.linear)
-    whitener = whitener_for(problem, search.linear, extra, search.whitener, tuple(search.unknown), known)
+    unknown = tuple(search.unknown)
+    whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
     fit = fit_point(problem, whitener, search.fit.point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
     linear = replace(search.linear, residual=residual)

@@ -55,17 +55,20 @@ class Whitener:
 
     slow (rows, k): orthonormal directions in which slow friction adds variance; shrink (k,) takes it away:
     (1 + R R')^(-1/2) = 1 - U diag(1 - 1/sqrt(1 + s^2)) U' for R = U s V'. rest (bins, channels): what nothing
-    explained when this was made.
+    explained when this was made. spread (bins, channels): variance in channel units that wandering friction
+    and what no model gets right have on unseen data; a fit of everything takes it away, so it is not in
+    `rest`.
     """
 
     noise: NoiseModel
     slow: Array
     shrink: Array
     rest: Array
+    spread: Array
 
     def without_slow(self) -> Whitener:
         """The same without slow friction."""
-        return Whitener(self.noise, np.zeros((0, 0)), np.zeros(0), self.rest)
+        return Whitener(self.noise, np.zeros((0, 0)), np.zeros(0), self.rest, self.spread)
 
     def __call__(self, signals: Array) -> Array:
         """(..., bins, channels) -> (..., rows)."""

@@ -10,14 +10,14 @@ import pytest
 from blind.drives import exciting
 from blind.generator import make
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.diagnosis import problem_of
+from raccoon.diagnose.diagnosis import problem_of, starting_settings
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.hypotheses import base_coordinates, drive_causes, neutral_settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import white_noise
-from raccoon.diagnose.outlook import EVENT, MOST_OF_EVENT, lead
+from raccoon.diagnose.outlook import EVENT, MOST_OF_EVENT, estimated, lead, start_search
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
 from raccoon.diagnose.search import EVIDENCE_GATE, FLOOR_GATE, gate
@@ -74,7 +74,7 @@ def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:
     measured = problem.predict([truth])[0]
     problem = replace(problem, features=replace(problem.features, measured=measured))
     noise = white_noise(problem.features.floors, np.zeros(len(measured), np.intp))
-    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), measured)
+    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), measured, np.zeros_like(measured))
     start = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
     fit = fit_point(problem, whitener, start)
     assert fit.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
@@ -91,3 +91,19 @@ def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
     time = real.features.time
     for straight in (np.ones_like(time), time - time.mean()):
         assert group.columns[:, :, channel] @ straight == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
+    log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
+    real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    search = start_search(real, probes_for(real))
+    last = estimated(search)
+    assert last.whitener.slow.shape[1] < search.whitener.slow.shape[1]
+    assert (last.whitener.spread > 0.0).any()  # unseen data must still be allowed to be as wrong as that
+
+
+def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
+    settings = neutral_settings(ROBOT)
+    settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8
+    model = parameters_of(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
+    assert starting_settings(ROBOT, model) == pytest.approx(settings)

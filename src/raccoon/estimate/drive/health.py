@@ -12,6 +12,9 @@ FULL_SCALE = 34.0
 """rad/s; the gyros of these robots end at 2000 degrees a second (34.9)."""
 FROZEN_AFTER = 12
 """Equal readings in a row that a gyro with noise never gives."""
+REPEATED = 4
+"""Equal readings in a row that are suspicious where the wheels say something else: with noise of one word on
+each axis two come once in 40 cycles, five once in a million."""
 LIVELY_AFTER = 50
 """Changes from one reading to the next that show that a gyro has noise."""
 SHOWN_FOR = 0.3

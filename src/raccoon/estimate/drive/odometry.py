@@ -17,7 +17,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate, Observation
 from raccoon.estimate.drive.fusion import Fusion, Reading
-from raccoon.estimate.drive.health import GYRO_TIMEOUT
+from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_seen, pose_seen
 from raccoon.estimate.drive.prior import prior, process_noise
@@ -218,7 +218,7 @@ class Odometry:
             variances = (*variances, of_gyro)
         still = self._stands(span, command)
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)
-        self._fusion.advance(reading, self._reasons, self._gyro.repeats >= 2)
+        self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self._feel(span, still, inputs)
 
     def _feel(self, span: float, still: bool, inputs: Inputs) -> None:
