@@ -33,7 +33,7 @@ Columns = Mapping[str, Array]
 CHAINS = (Chain.firmware(), Chain())
 LARGE_REST = 0.3
 FAR_FROM_NOISE = 1.5
-"""Error on unseen data, over what is expected there, at which a model that nothing improves is still wrong."""
+"""Error on unseen data, over what is expected of it, at which a model that nothing improves is wrong."""
 FAR = 40.0
 USUAL = 0.4
 """How much log misfit another filter than the firmware's must save."""
