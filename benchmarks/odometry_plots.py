@@ -61,7 +61,7 @@ def plot_match(folder: Path) -> None:
     for at_place, P in ellipses:
         ellipse(axes, at_place, P)
     axes.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title="Two-minute match with real faults")
-    axes.legend()
+    axes.legend(loc="center left", bbox_to_anchor=(1.02, 0.5))
     figure.savefig(folder / "odometry-match.png", dpi=110)
     errors = np.array(poses["this filter"]) - true[:, 1:]
     scale = (1e3, 1e3, math.degrees(1.0))
