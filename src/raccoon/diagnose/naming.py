@@ -20,7 +20,7 @@ from raccoon.sim.effects import effect
 
 Array = NDArray[np.float64]
 
-FORM_ERROR = 0.08
+FORM_ERROR = 0.07
 """Share of a deviation that an effect's equation, which is never quite the robot's, may be off by."""
 TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /

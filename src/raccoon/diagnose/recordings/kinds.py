@@ -15,6 +15,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
+from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
 from raccoon.diagnose.recordings.partial import (
@@ -108,7 +109,8 @@ def diagnose_recording(
 ) -> Diagnosis:
     """Diagnose a recording of any kind.
 
-    truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth. problems: what
+    truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth,
+    and how late its back-EMF is, where robot.toml has only the default. problems: what
     the reader of the recording had to leave out; it is noted. Raises TraceError as `diagnose`, and
     CalibrationError where a reference cannot be used.
     """
@@ -128,7 +130,7 @@ def diagnose_recording(
     elif kind is Kind.NOTHING:
         found = _nothing(columns, robot)
     else:
-        found = _drive(columns, robot, holdout, model, truth_free)
+        found = _drive(columns, with_lag_of(device, robot), holdout, model, truth_free)
         found = with_reference(found, columns, robot, device)
     notes = dict.fromkeys((*found.notes, *problems))
     return replace(found, notes=tuple(notes))
