@@ -131,13 +131,12 @@ def whitener_for(
     extra: Sequence[Group],
     before: Whitener | None,
     unknown: Sequence[str] = (),
-    tolerance: float = NEGLIGIBLE,
+    tolerant: bool = True,
 ) -> Whitener:
     """Noise of what nothing in the catalogue explains.
 
-    tolerance: part of every effect's width that is noise while the effect is off. A search needs it; a last
-    fit does not: causes would be found too small by it, and base numbers that resemble an effect would hardly
-    count.
+    tolerant: whether a little of every effect that is off is noise. A search needs it; a last fit does not:
+    causes would be found too small by it, and base numbers that resemble an effect would hardly count.
 
     unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
     known cause is blamed for what they do.
@@ -158,16 +157,16 @@ def whitener_for(
         noise = fit_noise(rest, ORDER, floors, regimes)
     noise = _less_at_jumps(problem, linear, noise)
     rest, share = _unexplained(noise, every, slow, linear.target)
-    tolerated = {each.name: NEGLIGIBLE * _uneven(each) for each in linear.groups}  # of variants one counts
+    tolerated = {each.name: _tolerated(each) for each in linear.groups}  # of variants one stands for all
     spread = sum(((each**2).sum(axis=0) for each in tolerated.values()), ((share * slow) ** 2).sum(axis=0))
-    nothing = [tolerance * _uneven(each) for each in linear.groups] if tolerance else []
+    nothing = [_tolerated(each) for each in linear.groups] if tolerant else []
     nothing.extend(each.columns for each in extra if each.name in unknown)
     return Whitener(noise, *_slow_directions(noise, np.concatenate([share * slow, *nothing])), rest, spread)
 
 
-def _uneven(group: Group) -> Array:
-    """A group's columns, larger where no model is as uneven as the floor and the gears."""
-    return UNEVEN.get(group.name.partition("@")[0], 1.0) * group.columns
+def _tolerated(group: Group) -> Array:
+    """What of a cause no model is expected to get right."""
+    return NEGLIGIBLE * UNEVEN.get(group.name.partition("@")[0], 1.0) * group.columns
 
 
 def _less_at_jumps(problem: Problem, linear: Linear, noise: NoiseModel) -> NoiseModel:

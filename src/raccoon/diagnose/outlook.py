@@ -1,4 +1,5 @@
-"""What can be seen from one working point: fit, noise, columns, and who is worth a refit."""
+"""What can be seen from one working point: fit, noise, columns in every direction, and who is worth a
+refit."""
 
 from __future__ import annotations
 
@@ -11,16 +12,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, cross_validated
 from raccoon.diagnose.fit import Fit, fit_many, fit_point, unbound
-from raccoon.diagnose.linear import (
-    BLOCKS,
-    NEGLIGIBLE,
-    Group,
-    Linear,
-    Table,
-    linearise,
-    tabulate,
-    whitener_for,
-)
+from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate, whitener_for
 from raccoon.diagnose.problem import Point, Problem, Whitener
 
 Array = NDArray[np.float64]
@@ -76,7 +68,6 @@ class Search:
     linear: Linear
     table: Table
     plain: Table
-    tolerance: float = NEGLIGIBLE
     gains: dict[str, float] = field(default_factory=dict)
     held_out: dict[str, float] = field(default_factory=dict)
     rivals: dict[str, list[Rival]] = field(default_factory=dict)
@@ -116,26 +107,25 @@ def look_around(
     point: Point,
     before: Whitener,
     unknown: Mapping[str, float] | None = None,
-    tolerance: float = NEGLIGIBLE,
 ) -> Search:
     """Columns in every direction at a point, the noise that they leave, and the fit under it."""
     linear = linearise(problem, point, list(problem.causes))
     extra = probes(linear)
-    whitener = whitener_for(problem, linear, extra, before, tuple(unknown or ()), tolerance)
+    whitener = whitener_for(problem, linear, extra, before, tuple(unknown or ()))
     table, plain = tabulate(linear, extra, whitener, len(problem.base))
     white = whitener(np.concatenate([linear.residual[None], linear.own]))
     vector = point.vector()
     cost = float(white[0] @ white[0] + vector @ vector)
     fit = Fit(point, white[0], white[1:], cost, unbound(problem, point))
-    found = dict(unknown or {})
-    return Search(problem, probes, fit, whitener, linear, table, plain, tolerance=tolerance, unknown=found)
+    return Search(problem, probes, fit, whitener, linear, table, plain, unknown=dict(unknown or {}))
 
 
 def estimated(search: Search) -> Search:
-    """The same causes fitted once more, now that the search is over: no effect counts as noise."""
+    """The same causes fitted once more, now that the search is over: nothing that an effect does counts as
+    noise."""
     problem, extra = search.problem, search.probes(search.linear)
     unknown = tuple(search.unknown)
-    whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerance=0.0)
+    whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
     fit = fit_point(problem, whitener, search.fit.point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
     linear = replace(search.linear, residual=residual)
@@ -190,7 +180,8 @@ def candidates(search: Search) -> Screened:
 
 
 def first_guess(search: Search, group: Group, mean: Array) -> Array:
-    """Coordinates at which to start a cause's refit: as far as the linear model says, within limits."""
+    """Coordinates at which to start a cause's refit: as far as the linear model says, within a width or
+    two."""
     cause = search.problem.causes[group.name]
     if not group.start:
         return np.clip(mean, -2.0, 2.0)

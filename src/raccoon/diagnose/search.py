@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
-from raccoon.diagnose.linear import Group, Linear, whitener_for
+from raccoon.diagnose.linear import Group, Linear
 from raccoon.diagnose.outlook import (
     SCALE,
     Probed,
@@ -39,10 +39,6 @@ PROBE_LEAD = 1.3
 BESIDE_UNKNOWN = 0.33
 MOST_CAUSES = 8
 CLOSE = 3.0
-SEVERAL = 2
-"""Causes that are found from which small ones beside them are looked for."""
-CLOSER = 0.0075
-"""What is tolerated then, of an effect's width."""
 
 
 def forward(search: Search) -> tuple[Search, bool]:
@@ -112,9 +108,7 @@ def _with_unknown(search: Search, probe: Probed) -> Search:
 
 def _accepted(search: Search, name: str, fit: Fit, rivals: list[Rival]) -> Search:
     again = fit_point(search.problem, search.whitener, fit.point)
-    following = look_around(
-        search.problem, search.probes, again.point, search.whitener, search.unknown, search.tolerance
-    )
+    following = look_around(search.problem, search.probes, again.point, search.whitener, search.unknown)
     following.rivals = {**search.rivals, name: rivals}
     following.failed = search.failed
     following.screened = {}
@@ -207,35 +201,15 @@ def _rows_without(search: Search, name: str) -> list[int]:
 
 
 def _accepted_less(search: Search, name: str, fit: Fit) -> Search:
-    following = look_around(
-        search.problem, search.probes, fit.point, search.whitener, search.unknown, search.tolerance
-    )
+    following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
     following.rivals = {key: value for key, value in search.rivals.items() if key != name}
     following.failed = search.failed
     return following
 
 
 def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
-    """The whole search, from the nominal model to a set of causes that is stable in both directions.
-
-    What is tolerated hides small causes. It is there for one large cause, whose equation is never quite the
-    robot's; where several are found, more of them are looked for with less tolerance.
-    """
-    search = _grown(start_search(problem, probes))
-    search, replaced = simplified(search)
-    if replaced:
-        search, _ = forward(search)
-        search = merged(search)
-    if len(search.fit.point.active) >= SEVERAL and not search.unknown:
-        closer = _grown(_closer(search))
-        search = search if closer.unknown else closer
-    if search.fit.point.active:
-        search, _ = backward(search)
-    return search
-
-
-def _grown(search: Search) -> Search:
-    """Forward and backward until nothing is added."""
+    """The whole search, from the nominal model to a set of causes that is stable in both directions."""
+    search = start_search(problem, probes)
     dropped: set[str] = set()
     for _ in range(2 * MOST_CAUSES):
         if len(search.fit.point.active) >= MOST_CAUSES:
@@ -251,14 +225,10 @@ def _grown(search: Search) -> Search:
                 if not gone:
                     break
                 dropped |= gone
+    search, replaced = simplified(search)
+    if replaced:
+        search, _ = forward(search)
+        search = merged(search)
+    if search.fit.point.active:
+        search, _ = backward(search)
     return search
-
-
-def _closer(search: Search) -> Search:
-    """The same causes, with less tolerance for what all others do."""
-    problem, extra = search.problem, search.probes(search.linear)
-    whitener = whitener_for(problem, search.linear, extra, search.whitener, (), CLOSER)
-    fit = fit_point(problem, whitener, search.fit.point)
-    following = look_around(problem, search.probes, fit.point, whitener, {}, CLOSER)
-    following.rivals, following.failed = search.rivals, search.failed
-    return following

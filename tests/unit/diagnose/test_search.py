@@ -15,13 +15,12 @@ from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.hypotheses import base_coordinates, drive_causes, neutral_settings
-from raccoon.diagnose.linear import NEGLIGIBLE
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import white_noise
 from raccoon.diagnose.outlook import EVENT, MOST_OF_EVENT, estimated, lead, start_search
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
-from raccoon.diagnose.search import CLOSER, EVIDENCE_GATE, FLOOR_GATE, gate, search_causes
+from raccoon.diagnose.search import EVIDENCE_GATE, FLOOR_GATE, gate
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.physical import plant_numbers
@@ -108,15 +107,3 @@ def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
     settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8
     model = parameters_of(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
     assert starting_settings(ROBOT, model) == pytest.approx(settings)
-
-
-def test_beside_several_causes_small_ones_are_looked_for_more_closely(problem: Problem) -> None:
-    rng = np.random.default_rng(2)
-    truth = problem.nominal().with_cause("drive.inertia", np.array([0.8]))
-    truth = truth.with_cause("battery.internal_resistance", np.array([1.0]))
-    scatter = np.array([4.0, 4.0, 0.01, 0.02]) * rng.standard_normal(problem.features.measured.shape)
-    measured = problem.predict([truth])[0] + scatter
-    seen = replace(problem, features=replace(problem.features, measured=measured))
-    found = search_causes(seen, probes_for(seen))
-    assert set(found.fit.point.active) == set(truth.active)
-    assert found.tolerance == CLOSER < NEGLIGIBLE
