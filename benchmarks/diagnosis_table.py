@@ -28,8 +28,8 @@ def print_table(results: Sequence[Result]) -> None:
     for name, (title, asked, measure) in _ROWS.items():
         _line(title, asked, measure(rows[name]) if rows[name] else "not run")
     single = rows["single"]
-    _line("false unknown, known effect", "<= 5 %", percent(bool(each["depends_on"]) for each in single))
-    _line("false unknown, clean", "<= 3 %", percent(bool(each["depends_on"]) for each in rows["clean"]))
+    _line("false unknown, known effect", "<= 5 %", percent(map(_called_unknown, single)))
+    _line("false unknown, clean", "<= 3 %", percent(map(_called_unknown, rows["clean"])))
     _line("parameters", "median <= 2 %, p90 <= 10 %, cover 92-98 %", _parameters(single))
     for name in ("single", "two", "several", "everything"):
         _line(f"gain, {name}", "median >= 0.98, p10 >= 0.95, never < 0", _gain(rows[name]))
@@ -38,6 +38,11 @@ def print_table(results: Sequence[Result]) -> None:
                                                 *rows["everything"], *rows["unknown"]]))  # fmt: skip
     for name in ("single", "small", "contest", "short", "worst"):
         _confusion(name, rows[name])
+
+
+def _called_unknown(result: Result) -> bool:
+    """Whether something unknown was said to act, with a dependence or by the verdict alone."""
+    return bool(result["depends_on"]) or result["verdict"] == "unknown"
 
 
 def _line(case: str, asked: str, measured: str) -> None:
