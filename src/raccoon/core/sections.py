@@ -22,6 +22,7 @@ from raccoon.core.schema import (
 )
 
 REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
+"""Those whose seconds are the wall's."""
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
 
 
@@ -87,7 +88,7 @@ class TophatConfig:
     left: float = number(0.0, "m", "to the left of the middle", Bounds(-1.0, 1.0))
 
 
-PULSES = Bounds(SERVO_PULSE_US[0], SERVO_PULSE_US[1])
+PULSES = Bounds(float(SERVO_PULSE_US[0]), float(SERVO_PULSE_US[1]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +96,8 @@ class ServoConfig:
     """`[servo.NAME]`: one servo, its mechanical range and the places a program calls by name."""
 
     port: int = port(0, "servo port", SERVO_PORTS)
-    lowest_us: float = number(600.0, "us", "shortest pulse the mechanism stands", PULSES)
-    highest_us: float = number(2400.0, "us", "longest pulse the mechanism stands", PULSES)
+    lowest_us: float = number(PULSES.low, "us", "shortest pulse the mechanism stands", PULSES)
+    highest_us: float = number(PULSES.high, "us", "longest pulse the mechanism stands", PULSES)
     speed_us: float = number(3000.0, "us/s", "how fast the loaded servo turns, as change of pulse", POSITIVE)
     positions_us: Mapping[str, float] = named("us", "names for pulses, such as { open = 1200 }", PULSES)
 

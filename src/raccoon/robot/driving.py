@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from raccoon.control.motion import TrackingGains, line_command, slewed
+from raccoon.control.motion import line_command, slewed
 from raccoon.control.profile import ProfileState
 from raccoon.control.voltage import VoltageScaling
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.limits import check_rate, check_speed
+from raccoon.robot.pacing import GAINS
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 __all__ = ["drive", "motors"]
-
-GAINS = TrackingGains()
 
 
 def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:

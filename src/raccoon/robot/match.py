@@ -8,6 +8,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import SIMULATOR
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver, real_deadline
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MATCH_SECONDS = 120.0
-# Ports whose seconds are those of the wall clock.
-REAL = ("wombat", "wombat-raccoon", "create")
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,4 +176,8 @@ def _real(robot: Robot, alarm: bool | None) -> bool:
     if alarm is not None:
         return alarm
     simulated = robot.inputs is None or robot.inputs.device.name == SIMULATOR.name
-    return robot.config.controller.port in REAL and not simulated and not hasattr(robot.port, "trace")
+    return (
+        robot.config.controller.port in REAL_CONTROLLERS
+        and not simulated
+        and not hasattr(robot.port, "trace")
+    )

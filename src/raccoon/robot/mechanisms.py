@@ -18,6 +18,7 @@ from raccoon.control.wheels import LEAST_BATTERY_VOLTAGE, Wheel
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.errors import MotionTimeout
 from raccoon.core.readings import Device, Inputs
+from raccoon.estimate.drive.wheels import radians_per_count, resting_counts
 from raccoon.robot.actions import Action, Steps, do
 from raccoon.robot.drive import DEAD_TIME
 from raccoon.robot.pacing import check_finite, check_limits
@@ -50,8 +51,8 @@ class Mechanism:
         self.goal: ProfileState | None = None
         """What it is held at; None while it is released."""
         self._sign = (-1.0 if motor.inverted else 1.0) * motor.power_factor.value
-        self._calibrated = motor.radians_per_tick
-        self._offset = (robot.model.bemf.offset if motor.bemf_offset is None else motor.bemf_offset).value
+        self._motor = motor
+        self._offset = resting_counts(robot, config.motor)
         self._constant = constant
         friction = robot.model.friction
         model = WheelModel(
@@ -117,10 +118,7 @@ class Mechanism:
 
     def _scale(self, device: Device) -> float:
         """Rad in one back-EMF count * second."""
-        sign = math.copysign(1.0, self._sign)
-        if self._calibrated is not None:
-            return sign * self._calibrated.value / device.position_counts_seconds
-        return sign * device.bemf_volts / self._constant
+        return math.copysign(radians_per_count(self._motor, self._constant, device), self._sign)
 
 
 def move(name: str, to: float, speed: float | None = None, *, timeout: float | None = None) -> Action[float]:

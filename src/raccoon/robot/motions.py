@@ -14,11 +14,12 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from raccoon.control.motion import TrackingGains, line_command, turn_command
+from raccoon.control.motion import line_command, turn_command
 from raccoon.control.profile import profile
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.limits import check_angle, check_rate, check_speed, check_way
 from raccoon.robot.pacing import (
+    GAINS,
     LAG_LIMIT,
     LAG_LIMIT_TURN,
     MotionResult,
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
 __all__ = ["MotionResult", "arc", "pivot", "straight", "turn", "turn_to"]
 
-GAINS = TrackingGains()
 # A plan further than this from the estimate is not continued: somebody moved the robot.
 PLAN_REACH = 0.05
 PLAN_REACH_HEADING = 0.3

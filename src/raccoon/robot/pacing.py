@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from raccoon.control.motion import TrackingGains
 from raccoon.control.profile import Profile, ProfileState
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
@@ -15,6 +16,8 @@ from raccoon.robot.remarks import mismatch, tell
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
+GAINS = TrackingGains()
+"""How hard every motion pulls back to its path."""
 # The profile waits for a robot that falls this far behind it, instead of running away.
 LAG_LIMIT = 0.02
 LAG_LIMIT_TURN = 0.15

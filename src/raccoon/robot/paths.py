@@ -10,19 +10,18 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from raccoon.control.motion import TrackingGains, line_command
+from raccoon.control.motion import line_command
 from raccoon.control.path import Path, Point
 from raccoon.control.profile import profile
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.limits import check_angle, check_speed, check_way
 from raccoon.robot.motions import straight, turning
-from raccoon.robot.pacing import LAG_LIMIT, MotionResult, Pace, at_rest, check_limits, finish
+from raccoon.robot.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, at_rest, check_limits, finish
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
-GAINS = TrackingGains()
 # Nearer than this the way to the place has no direction worth turning to.
 HERE = 0.005
 

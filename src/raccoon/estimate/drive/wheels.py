@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from raccoon.core.config import BemfModel, RobotConfig
+from raccoon.core.config import BemfModel, MotorConfig, RobotConfig
 from raccoon.core.readings import Device, Fault, Inputs
 from raccoon.model.bemf import counter_lag
 
@@ -56,10 +56,18 @@ def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
     """Radians of the `side` ("left" or "right") wheel in one back-EMF count · second, without its wiring
     sign.
     """
-    calibrated = robot.motor(getattr(robot.drive, side)).radians_per_tick
-    if calibrated is not None:
-        return calibrated.value / device.position_counts_seconds
-    return device.bemf_volts / float(getattr(robot.model, side).back_emf_constant.value)
+    motor = robot.motor(getattr(robot.drive, side))
+    return radians_per_count(motor, getattr(robot.model, side).back_emf_constant.value, device)
+
+
+def radians_per_count(motor: MotorConfig, back_emf_constant: float, device: Device) -> float:
+    """Radians of any motor's shaft in one back-EMF count · second, without its wiring sign.
+
+    back_emf_constant: V/(rad/s), for a motor that is not calibrated.
+    """
+    if motor.radians_per_tick is not None:
+        return motor.radians_per_tick.value / device.position_counts_seconds
+    return device.bemf_volts / back_emf_constant
 
 
 def lag_seconds(robot: RobotConfig, device: Device) -> float:
@@ -74,7 +82,12 @@ def lag_seconds(robot: RobotConfig, device: Device) -> float:
 
 def offset_counts(robot: RobotConfig, side: str) -> float:
     """Back-EMF counts of the `side` motor at standstill, in the sign of the board."""
-    own = robot.motor(getattr(robot.drive, side)).bemf_offset
+    return resting_counts(robot, getattr(robot.drive, side))
+
+
+def resting_counts(robot: RobotConfig, port: int) -> float:
+    """Back-EMF counts of the motor on `port` at standstill, in the sign of the board."""
+    own = robot.motor(port).bemf_offset
     return (robot.model.bemf.offset if own is None else own).value
 
 
