@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.gain import HeldOut, held_out
-from raccoon.diagnose.hypotheses import Cause, Settings, base_coordinates, drive_causes, neutral_settings
+from raccoon.diagnose.hypotheses import Cause, Settings, base_coordinates, neutral_settings
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import white_noise, whiteness
@@ -43,8 +44,8 @@ HARM = 0.9
 """Error on unseen data without a cause, over that with it, at which the cause is dropped."""
 CLEARLY = 0.2
 """The same for motors that brake at duty 0, where both are possible."""
-LATE = "actuation.latency"
-LATENESS = (0.02, 0.5, 1.0, 1.7, 2.5, 3.5)
+LATE = {"actuation.latency": (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "imu.latency": (0.02, 0.4, 0.8, 1.2, 1.7)}
+"""What resembles a slower filter, and where its fits may start."""
 
 
 def diagnose(
@@ -153,14 +154,16 @@ def problem_of(
 def _habit_score(problem: Problem) -> float:
     """Log misfit with base numbers inside robot.toml, plus that with all of them free.
 
-    Both with a latency, which resembles a slower filter.
+    Both with latencies, which resemble a slower filter.
 
     The first tells habits apart on a robot that is as its file says, the second where something is wrong.
     """
     loose = replace(problem, base=base_coordinates(problem.robot, inside=FAR))
     start = problem.nominal()
-    if LATE in problem.causes:
-        starts = [start.with_cause(LATE, np.array([u])) for u in LATENESS]
+    for cause, guesses in LATE.items():
+        if cause not in problem.causes:
+            continue
+        starts = [start.with_cause(cause, np.array([u])) for u in guesses]
         errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
         start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
     return _log_misfit(problem, start) + _log_misfit(loose, start)

@@ -55,6 +55,12 @@ class Gram:
             return mean, -np.inf, covariance
         return mean, float(0.5 * self.projection @ mean - 0.5 * logdet), covariance
 
+    def evidence(self) -> float:
+        """Log evidence relative to no columns."""
+        factor = np.linalg.cholesky(np.eye(len(self.projection)) + self.matrix)
+        half = np.linalg.solve(factor, self.projection)
+        return float(0.5 * half @ half - np.log(np.diag(factor)).sum())
+
     def misfit(self, mean: Array) -> float:
         """||y - X mean||^2."""
         return float(self.power - 2.0 * self.projection @ mean + mean @ self.matrix @ mean)

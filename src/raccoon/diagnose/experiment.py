@@ -20,14 +20,16 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import Cause, base_coordinates, drive_causes, neutral_settings
-from raccoon.diagnose.linear import NEGLIGIBLE, linearise, slow_friction
+from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_settings
+from raccoon.diagnose.linear import linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
 from raccoon.diagnose.noise import NoiseModel, white_noise
-from raccoon.diagnose.outlook import EVENT, MOST_OF_EVENT
+from raccoon.diagnose.outlook import MOST_OF_EVENT
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.diagnose.whitening import EVENT, faint_part
 from raccoon.sim.chain import Chain
 
 Array = NDArray[np.float64]
@@ -132,7 +134,8 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     white = _whitening(problem)
     own, wanted = white(linear.own), [white(each.columns) for each in linear.groups if each.name == cause]
     against = [white(each.columns) for each in linear.groups if each.name in chosen and each.name != cause]
-    noise = [NEGLIGIBLE * white(each.columns) for each in linear.groups if each.name not in chosen]
+    off = {each.name: white(each.columns) for each in linear.groups if each.name not in chosen}
+    noise = [faint_part(name, own, columns)[:, None] * columns for name, columns in off.items()]
     floor = FLOOR_SHARE * white(slow_friction(problem, linear))
     others = np.vstack([own, *against, *noise, floor])
     rows = EVENT * len(log.channels)

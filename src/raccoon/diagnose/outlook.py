@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, cross_validated
 from raccoon.diagnose.fit import Fit, fit_many, fit_point, unbound
-from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate, whitener_for
+from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate
 from raccoon.diagnose.problem import Point, Problem, Whitener
+from raccoon.diagnose.whitening import EVENT, whitener_for
 
 Array = NDArray[np.float64]
 
@@ -22,8 +23,6 @@ LEAST_OF_PROBE = 10.0
 PROBES_TRIED = 3
 NEARLY = 0.7
 """Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
-EVENT = 25
-"""Bins, half a second."""
 MOST_OF_EVENT = 4.0
 """Log evidence that half a second may give."""
 REFITS = 5

@@ -106,8 +106,9 @@ class Problem:
         settings = dict(self.neutral)
         for coordinate, u in zip(self.base, point.base, strict=True):
             coordinate.apply(settings, float(u))
-        for name, values in point.active.items():
-            self.causes[name].apply(settings, [float(each) for each in values])
+        late = sorted(point.active, key=lambda name: self.causes[name].joint is not None)
+        for name in late:  # those that count from what others have set come last
+            self.causes[name].apply(settings, [float(each) for each in point.active[name]])
         return settings
 
     def predict(self, points: Sequence[Point]) -> Array:

@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.gates import EVIDENCE_GATE, gate
+from raccoon.diagnose.joint import better_set
 from raccoon.diagnose.linear import Group, Linear
 from raccoon.diagnose.outlook import (
     SCALE,
@@ -26,10 +28,6 @@ from raccoon.diagnose.problem import Point, Problem
 
 Array = NDArray[np.float64]
 
-EVIDENCE_GATE = 11.5
-FLOOR_GATE = 15.0
-"""For what a real floor imitates in ways that no noise model holds: it differs by direction and by wheel."""
-FLOOR_LIKE = ("drive.slope", "friction.direction_dependent", "friction.coulomb@", "friction.viscous@")
 HELD_OUT_GATE = 2.0
 SURE = 30.0
 """Log evidence, no event counting for much, from which a cause need not help on blocks left out: they are
@@ -90,11 +88,6 @@ def ranking(
         if ranked[index][2] > gate(ranked[index][0]):
             first = index if lead(problem, ranked[index][1], ranked[first][1]) > 0.0 else first
     return [ranked[first], *ranked[:first], *ranked[first + 1 :]] if ranked else []
-
-
-def gate(name: str) -> float:
-    """Log evidence from which a cause is named."""
-    return FLOOR_GATE if name.startswith(FLOOR_LIKE) else EVIDENCE_GATE
 
 
 def _with_unknown(search: Search, probe: Probed) -> Search:
@@ -207,9 +200,24 @@ def _accepted_less(search: Search, name: str, fit: Fit) -> Search:
     return following
 
 
-def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
-    """The whole search, from the nominal model to a set of causes that is stable in both directions."""
-    search = start_search(problem, probes)
+def rearranged(search: Search) -> tuple[Search, bool]:
+    """Another set of causes where it explains more, again and again."""
+    changed = False
+    for _ in range(3):
+        fit = better_set(search) if len(search.fit.point.active) > 1 else None
+        if fit is None:
+            break
+        gone = set(search.fit.point.active) - set(fit.point.active)
+        search.failed.update(dict.fromkeys(gone, "others explain it better together"))
+        rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
+        following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
+        following.rivals, following.failed = rivals, search.failed
+        search, changed = following, True
+    return search, changed
+
+
+def grown(search: Search) -> Search:
+    """Causes added one by one, those that lose their place dropped again."""
     dropped: set[str] = set()
     for _ in range(2 * MOST_CAUSES):
         if len(search.fit.point.active) >= MOST_CAUSES:
@@ -225,10 +233,19 @@ def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]])
                 if not gone:
                     break
                 dropped |= gone
+    return search
+
+
+def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
+    """The whole search, from the nominal model to a set of causes that is stable in both directions."""
+    search = grown(start_search(problem, probes))
     search, replaced = simplified(search)
     if replaced:
         search, _ = forward(search)
-        search = merged(search)
+    search, changed = rearranged(search)
+    if changed:
+        search = grown(search)
+    search = merged(search)
     if search.fit.point.active:
         search, _ = backward(search)
     return search

@@ -9,9 +9,10 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet import common_causes, fleet_report
-from raccoon.diagnose.hypotheses import base_coordinates, drive_causes, neutral_settings
+from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.report import terminal_report
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.rollout import parameters_of

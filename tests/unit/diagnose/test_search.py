@@ -10,18 +10,20 @@ import pytest
 from blind.drives import exciting
 from blind.generator import make
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import problem_of, starting_settings
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import Fit, fit_point
-from raccoon.diagnose.hypotheses import base_coordinates, drive_causes, neutral_settings
+from raccoon.diagnose.gates import EVIDENCE_GATE, FLOOR_GATE, gate
+from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import white_noise
-from raccoon.diagnose.outlook import EVENT, MOST_OF_EVENT, estimated, lead, start_search
+from raccoon.diagnose.outlook import MOST_OF_EVENT, estimated, lead, start_search
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
-from raccoon.diagnose.search import EVIDENCE_GATE, FLOOR_GATE, gate
 from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.whitening import EVENT
 from raccoon.sim.chain import Chain
 from raccoon.sim.physical import plant_numbers
 

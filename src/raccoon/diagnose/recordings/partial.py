@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import BatteryModel, Measured, RobotConfig
-from raccoon.diagnose.hypotheses import Cause, drive_causes
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import ROLES
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 

@@ -1,0 +1,171 @@
+"""Whether another set of causes explains a recording better than the one that was found step by step.
+
+Adding one cause at a time can go astray: two wrong ones can stand in for a right one, and neither is worth
+dropping alone. So once several are named, everything whose response is nearly a straight line is fitted at
+once. That model is near the truth wherever the truth is, and from there the algebra of `sets` proposes sets.
+Each cause is also exchanged for those that act most like it. The proposals are truly fitted, and compared
+moment by moment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.gates import gate
+from raccoon.diagnose.linear import Group
+from raccoon.diagnose.outlook import Search, first_guess, lead, look_around
+from raccoon.diagnose.problem import Point
+from raccoon.diagnose.sets import Chosen, Sets, overlap
+
+Array = NDArray[np.float64]
+
+BETTER = 1.0
+"""Log evidence beyond the gates that another set must have more."""
+PROPOSED = 3
+POLISHED = 3
+"""Of all proposals, those that are fitted with every column simulated anew."""
+HOPE = 60.0
+"""Log evidence that a proposal may lack before that."""
+ALIKE = 0.3
+MOST_ALIKE = 5
+LEAST = 0.02
+STRAIGHT = (
+    "motor.armature_resistance@left", "motor.armature_resistance@right", "motor.back_emf_constant@left",
+    "motor.back_emf_constant@right", "bemf.scale@left", "bemf.scale@right", "drive.wheel_radius@left",
+    "drive.wheel_radius@right", "drive.inertia", "friction.coulomb", "friction.viscous", "friction.quadratic",
+    "friction.load_dependent", "drive.turn_scrub", "battery.open_circuit_voltage",
+    "battery.internal_resistance", "bemf.offset@left", "bemf.offset@right", "bemf.filter_lag",
+    "imu.gyro_bias", "imu.gyro_scale", "imu.latency", "actuation.latency",
+)  # fmt: skip
+"""Causes whose response is nearly a straight line, one of each group of twins."""
+
+
+def better_set(search: Search) -> Fit | None:
+    """Another set of causes that explains more, fitted; None where there is none."""
+    problem, whitener = search.problem, search.whitener
+    starts = [*_proposed(search), *_exchanged(search)]
+    settled = fit_point(problem, whitener, search.fit.point, 3)
+    base = search.fit.jacobian[: len(problem.base)]
+    fits = fit_many(problem, whitener, starts, base, 4)
+    fits.sort(key=lambda fit: -_lead(search, fit, settled))
+    hopeful = [each.point for each in fits[:POLISHED] if _lead(search, each, settled) > -HOPE]
+    polished = [_needed(search, fit) for fit in _fitted(search, hopeful, 4)]
+    best = max(polished, key=lambda fit: _lead(search, fit, settled), default=None)
+    return best if best is not None and _lead(search, best, settled) > BETTER else None
+
+
+def _fitted(search: Search, points: list[Point], iterations: int) -> list[Fit]:
+    none = np.zeros((0, search.problem.features.measured.size))
+    return fit_many(search.problem, search.whitener, points, none, iterations) if points else []
+
+
+def _lead(search: Search, fit: Fit, settled: Fit) -> float:
+    """Log evidence of a fit over another, each less the gates of its causes."""
+    gates = [sum(map(gate, each.point.active)) for each in (fit, settled)]
+    return lead(search.problem, fit, settled) - gates[0] + gates[1]
+
+
+def _proposed(search: Search) -> Iterator[Point]:
+    """The best sets as the linear model around a fit of everything straight sees them."""
+    problem, now = search.problem, frozenset(search.fit.point.active)
+    fit = fit_point(problem, search.whitener, _all_straight(search), 6)
+    around = look_around(problem, search.probes, fit.point, search.whitener, search.unknown)
+    sets = Sets.of(around)
+    on = range(len(fit.point.active))
+    acting = (
+        i for i in on if not sets.members[i].one_sided or fit.point.active[sets.members[i].name][0] > 0.0
+    )
+    sets.climb(sets.dropped(frozenset(acting)))
+    sets.climb(frozenset(i for i in on if sets.members[i].name in now))
+    sets.climb(frozenset())
+    for chosen in sets.best(PROPOSED):
+        if sets.names(chosen) != now:
+            yield _start(around, sets, chosen)
+
+
+def _all_straight(search: Search) -> Point:
+    """The working point with every straight cause on; one of both sides is taken apart."""
+    point, causes = search.fit.point, search.problem.causes
+    for name in [each for each in point.active if f"{each}@left" in STRAIGHT]:
+        u = point.active[name]
+        point = point.without_cause(name).with_cause(f"{name}@left", u).with_cause(f"{name}@right", u)
+    for name in STRAIGHT:
+        if name in causes and not any(overlap(name, each) for each in point.active):
+            low = causes[name].coordinates[0].low
+            point = point.with_cause(name, np.array([LEAST if low == 0.0 else 0.0]))
+    return point
+
+
+def _start(search: Search, sets: Sets, chosen: Chosen) -> Point:
+    """Where the linear model puts a set; base numbers stay, since a fit moves them at once."""
+    mean, _ = sets.solve(chosen)
+    point, position = Point(search.fit.point.base), 0
+    for each in sorted(chosen):
+        member = sets.members[each]
+        u = mean[position : position + len(member.span)]
+        position += len(member.span)
+        if member.group is not None:
+            u = first_guess(search, member.group, u)
+        elif member.one_sided:
+            u = np.array([max(u[0], LEAST), *u[1:]])
+        point = point.with_cause(member.name, u)
+    return point
+
+
+def _exchanged(search: Search) -> Iterator[Point]:
+    """Each cause replaced by those that act most like it, as far as they would have to be off."""
+    for name in search.fit.point.active:
+        less = search.fit.point.without_cause(name)
+        alike = _alike(search, name)
+        for _, group, u in sorted(alike.values(), key=lambda each: -each[0])[:MOST_ALIKE]:
+            yield less.with_cause(group.name, first_guess(search, group, u))
+
+
+def _alike(search: Search, name: str) -> dict[str, tuple[float, Group, Array]]:
+    """What acts like a cause: cosine of the whitened responses, which variant, and how far it is off then."""
+    whole, own = search.table.whole, search.table.active[name]
+    others = [each for each in search.fit.point.active if each != name]
+    u = search.fit.point.active[name]
+    pull = np.asarray(whole.matrix[:, own] @ u, float)
+    size = max(float(u @ pull[own]), 1e-9)
+    found: dict[str, tuple[float, Group, Array]] = {}
+    for group, span in search.table.off:
+        if group.name not in search.problem.causes or any(overlap(group.name, each) for each in others):
+            continue
+        matrix = whole.matrix[np.ix_(span, span)] + 1e-9 * np.eye(len(span))
+        moved = np.asarray(np.linalg.solve(matrix, pull[span]), float)
+        cosine = float(np.sqrt(max(pull[span] @ moved, 0.0) / size))
+        wrong = group.one_sided and moved[0] <= 0.0
+        if not wrong and cosine > found.get(group.name, (ALIKE,))[0]:
+            found[group.name] = (cosine, group, moved)
+    return found
+
+
+def _needed(search: Search, fit: Fit) -> Fit:
+    """The fit without causes that, beside the others, are no longer worth their gate."""
+    while len(fit.point.active) > 1:
+        worth = _worth(search, fit)
+        weakest = min(worth, key=lambda name: worth[name] - gate(name))
+        if worth[weakest] > gate(weakest):
+            return fit
+        fit = _fitted(search, [fit.point.without_cause(weakest)], 3)[0]
+    return fit
+
+
+def _worth(search: Search, fit: Fit) -> dict[str, float]:
+    """Log evidence that each cause adds to all others, by the linear model of the fit."""
+    columns = fit.jacobian[fit.free]
+    whole = Gram.of(columns.T, fit.target)
+    evidence, place = whole.evidence(), np.cumsum(fit.free) - 1
+    worth, position = {}, len(search.problem.base)
+    for name, values in fit.point.active.items():
+        span = range(position, position + len(values))
+        own = {int(place[i]) for i in span if fit.free[i]}
+        position += len(values)
+        worth[name] = evidence - whole.take([i for i in range(len(columns)) if i not in own]).evidence()
+    return worth

@@ -1,0 +1,140 @@
+"""Which sets of causes explain much, by the linear model alone.
+
+Around a working point the algebra of `evidence` scores a set in microseconds, so causes are added, dropped
+and exchanged until no such step helps. A set's score is its log evidence less what each of its causes must
+have to be named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.gates import gate
+from raccoon.diagnose.linear import Group
+from raccoon.diagnose.outlook import Search
+
+Array = NDArray[np.float64]
+Chosen = frozenset[int]
+
+STEPS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """A cause that can be in a set: on at the working point (group None), or off, from a starting guess."""
+
+    name: str
+    span: tuple[int, ...]
+    group: Group | None
+    one_sided: bool
+
+
+@dataclass(slots=True)
+class Sets:
+    """The linear model, what robot.toml leaves open eliminated, and the scores that were computed."""
+
+    rest: Gram
+    members: tuple[Member, ...]
+    scores: dict[Chosen, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, search: Search) -> Sets:
+        """Every cause that is on, then every variant of every cause that is off."""
+        table, causes = search.table, search.problem.causes
+        found = [
+            Member(name, tuple(span), None, causes[name].coordinates[0].low == 0.0)
+            for name, span in table.active.items()
+        ]
+        found.extend(
+            Member(group.name, tuple(span), group, group.one_sided)
+            for group, span in table.off
+            if group.name in causes
+        )
+        columns = [i for each in found for i in each.span]
+        rest = table.whole.take([*range(table.base), *columns]).without(table.base)
+        members, position = [], 0
+        for each in found:
+            span = tuple(range(position, position + len(each.span)))
+            members.append(Member(each.name, span, each.group, each.one_sided))
+            position += len(span)
+        return cls(rest, tuple(members))
+
+    def names(self, chosen: Chosen) -> frozenset[str]:
+        """The causes of a set."""
+        return frozenset(self.members[each].name for each in chosen)
+
+    def solve(self, chosen: Chosen) -> tuple[Array, float]:
+        """Coordinates of the members in their order, and log evidence; -inf where one has a wrong sign."""
+        index = [i for each in sorted(chosen) for i in self.members[each].span]
+        if not index:
+            return np.zeros(0), 0.0
+        factor = np.linalg.cholesky(np.eye(len(index)) + self.rest.matrix[np.ix_(index, index)])
+        half = np.linalg.solve(factor, self.rest.projection[index])
+        mean = np.linalg.solve(factor.T, half)
+        position = 0
+        for each in sorted(chosen):
+            if self.members[each].one_sided and mean[position] <= 0.0:
+                return mean, -np.inf
+            position += len(self.members[each].span)
+        return mean, float(0.5 * half @ half - np.log(np.diag(factor)).sum())
+
+    def score(self, chosen: Chosen) -> float:
+        """Log evidence less the gates of all."""
+        if chosen not in self.scores:
+            _, evidence = self.solve(chosen)
+            self.scores[chosen] = evidence - sum(gate(self.members[each].name) for each in chosen)
+        return self.scores[chosen]
+
+    def climb(self, chosen: Chosen) -> None:
+        """Take the best step until none helps; every score on the way is kept."""
+        for _ in range(STEPS):
+            best = max(self._steps(chosen), key=self.score)
+            if self.score(best) <= self.score(chosen):
+                return
+            chosen = best
+
+    def dropped(self, chosen: Chosen) -> Chosen:
+        """Without what is least worth its gate, one after the other."""
+        while chosen:
+            best = max((chosen - {out} for out in chosen), key=self.score)
+            if self.score(best) <= self.score(chosen):
+                break
+            chosen = best
+        return chosen
+
+    def best(self, count: int) -> list[Chosen]:
+        """The best of all sets that were scored; variants of the same causes count once."""
+        found: dict[frozenset[str], Chosen] = {}
+        for each in sorted(self.scores, key=lambda each: -self.scores[each]):
+            if np.isfinite(self.scores[each]):
+                found.setdefault(self.names(each), each)
+            if len(found) >= count:
+                break
+        return list(found.values())
+
+    def _steps(self, chosen: Chosen) -> Iterator[Chosen]:
+        for out in chosen:
+            yield chosen - {out}
+        for new in range(len(self.members)):
+            if new in chosen:
+                continue
+            if self._fits(new, chosen):
+                yield chosen | {new}
+            for out in chosen:
+                if self._fits(new, chosen - {out}):
+                    yield (chosen - {out}) | {new}
+
+    def _fits(self, new: int, chosen: Chosen) -> bool:
+        return not any(overlap(self.members[new].name, self.members[each].name) for each in chosen)
+
+
+def overlap(one: str, other: str) -> bool:
+    """Whether two causes are the same effect at places that overlap."""
+    if one.partition("@")[0] != other.partition("@")[0]:
+        return False
+    return one == other or "@" not in one or "@" not in other

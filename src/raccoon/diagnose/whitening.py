@@ -1,0 +1,186 @@
+"""Noise of what nothing in the catalogue explains, at a working point.
+
+The residual of a model also holds what a missing effect does, and noise estimated from it would hide that
+effect. So all directions in which the model may differ, probes among them, are fitted first, and what they
+leave is taken for noise. But a fit of two hundred directions also swallows noise, most of all in the few
+moments in which everything acts at once: reversals, wheels that break loose. There its residual is several
+times too small. What counts is therefore the error with which each half second is *foreseen* by a fit of all
+the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.linear import Group, Linear, slow_friction
+from raccoon.diagnose.log import WHEELS
+from raccoon.diagnose.noise import CHANGING, CREEPING, STANDING, STEADY, NoiseModel, fit_noise, white_noise
+from raccoon.diagnose.problem import Problem, Whitener
+
+Array = NDArray[np.float64]
+
+ORDER = 6
+EVENT = 25
+"""Bins, half a second."""
+STANDSTILL = 0.03
+"""Of the largest reading of a wheel: below it the wheel is taken to stand."""
+CREEP = 0.15
+"""Part of the largest reading of a wheel: below it stick and slip rule."""
+CHANGE = 0.03
+"""Change of a wheel's reading in a bin, of its largest: above it the wheel speeds up or brakes."""
+FAINT = 0.012
+"""Error, in units of the noise, that any model has in the direction of any effect: no evidence of it."""
+NEGLIGIBLE = 0.025
+"""Most of that, as a part of the effect's width."""
+UNEVEN = {"friction.direction_dependent": 1.5}
+"""No floor and no gear is as even as a model: factors on what is negligible."""
+FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
+FEEBLE = 0.02
+"""Variance, in units of the noise, below which a direction is left out: it would change nothing."""
+
+
+def whitener_for(
+    problem: Problem,
+    linear: Linear,
+    extra: Sequence[Group],
+    before: Whitener | None,
+    unknown: Sequence[str] = (),
+    tolerant: bool = True,
+) -> Whitener:
+    """Noise of what nothing in the catalogue explains.
+
+    tolerant: whether a little of every effect that is off is noise. A search needs it; a last fit does not:
+    causes would be found too small by it, and base numbers that resemble an effect would hardly count.
+
+    unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
+    known cause is blamed for what they do.
+    """
+    slow = slow_friction(problem, linear)
+    every = np.concatenate([linear.own, *(each.columns for each in (*linear.groups, *extra))])
+    floors, regimes = problem.features.floors, regimes_of(problem)
+    noise = (
+        before.noise
+        if before is not None
+        else white_noise(np.maximum(linear.residual.std(axis=0), floors), regimes)
+    )
+    rest, wander = linear.residual, 0.0
+    for _ in range(1 if before is not None else 2):
+        rest, wander = _unexplained(noise, every, slow, linear.target)
+        noise = fit_noise(rest, ORDER, floors, regimes)
+    noise = _less_at_jumps(problem, linear, noise)
+    own = noise.whiten(linear.own[: len(problem.base)])
+    faint = [
+        faint_part(each.name, own, noise.whiten(each.columns))[:, None, None] * each.columns
+        for each in linear.groups
+    ]
+    one = {each.name: columns for each, columns in zip(linear.groups, faint, strict=True)}  # of variants one
+    spread = sum(((each**2).sum(axis=0) for each in one.values()), ((wander * slow) ** 2).sum(axis=0))
+    nothing = faint if tolerant else []
+    unnamed = [each.columns for each in extra if each.name in unknown]
+    directions = np.concatenate([wander * slow, *nothing, *unnamed])
+    return Whitener(noise, *_slow_directions(noise, directions), rest, spread)
+
+
+def faint_part(name: str, base: Array, columns: Array) -> Array:
+    """The part of each whitened column of a cause that no model is expected to get right, (columns,).
+
+    base: the whitened columns of base numbers, which absorb what they can under their unit priors.
+    """
+    plain, rows = base.reshape(len(base), -1), columns.reshape(len(columns), -1)
+    cross = rows @ plain.T
+    absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
+    size = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / rows.shape[1])
+    most = NEGLIGIBLE * UNEVEN.get(name.partition("@")[0], 1.0)
+    return np.asarray(np.minimum(most, FAINT / size), float)
+
+
+def _less_at_jumps(problem: Problem, linear: Linear, noise: NoiseModel) -> NoiseModel:
+    """Bins in which readings jump count as little as the jump is uncertain: by a step of its coordinate."""
+    steps = problem.steps(linear.point)
+    coordinates = [each for name in linear.point.active for each in problem.causes[name].coordinates]
+    jumps = [len(problem.base) + index for index, each in enumerate(coordinates) if each.jumps]
+    if not jumps:
+        return noise
+    spread = noise.whiten(linear.own[jumps] * steps[jumps, None, None])
+    size = (spread**2).mean(axis=2).sum(axis=0)
+    return replace(noise, weights=noise.weights / np.sqrt(1.0 + size))
+
+
+def regimes_of(problem: Problem) -> NDArray[np.intp]:
+    """Whether each bin belongs to standing, steady driving or a change; without wheels all is steady."""
+    features = problem.features
+    wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
+    if not wheels:
+        return np.full(len(features.time), STEADY)
+    speed = features.measured[:, wheels]
+    speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-9)
+    moving = _widened((np.abs(speed) > STANDSTILL).any(axis=1), 2, 2)
+    changing = _widened((np.abs(np.gradient(speed, axis=0)) > CHANGE).any(axis=1), 2, 3)
+    creeping = _widened((np.abs(speed) < CREEP).any(axis=1), 1, 1)
+    driving = np.where(changing, CHANGING, np.where(creeping, CREEPING, STEADY))
+    return np.where(moving, driving, STANDING)
+
+
+def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
+    wide = flags.copy()
+    for shift in range(1, before + 1):
+        wide[:-shift] |= flags[shift:]
+    for shift in range(1, after + 1):
+        wide[shift:] |= flags[:-shift]
+    return wide
+
+
+def _unexplained(noise: NoiseModel, every: Array, slow: Array, target: Array) -> tuple[Array, float]:
+    """The foreseen error, (bins, channels), and the likeliest share of wandering friction."""
+    columns = np.concatenate([every, slow])
+    white = noise.whiten(columns).reshape(len(columns), -1)
+    goal = noise.whiten(target).reshape(-1)
+    gram = Gram.of(white.T, goal)
+    scaled = {}
+    for share in FLOOR_SHARES if len(slow) else (0.0,):
+        scale = np.concatenate([np.ones(len(every)), np.full(len(slow), share)])
+        scaled[share] = Gram(gram.matrix * np.outer(scale, scale), gram.projection * scale, gram.power)
+    wander = max(scaled, key=lambda share: scaled[share].evidence())
+    scale = np.concatenate([np.ones(len(every)), np.full(len(slow), wander)])
+    parts = white * scale[:, None], columns * scale[:, None, None]
+    return foreseen_error(scaled[wander].matrix, *parts, goal, target), wander
+
+
+def foreseen_error(gram: Array, white: Array, columns: Array, goal: Array, target: Array) -> Array:
+    """target less what columns fitted to all other half seconds make of each half second, (bins, channels).
+
+    With unit priors the fit's mean is m = C X' y, C = (1 + X' X)^-1. Leaving rows b out moves it to
+    m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury). white, goal: X' and y; gram: X' X; columns and
+    target: the same before whitening.
+    """
+    powers, vectors = np.linalg.eigh(gram)
+    strong = powers > FEEBLE
+    vectors = vectors[:, strong] / np.sqrt(1.0 + powers[strong])  # C = vectors vectors'
+    turned = vectors.T @ white
+    mean = turned @ goal
+    rest = goal - mean @ turned
+    bins, channels = target.shape
+    error = np.empty_like(target)
+    for start in range(0, bins, EVENT):
+        end = min(start + EVENT, bins)
+        rows = slice(start * channels, end * channels)
+        part = turned[:, rows]
+        pull = np.linalg.solve(np.eye(part.shape[1]) - part.T @ part, rest[rows])
+        others = vectors @ (mean - part @ pull)
+        error[start:end] = target[start:end] - np.tensordot(others, columns[:, start:end], axes=1)
+    return error
+
+
+def _slow_directions(noise: NoiseModel, slow: Array) -> tuple[Array, Array]:
+    if len(slow) == 0:
+        return np.zeros((0, 0)), np.zeros(0)
+    rows = noise.whiten(slow).reshape(len(slow), -1).T
+    powers, right = np.linalg.eigh(rows.T @ rows)
+    strong = powers > FEEBLE
+    left = rows @ (right[:, strong] / np.sqrt(powers[strong]))
+    return left, 1.0 - 1.0 / np.sqrt(1.0 + powers[strong])
