@@ -103,8 +103,8 @@ def _run(wanted: list[Case], seed: int, processes: int, until: float) -> Iterabl
 def _tell(result: dict[str, Any]) -> None:
     said = ", ".join(each["name"] for each in result["causes"]) or "-"
     unknown = "; ".join(result["depends_on"])
-    hidden = result.get("contributions") or result["hidden"]
-    true = ", ".join(sorted(hidden, key=lambda name: -hidden[name] if "contributions" in result else 0)[:6])
+    hidden = result.get("alone") or result["hidden"]
+    true = ", ".join(sorted(hidden, key=lambda name: -hidden[name] if "alone" in result else 0)[:6])
     sizes = result["hidden"].get(true, {})
     print(f"{result['key']:42s} {true} {({k: round(v, 4) for k, v in sizes.items()})} -> {said}"
           f"{' ?' + unknown if unknown else ''}  {result['seconds']:.1f} s", flush=True)  # fmt: skip

@@ -143,8 +143,10 @@ def gain(blind: Blind, said: Diagnosis, seconds: float) -> dict[str, float]:
     return {"before": over(nominal), "after": over(found)}
 
 
-def contributions(blind: Blind, seconds: float) -> dict[str, float]:
+def contributions(blind: Blind, seconds: float) -> dict[str, dict[str, float]]:
     """What each hidden cause changes that base numbers cannot absorb: root mean square in units of the noise.
+
+    alone: that. beside: what the other hidden causes at other sizes could not absorb either.
 
     Base numbers absorb what they can within robot.toml's bounds. Simulated by the package with the true
     parameters, with and without the cause.
@@ -163,10 +165,21 @@ def contributions(blind: Blind, seconds: float) -> dict[str, float]:
     floor = np.sqrt((residual[0] ** 2).mean(axis=0))
     rows = ((residual - residual[0]) / floor).reshape(len(variants), -1)
     columns, changes = rows[1 : len(base) + 1].T / 0.5, rows[len(base) + 1 :]
-    absorbed = [lsq_linear(columns, change, (-INSIDE, INSIDE)).x @ columns.T for change in changes]
-    left = changes - np.array(absorbed)
-    sizes = np.sqrt((left**2).mean(axis=1))
-    return {each.name: float(size) for each, size in zip(blind.hidden, sizes, strict=True)}
+    return {
+        each.name: {
+            "alone": _left(changes[index], columns, np.zeros((columns.shape[0], 0))),
+            "beside": _left(changes[index], columns, np.delete(changes, index, axis=0).T),
+        }
+        for index, each in enumerate(blind.hidden)
+    }
+
+
+def _left(change: Array, base: Array, others: Array) -> float:
+    """Root mean square of what base numbers, inside their bounds, and others, at any size, do not absorb."""
+    bounds = np.concatenate([np.full(base.shape[1], INSIDE), np.full(others.shape[1], np.inf)])
+    columns = np.hstack([base, others])
+    absorbed = columns @ lsq_linear(columns, change, (-bounds, bounds)).x
+    return float(np.sqrt(((change - absorbed) ** 2).mean()))
 
 
 def _without(robot: Mapping[str, float], hidden: Hidden) -> dict[str, float]:
@@ -241,7 +254,9 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     if row.tail:
         result["gain"] = gain(blind, said, row.seconds)
     if len(blind.hidden) > 1:
-        result["contributions"] = contributions(blind, row.seconds)
+        sizes = contributions(blind, row.seconds)
+        for kind in ("alone", "beside"):
+            result[kind] = {name: size[kind] for name, size in sizes.items()}
     return result
 
 

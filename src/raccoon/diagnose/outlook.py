@@ -209,7 +209,7 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
 
 def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
     """The others of a family of which one is tried: where one is far off, a straight line misses the rest."""
-    if not _strained(search.fit):
+    if not strained(search.fit):
         return []
     tried = {name.partition("@")[0] for name in names}
     found = [each for family in FAMILIES if tried & set(family) for each in family if each not in names]
@@ -218,8 +218,9 @@ def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
     return [(name, np.array([u])) for name in found for u in RELATIVES_STARTS]
 
 
-def _strained(fit: Fit) -> bool:
-    return bool((np.abs(fit.point.base) > STRAINED).any())
+def strained(fit: Fit, deviations: float = STRAINED) -> bool:
+    """Whether a base number is bent by more than that many standard deviations of robot.toml."""
+    return bool((np.abs(fit.point.base) > deviations).any())
 
 
 def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
@@ -230,7 +231,7 @@ def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
     leads = {name: lead(search.problem, fit, search.fit) for name, fit in fits.items()}
     worth = sorted((name for name in fits if leads[name] > WORTH_POLISHING), key=lambda name: -leads[name])
     worth = [name for name in worth[:POLISHED] if leads[name] > CLOSE_ENOUGH * leads[worth[0]]]
-    if not _strained(search.fit) or len(worth) < 2:
+    if not strained(search.fit) or len(worth) < 2:
         return fits
     none = np.zeros((0, search.problem.features.measured.size))
     refined = fit_many(search.problem, search.whitener, [fits[name].point for name in worth], none, 3)

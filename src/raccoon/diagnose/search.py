@@ -23,6 +23,7 @@ from raccoon.diagnose.outlook import (
     look_around,
     refit_candidates,
     start_search,
+    strained,
 )
 from raccoon.diagnose.problem import Point, Problem
 
@@ -35,7 +36,9 @@ predicted by straight lines, which a large cause bends."""
 PROBE_GATE = 30.0
 PROBE_LEAD = 1.3
 BESIDE_UNKNOWN = 0.33
-MOST_CAUSES = 8
+MOST_CAUSES = 10
+FAR_BENT = 2.5
+"""Standard deviations of robot.toml by which a base number is bent where causes may have gone unseen."""
 CLOSE = 3.0
 
 
@@ -204,7 +207,8 @@ def rearranged(search: Search) -> tuple[Search, bool]:
     """Another set of causes where it explains more, again and again."""
     changed = False
     for _ in range(3):
-        fit = better_set(search) if len(search.fit.point.active) > 1 else None
+        doubtful = len(search.fit.point.active) > 1 or strained(search.fit, FAR_BENT)
+        fit = better_set(search) if doubtful else None
         if fit is None:
             break
         gone = set(search.fit.point.active) - set(fit.point.active)
