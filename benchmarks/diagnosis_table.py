@@ -168,7 +168,8 @@ def _many(results: Sequence[Result]) -> str:
         for kind in ("alone", "beside")
     )
     spurious = percent(not hit(c, _names(each)) for each in results for c in each["causes"])
-    return f"recall {recall}, of what the others cannot imitate {beside}, spurious {spurious}, {_largest(results)}"
+    recall = f"recall {recall}, of what the others cannot imitate {beside}"
+    return f"{recall}, spurious {spurious}, {_largest(results)}"
 
 
 def _largest(results: Sequence[Result]) -> str:
