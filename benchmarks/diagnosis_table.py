@@ -61,10 +61,12 @@ def percent(flags: Iterable[bool]) -> str:
 def hit(cause: dict[str, Any], true: Iterable[str]) -> bool:
     """Whether a named cause is one of the true ones, alone or as a class that holds it.
 
-    Both motors' resistance is a class with all of inertia and friction together, not with one of them.
+    Both motors' resistance is a class with inertia and friction together, not with one of them.
     """
-    members = () if cause["name"] == "motor.armature_resistance" else cause["class"]
-    return bool({cause["name"], *members} & set(true))
+    members = set(cause["class"])
+    if cause["name"] == "motor.armature_resistance" and len(members & set(true)) < 2:
+        members = set()
+    return bool(({cause["name"]} | members) & set(true))
 
 
 def first_right(result: Result) -> bool:
@@ -155,7 +157,9 @@ def _two(results: Sequence[Result]) -> str:
 
 
 def _found(result: Result) -> set[str]:
-    return {name for name in _names(result) if any(hit(c, [name]) for c in result["causes"])}
+    names = _names(result)
+    said = [{c["name"], *c["class"]} for c in result["causes"] if hit(c, names)]
+    return {name for name in names if any(name in each for each in said)}
 
 
 def _relevant(result: Result, kind: str = "alone") -> list[str]:

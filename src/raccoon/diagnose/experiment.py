@@ -25,11 +25,11 @@ from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_settings
 from raccoon.diagnose.linear import linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
-from raccoon.diagnose.noise import NoiseModel, white_noise
+from raccoon.diagnose.noise import EVENT, NoiseModel, white_noise
 from raccoon.diagnose.outlook import MOST_OF_EVENT
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
-from raccoon.diagnose.whitening import EVENT, faint_part
+from raccoon.diagnose.whitening import faint_part
 from raccoon.sim.chain import Chain
 
 Array = NDArray[np.float64]

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 
 Regimes = NDArray[np.intp]
 STANDING, STEADY, CHANGING, CREEPING = range(4)
+EVENT = 25
+"""Bins, half a second."""
 COMMON = 2.0
 """Size of an innovation, over its expected size, from which a bin counts less: breaking loose is no
 Gaussian affair."""
@@ -102,7 +104,16 @@ def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes) -> No
     coefficients = coefficients * scale[:, None] / scale[None, :]
     model = NoiseModel(coefficients, np.stack(parts) / scale, regimes, np.ones(n))
     size = np.sqrt((model.whiten(residual) ** 2).mean(axis=1))
-    return replace(model, weights=np.minimum(1.0, COMMON / np.maximum(size, 1e-9)))
+    model = replace(model, weights=np.minimum(1.0, COMMON / np.maximum(size, 1e-9)))
+    return replace(model, weights=model.weights * _calm((model.whiten(residual) ** 2).mean(axis=1)))
+
+
+def _calm(power: Array) -> Array:
+    """Weights (n,) by which an event that is larger than usual counts no more than a usual one."""
+    starts = np.arange(0, len(power), EVENT)
+    lengths = np.diff([*starts, len(power)])
+    size = np.sqrt(np.add.reduceat(power, starts) / lengths)
+    return np.repeat(np.minimum(1.0, 1.0 / np.maximum(size, 1e-9)), lengths)
 
 
 def _unmix(innovation: Array, parameters: int, least: Array) -> Array:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from raccoon.diagnose.evidence import Gram, cross_validated
 from raccoon.diagnose.fit import Fit, fit_many, fit_point, unbound
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate
+from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.whitening import EVENT, whitener_for
+from raccoon.diagnose.whitening import whitener_for
 
 Array = NDArray[np.float64]
 

@@ -19,14 +19,21 @@ from numpy.typing import NDArray
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.linear import Group, Linear, slow_friction
 from raccoon.diagnose.log import WHEELS
-from raccoon.diagnose.noise import CHANGING, CREEPING, STANDING, STEADY, NoiseModel, fit_noise, white_noise
+from raccoon.diagnose.noise import (
+    CHANGING,
+    CREEPING,
+    EVENT,
+    STANDING,
+    STEADY,
+    NoiseModel,
+    fit_noise,
+    white_noise,
+)
 from raccoon.diagnose.problem import Problem, Whitener
 
 Array = NDArray[np.float64]
 
 ORDER = 6
-EVENT = 25
-"""Bins, half a second."""
 STANDSTILL = 0.03
 """Of the largest reading of a wheel: below it the wheel is taken to stand."""
 CREEP = 0.15
