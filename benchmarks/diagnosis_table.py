@@ -17,7 +17,7 @@ from raccoon.diagnose.hypotheses import INSIDE, Coordinate, base_coordinates
 Result = dict[str, Any]
 
 PRACTICAL = 0.05
-"""Rise of the held-out error, in units of the noise, from which a named cause is of practical size."""
+"""Rise of the held-out error, or contribution, in units of the noise: from here on of practical size."""
 TIE = 0.8
 UNKNOWN_NAMES = {"cogging": "wheel angle left", "payload": "time (inertia)", "patch": "position",
                  "gyro_speed": "gyro over speed"}  # fmt: skip
@@ -190,7 +190,11 @@ def _largest(results: Sequence[Result]) -> str:
 
 def _worst(results: Sequence[Result]) -> str:
     main = [each["causes"] and hit(each["causes"][0], [next(iter(each["hidden"]))]) for each in results]
-    wrong = [bool(each["causes"]) and not hit(each["causes"][0], _relevant(each)) for each in results]
+    acting = [[name for name, size in each["alone"].items() if size > PRACTICAL] for each in results]
+    wrong = [
+        bool(each["causes"]) and not hit(each["causes"][0], names)
+        for each, names in zip(results, acting, strict=True)
+    ]
     return f"main cause first {percent(map(bool, main))}, wrong {percent(wrong)}; {_many(results)}"
 
 

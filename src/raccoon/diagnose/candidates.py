@@ -48,10 +48,10 @@ _SHAPES: Mapping[str, tuple[float, tuple[float, ...]]] = {
 _GUESSES: Mapping[str, tuple[float, ...]] = {
     "actuation.latency": (0.5, 1.5),
     "imu.latency": (0.5, 1.2),
-    "drive.backlash": (0.5, 1.0),
-    "drive.wheel_slip": (0.5, 1.5),
+    "drive.backlash": (0.1, 0.5, 1.0),
+    "drive.wheel_slip": (0.15, 0.5, 1.5),
     "bemf.dead_zone": (1.0, 2.0, 3.0, 4.0),
-    "actuation.deadband": (0.5, 1.5),
+    "actuation.deadband": (0.15, 0.5, 1.5),
     "motor.current_limit": (0.5, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),
 }

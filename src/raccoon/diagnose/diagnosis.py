@@ -33,7 +33,7 @@ Columns = Mapping[str, Array]
 
 CHAINS = (Chain.firmware(), Chain())
 LARGE_REST = 0.3
-FAR_FROM_NOISE = 1.5
+FAR_FROM_NOISE = 1.2
 """Error on unseen data, over what is expected of it, at which a model that nothing improves is wrong."""
 FAR = 40.0
 USUAL = 0.4

@@ -8,12 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.outlook import Search
 from raccoon.diagnose.problem import Point, Problem, Whitener
 
 Array = NDArray[np.float64]
 
 FITTED_PART = 0.7
+MOST_OF_EVENT = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +63,12 @@ class HeldOut:
     @property
     def surprise(self) -> float:
         """Error after over what is expected on unseen data, of all channels: about 1 or less is as it should
-        be."""
-        return float(np.sqrt(np.mean((self.after / self.expected) ** 2)))
+        be. No half second counts for more than `MOST_OF_EVENT` usual ones: a wheel that breaks loose a
+        moment late is no wrong model."""
+        power = ((self.residual[1] / self.expected) ** 2).mean(axis=1)
+        starts = np.arange(0, len(power), EVENT)
+        events = np.add.reduceat(power, starts) / np.diff([*starts, len(power)])
+        return float(np.sqrt(np.minimum(events, MOST_OF_EVENT).mean()))
 
     @property
     def left(self) -> float:

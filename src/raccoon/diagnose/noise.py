@@ -25,6 +25,8 @@ Regimes = NDArray[np.intp]
 STANDING, STEADY, CHANGING, CREEPING = range(4)
 EVENT = 25
 """Bins, half a second."""
+LARGE_EVENT = 1.2
+"""Size of half a second, over its expected size, from which it counts less."""
 COMMON = 2.0
 """Size of an innovation, over its expected size, from which a bin counts less: breaking loose is no
 Gaussian affair."""
@@ -109,11 +111,11 @@ def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes) -> No
 
 
 def _calm(power: Array) -> Array:
-    """Weights (n,) by which an event that is larger than usual counts no more than a usual one."""
+    """Weights (n,) by which an event that is clearly larger than usual counts no more than a large usual one."""
     starts = np.arange(0, len(power), EVENT)
     lengths = np.diff([*starts, len(power)])
     size = np.sqrt(np.add.reduceat(power, starts) / lengths)
-    return np.repeat(np.minimum(1.0, 1.0 / np.maximum(size, 1e-9)), lengths)
+    return np.repeat(np.minimum(1.0, LARGE_EVENT / np.maximum(size, 1e-9)), lengths)
 
 
 def _unmix(innovation: Array, parameters: int, least: Array) -> Array:
