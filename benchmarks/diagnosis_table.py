@@ -245,11 +245,12 @@ def _parameters(results: Sequence[Result]) -> str:
 
 
 def _gain(results: Sequence[Result]) -> str:
-    shares = [
-        (each["gain"]["before"] - each["gain"]["after"]) / (each["gain"]["before"] - 1.0)
-        for each in results
-        if each["gain"]["before"] > POSSIBLE
-    ]
+    return f"{_shares(results, '')}; of the usual half second: {_shares(results, 'usual_')}"
+
+
+def _shares(results: Sequence[Result], kind: str) -> str:
+    pairs = [(each["gain"][f"{kind}before"], each["gain"][f"{kind}after"]) for each in results]
+    shares = [(before - after) / (before - 1.0) for before, after in pairs if before > POSSIBLE]
     if not shares:
         return "not run"
     low, middle = np.quantile(shares, [0.1, 0.5])

@@ -111,7 +111,7 @@ def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes) -> No
 
 
 def _calm(power: Array) -> Array:
-    """Weights (n,) by which an event that is clearly larger than usual counts no more than a large usual one."""
+    """Weights (n,) by which an event that is clearly larger than usual counts no more than a usual one."""
     starts = np.arange(0, len(power), EVENT)
     lengths = np.diff([*starts, len(power)])
     size = np.sqrt(np.add.reduceat(power, starts) / lengths)
