@@ -133,8 +133,8 @@ class Unseen:
 def gain(blind: Blind, said: Diagnosis, seconds: float) -> dict[str, float]:
     """Error on unseen driving: nominal and diagnosed, over that of the true parameters.
 
-    before, after: root mean square. usual_before, usual_after: the same of the median half second; a wheel that
-    breaks loose a moment early or late, which chance decides, rules the root mean square and not this.
+    before, after: root mean square. usual_before, usual_after: the same of the median half second; a wheel
+    that breaks loose a moment early or late, which chance decides, rules the root mean square and not this.
     """
     unseen = Unseen(blind.columns, seconds)
     nominal, true = unseen.of_settings([neutral_settings(RobotConfig()), true_settings(blind.robot)])
