@@ -57,6 +57,8 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
 }
 
 
+MOST_UNEVEN = 0.95
+"""Friction that differs more by direction would push."""
 DEAD_ZONE_STEP = 0.25
 """Of a dead zone's width, 20 counts: as much as readings scatter when they cross it."""
 
@@ -92,7 +94,7 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
 
 
 def _uneven(id: str, where: str | None) -> Cause:  # noqa: A002
-    """Differences by direction, counted in parts of the nominal friction.
+    """Differences by direction, counted in parts of a usual robot's friction.
 
     The effect's parameters are parts of the friction that is there. Counted so, a cause that changes the
     friction would change this one as well, and no straight line would lead from one to the other.
@@ -109,7 +111,8 @@ def _uneven(id: str, where: str | None) -> Cause:  # noqa: A002
             for value, (name, friction, parameter) in zip(u, pairs, strict=True):
                 key = (friction, place, parameter)
                 share = usual[key] / max(settings[key], 1e-6)
-                settings[(id, place, name)] = float(np.clip(widths[name] * value * share, -0.95, 0.95))
+                whole = settings[(id, place, name)] + widths[name] * value * share
+                settings[(id, place, name)] = float(np.clip(whole, -MOST_UNEVEN, MOST_UNEVEN))
 
     coordinates = tuple(Coordinate(f"{id}.{name}", (), lambda u: u) for name, _, _ in pairs)
     return Cause(id, where, coordinates, (((0.5, 0.0), (0.0, 0.5)),), joint)

@@ -9,12 +9,14 @@ import pytest
 
 from blind.drives import exciting
 from blind.generator import make
+from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import problem_of, starting_settings
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import Fit, fit_point
+from raccoon.diagnose.gain import HeldOut
 from raccoon.diagnose.gates import EVIDENCE_GATE, FLOOR_GATE, gate
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.log import log_from_columns
@@ -108,3 +110,38 @@ def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
     settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8
     model = parameters_of(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
     assert starting_settings(ROBOT, model) == pytest.approx(settings)
+
+
+def test_friction_by_direction_does_not_change_with_the_friction(problem: Problem) -> None:
+    uneven = problem.nominal().with_cause("friction.direction_dependent", np.array([0.3, 0.4]))
+    both = uneven.with_cause("friction.viscous", np.array([0.5]))
+    parts = []
+    for point in (uneven, both):
+        settings = problem.settings(point)
+        asymmetry = settings[("friction.direction_dependent", "left", "viscous_asymmetry")]
+        parts.append(asymmetry * settings[("friction.viscous", "left", "coefficient")])
+    assert parts[0] == pytest.approx(parts[1])
+    assert parts[0] > 0.0
+
+
+def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None:
+    hidden = [
+        draw(each, np.random.default_rng(3)) for each in ("battery.open_circuit_voltage", "imu.latency")
+    ]
+    log = log_from_columns(make(3, hidden, seconds=10.0).columns, ROBOT)
+    _, habits = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    assert habits.chain == Chain.firmware()
+
+
+def held(residual: np.ndarray) -> HeldOut:
+    one, nothing = np.ones(2), np.zeros(len(residual))
+    return HeldOut(one, one, one, {}, nothing, residual, np.stack([residual, residual]), one)
+
+
+def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
+    usual = np.random.default_rng(1).standard_normal((40 * EVENT, 2))
+    event = usual.copy()
+    event[:EVENT] *= 10.0
+    assert held(usual).surprise == pytest.approx(1.0, abs=0.05)
+    assert held(event).surprise == pytest.approx(1.0, abs=0.1)
+    assert held(1.6 * usual).surprise == pytest.approx(1.6, abs=0.1)

@@ -1,0 +1,56 @@
+"""Noise is what cannot be foreseen, not what a fit of everything leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.noise import EVENT
+from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, faint_part, foreseen_error
+
+BINS, CHANNELS = 6 * EVENT, 2
+
+
+def foreseen(columns: np.ndarray, target: np.ndarray) -> np.ndarray:
+    white, goal = columns.reshape(len(columns), -1), target.reshape(-1)
+    return foreseen_error(Gram.of(white.T, goal).matrix, white, columns, goal, target)
+
+
+def test_each_half_second_is_foreseen_by_a_fit_of_all_others() -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((5, BINS, CHANNELS))
+    target = rng.standard_normal((BINS, CHANNELS))
+    error = foreseen(columns, target)
+    for start in range(0, BINS, EVENT):
+        inside = np.zeros(BINS, bool)
+        inside[start : start + EVENT] = True
+        x, y = columns[:, ~inside].reshape(5, -1), target[~inside].reshape(-1)
+        mean = np.linalg.solve(np.eye(5) + x @ x.T, x @ y)
+        direct = target[inside] - np.tensordot(mean, columns[:, inside], axes=1)
+        assert error[inside] == pytest.approx(direct)
+
+
+def test_noise_in_a_moment_in_which_everything_acts_is_not_swallowed() -> None:
+    """A fit of forty directions that act in one event leaves almost nothing of the noise there."""
+    rng = np.random.default_rng(2)
+    columns = 0.01 * rng.standard_normal((40, BINS, CHANNELS))
+    columns[:, :EVENT] *= 1000.0
+    noise = rng.standard_normal((BINS, CHANNELS))
+    flat = columns.reshape(40, -1)
+    fitted = np.linalg.solve(np.eye(40) + flat @ flat.T, flat @ noise.reshape(-1))
+    left = noise - np.tensordot(fitted, columns, axes=1)
+    assert left[:EVENT].std() < 0.6
+    assert foreseen(columns, noise)[:EVENT].std() > 0.9
+
+
+def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
+    rng = np.random.default_rng(3)
+    base = np.zeros((1, 400, CHANNELS))
+    strong = 5.0 * rng.standard_normal((1, 400, CHANNELS))
+    weak = 0.1 * rng.standard_normal((1, 400, CHANNELS))
+    size = float(np.sqrt((strong**2).mean()))
+    assert faint_part("actuation.latency", base, strong)[0] == pytest.approx(FAINT / size)
+    assert faint_part("imu.gyro_bias", base, weak)[0] == pytest.approx(NEGLIGIBLE)
+    absorbed = faint_part("actuation.latency", strong, strong)[0]
+    assert absorbed > faint_part("actuation.latency", base, strong)[0]  # base numbers do most of it
