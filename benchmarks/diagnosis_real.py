@@ -19,11 +19,11 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fleet import common_causes
-from raccoon.diagnose.html import save_html
-from raccoon.diagnose.html_fleet import save_fleet_html
-from raccoon.diagnose.pictures import curve_figure
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
 from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.reports.html import save_html
+from raccoon.diagnose.reports.html_fleet import save_fleet_html
+from raccoon.diagnose.reports.pictures import curve_figure
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.model.reflectance import light_of
 from raccoon.trace.loading import Run, load_run, load_runs

@@ -57,13 +57,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _write(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
-    from raccoon.diagnose.report import terminal_report
+    from raccoon.diagnose.reports.terminal import terminal_report
 
     print(terminal_report(diagnosis))
     if args.json is not None:
         diagnosis.save_json(args.json)
     if args.html is not None:
-        from raccoon.diagnose.html import save_html
+        from raccoon.diagnose.reports.html import save_html
 
         save_html(diagnosis, args.html, title=name)
     if args.save_model is not None:

@@ -141,7 +141,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
         table = {**fleet_dict(results, causes), "failed": failed}
         write_text(args.json, json.dumps(_finite(table), indent=1, allow_nan=False) + "\n")
     if args.html is not None:
-        from raccoon.diagnose.html_fleet import save_fleet_html
+        from raccoon.diagnose.reports.html_fleet import save_fleet_html
 
         save_fleet_html(results, causes, args.html, failed)
     return 0

@@ -18,12 +18,12 @@ from raccoon.diagnose.hypotheses import Cause, Settings, base_coordinates, neutr
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import white_noise, whiteness
-from raccoon.diagnose.outlook import Search, estimated
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.quality import brakes, check_units, moves
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Unexplained, Verdict
 from raccoon.diagnose.rollout import Habits, PlantRollout, parameters_of
-from raccoon.diagnose.search import pruned, search_causes
+from raccoon.diagnose.select.outlook import Search, estimated
+from raccoon.diagnose.select.search import pruned, search_causes
 from raccoon.diagnose.unknown import PREFIX, probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters

@@ -26,9 +26,9 @@ from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_setting
 from raccoon.diagnose.linear import linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
 from raccoon.diagnose.noise import EVENT, NoiseModel, white_noise
-from raccoon.diagnose.outlook import MOST_OF_EVENT
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.diagnose.select.outlook import MOST_OF_EVENT
 from raccoon.diagnose.whitening import faint_part
 from raccoon.sim.chain import Chain
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
 from raccoon.diagnose.noise import EVENT
-from raccoon.diagnose.outlook import Search
 from raccoon.diagnose.problem import Point, Problem, Whitener
+from raccoon.diagnose.select.outlook import Search
 
 Array = NDArray[np.float64]
 

@@ -11,11 +11,11 @@ from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.gain import HeldOut
 from raccoon.diagnose.hypotheses import Cause, Setting, Settings, places
 from raccoon.diagnose.log import Log
-from raccoon.diagnose.outlook import Search, blocks_of
+from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
-from raccoon.diagnose.search import CLOSE
-from raccoon.diagnose.visible import VISIBLE, shows_from, visibility
-from raccoon.diagnose.wording import explanation, manoeuvre_for
+from raccoon.diagnose.select.outlook import Search, blocks_of
+from raccoon.diagnose.select.search import CLOSE
+from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.sim.effects import effect
 
 Array = NDArray[np.float64]

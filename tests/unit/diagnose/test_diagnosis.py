@@ -13,10 +13,10 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet import common_causes, fleet_report
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
-from raccoon.diagnose.report import terminal_report
+from raccoon.diagnose.reports.terminal import terminal_report
+from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.rollout import parameters_of
-from raccoon.diagnose.wording import explanation, manoeuvre_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.effects import all_effects
 from raccoon.sim.parameters import Parameters

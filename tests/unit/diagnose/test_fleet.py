@@ -9,7 +9,7 @@ import pytest
 
 from raccoon.diagnose.fleet import common_causes, diagnose_all, fleet_dict, fleet_numbers, fleet_report
 from raccoon.diagnose.fleet_changes import Form, change_of
-from raccoon.diagnose.html_fleet import save_fleet_html
+from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.result import (
     CauseResult,
     Diagnosis,

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from raccoon.diagnose.html import page, save_html
-from raccoon.diagnose.report import terminal_report
+from raccoon.diagnose.reports.html import page, save_html
+from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,

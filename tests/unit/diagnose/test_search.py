@@ -17,13 +17,13 @@ from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.gain import HeldOut
-from raccoon.diagnose.gates import EVIDENCE_GATE, FLOOR_GATE, gate
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
-from raccoon.diagnose.outlook import MOST_OF_EVENT, estimated, lead, start_search
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, FLOOR_GATE, gate
+from raccoon.diagnose.select.outlook import MOST_OF_EVENT, estimated, lead, start_search
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.physical import plant_numbers

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.gates import EVIDENCE_GATE
-from raccoon.diagnose.sets import Member, Sets, overlap
+from raccoon.diagnose.select.gates import EVIDENCE_GATE
+from raccoon.diagnose.select.sets import Member, Sets, overlap
 
 
 def sets_of(columns: np.ndarray, target: np.ndarray, *one_sided: int) -> Sets:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import DriveModel, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.reports.wording import MANOEUVRES
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -24,7 +25,6 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.wording import MANOEUVRES
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive, path
 

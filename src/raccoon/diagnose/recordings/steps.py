@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.readings import ReadingFaults, reading_faults
+from raccoon.diagnose.reports.wording import MANOEUVRES
 from raccoon.diagnose.result import (
     Curve,
     Diagnosis,
@@ -18,7 +19,6 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.wording import MANOEUVRES
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

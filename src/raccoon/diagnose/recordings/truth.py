@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult
-from raccoon.diagnose.wording import explanation
 from raccoon.estimate.drive_calibration.columns import manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
-from raccoon.diagnose.gates import EVIDENCE_GATE, gate
-from raccoon.diagnose.joint import better_set
 from raccoon.diagnose.linear import Group, Linear
-from raccoon.diagnose.outlook import (
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
+from raccoon.diagnose.select.joint import better_set
+from raccoon.diagnose.select.outlook import (
     SCALE,
     Probed,
     Rival,
@@ -25,7 +26,6 @@ from raccoon.diagnose.outlook import (
     start_search,
     strained,
 )
-from raccoon.diagnose.problem import Point, Problem
 
 Array = NDArray[np.float64]
 

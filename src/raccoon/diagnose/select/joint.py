@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
-from raccoon.diagnose.gates import gate
 from raccoon.diagnose.linear import Group
-from raccoon.diagnose.outlook import Search, first_guess, lead, look_around
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.sets import Chosen, Sets, overlap
+from raccoon.diagnose.select.gates import gate
+from raccoon.diagnose.select.outlook import Search, first_guess, lead, look_around
+from raccoon.diagnose.select.sets import Chosen, Sets, overlap
 
 Array = NDArray[np.float64]
 

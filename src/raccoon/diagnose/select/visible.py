@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from raccoon.diagnose.gates import gate
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR
-from raccoon.diagnose.outlook import Search
+from raccoon.diagnose.select.gates import gate
+from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects import effect
 
 VISIBLE = 20.0

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.core.errors import ConfigError
-from raccoon.diagnose.pictures import cause_figure, curve_figure, error_figure, png
-from raccoon.diagnose.report import UNKNOWABLE, VERDICTS, reasons, terminal_report, with_deviation
+from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png
+from raccoon.diagnose.reports.terminal import UNKNOWABLE, VERDICTS, reasons, terminal_report, with_deviation
 from raccoon.diagnose.result import CauseResult, Diagnosis, write_text
 
 MOST_CURVES = 6
@@ -51,7 +51,7 @@ def template(name: str) -> Any:
         raise ConfigError(
             "an HTML report needs jinja2 and matplotlib: pip install raccoon[report]"
         ) from error
-    pages = files("raccoon.diagnose").joinpath("pages")
+    pages = files("raccoon.diagnose.reports").joinpath("pages")
     texts = {each.name: each.read_text("utf-8") for each in pages.iterdir() if each.name.endswith(".html")}
     return jinja2.Environment(autoescape=True, loader=jinja2.DictLoader(texts)).get_template(name)
 

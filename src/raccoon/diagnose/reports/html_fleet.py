@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from raccoon.diagnose.fleet import FleetCause, change_lines, fleet_numbers
-from raccoon.diagnose.html import template
-from raccoon.diagnose.pictures import AFTER, BEFORE, png
+from raccoon.diagnose.reports.html import template
+from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
 from raccoon.diagnose.result import CauseResult, Diagnosis, write_text
 
 MOST_PANELS = 8

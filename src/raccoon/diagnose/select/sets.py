@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.gates import gate
 from raccoon.diagnose.linear import Group
-from raccoon.diagnose.outlook import Search
+from raccoon.diagnose.select.gates import gate
+from raccoon.diagnose.select.outlook import Search
 
 Array = NDArray[np.float64]
 Chosen = frozenset[int]

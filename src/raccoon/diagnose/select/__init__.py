@@ -1,0 +1,1 @@
+"""Which causes: one by one, in sets, and from which evidence on."""
