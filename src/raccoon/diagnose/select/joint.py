@@ -34,6 +34,7 @@ HOPE = 60.0
 ALIKE = 0.3
 MOST_ALIKE = 5
 LEAST = 0.02
+GUESS = 0.4
 STRAIGHT = (
     "motor.armature_resistance@left", "motor.armature_resistance@right", "motor.back_emf_constant@left",
     "motor.back_emf_constant@right", "bemf.scale@left", "bemf.scale@right", "drive.wheel_radius@left",
@@ -48,7 +49,8 @@ STRAIGHT = (
 def better_set(search: Search) -> Fit | None:
     """Another set of causes that explains more, fitted; None where there is none."""
     problem, whitener = search.problem, search.whitener
-    starts = [*_proposed(search), *_exchanged(search)]
+    others = _exchanged(search) if search.fit.point.active else _alone(search)
+    starts = [*_proposed(search), *others]
     settled = fit_point(problem, whitener, search.fit.point, 3)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, starts, base, 4)
@@ -115,6 +117,16 @@ def _start(search: Search, sets: Sets, chosen: Chosen) -> Point:
             u = np.array([max(u[0], LEAST), *u[1:]])
         point = point.with_cause(member.name, u)
     return point
+
+
+def _alone(search: Search) -> Iterator[Point]:
+    """Each straight cause on its own, on one side or both, from either sign."""
+    for name in sorted(
+        {*STRAIGHT, *(each.partition("@")[0] for each in STRAIGHT)} & set(search.problem.causes)
+    ):
+        low = search.problem.causes[name].coordinates[0].low
+        for u in (GUESS,) if low == 0.0 else (-GUESS, GUESS):
+            yield search.fit.point.with_cause(name, np.array([u]))
 
 
 def _exchanged(search: Search) -> Iterator[Point]:

@@ -33,7 +33,7 @@ HELD_OUT_GATE = 2.0
 SURE = 30.0
 """Log evidence, no event counting for much, from which a cause need not help on blocks left out: they are
 predicted by straight lines, which a large cause bends."""
-PROBE_GATE = 30.0
+PROBE_GATE = 14.0
 PROBE_LEAD = 1.3
 BESIDE_UNKNOWN = 0.33
 MOST_CAUSES = 10
