@@ -19,7 +19,8 @@ from raccoon.diagnose.fit import Fit, fit_many, fit_point
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search, first_guess, lead, look_around
+from raccoon.diagnose.select.outlook import Search, lead, look_around
+from raccoon.diagnose.select.refits import first_guess
 from raccoon.diagnose.select.sets import Chosen, Sets, overlap
 
 Array = NDArray[np.float64]

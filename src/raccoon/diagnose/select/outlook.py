@@ -1,5 +1,4 @@
-"""What can be seen from one working point: fit, noise, columns in every direction, and who is worth a
-refit."""
+"""What can be seen from one working point: fit, noise, columns in every direction."""
 
 from __future__ import annotations
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, cross_validated
-from raccoon.diagnose.fit import Fit, fit_many, fit_point, unbound
+from raccoon.diagnose.fit import Fit, fit_point, unbound
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
@@ -26,21 +25,6 @@ NEARLY = 0.7
 """Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
 MOST_OF_EVENT = 4.0
 """Log evidence that half a second may give."""
-REFITS = 5
-PLAIN_REFITS = 3
-SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb", "friction.viscous")
-"""Without a current reading these share one scale, which only robot.toml's standard deviations fix."""
-TURN = ("imu.gyro_scale", "motor.back_emf_constant")
-"""Turn rate over back-EMF = gyro scale r / (b K_E); the other twins are the gyro's."""
-FAMILIES = (SCALE, TURN)
-RELATIVES_STARTS = (-0.6, 0.6)
-STRAINED = 1.5
-"""Standard deviations of robot.toml by which a base number is bent where something large is missing."""
-POLISHED = 3
-WORTH_POLISHING = 8.0
-"""Log evidence that a refit must add to be refined."""
-CLOSE_ENOUGH = 0.35
-"""Part of the best one's, from which a refit may still become the best."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,90 +138,6 @@ def screen(search: Search, table: Table | None = None) -> Screened:
         found.append((gain, group, mean))
     found.sort(key=lambda each: -each[0])
     return found
-
-
-def candidates(search: Search) -> Screened:
-    """The best variants of the causes worth a true refit.
-
-    Screened twice: under the full noise model, and without wandering friction, which resembles a change of
-    friction so closely that only a true refit tells them apart.
-    """
-    chosen: Screened = []
-    for table, most in ((search.table, REFITS), (search.plain, PLAIN_REFITS)):
-        seen: dict[str, int] = {}
-        for gain, group, mean in screen(search, table):
-            if group.name not in search.problem.causes:
-                continue
-            if table is search.table:
-                search.screened.setdefault(group.name, gain)
-            count = seen.get(group.name, 0)
-            if gain < 1.0 or count >= 2 or (count == 0 and len(seen) >= most):
-                continue
-            seen[group.name] = count + 1
-            if not any(group is other for _, other, _ in chosen):
-                chosen.append((gain, group, mean))
-    return chosen
-
-
-def first_guess(search: Search, group: Group, mean: Array) -> Array:
-    """Coordinates at which to start a cause's refit: as far as the linear model says, within a width or
-    two."""
-    cause = search.problem.causes[group.name]
-    if not group.start:
-        return np.clip(mean, -2.0, 2.0)
-    low = cause.coordinates[0].low
-    first = float(np.clip(mean[0], 0.2 * group.start[0] if low == 0.0 else -3.0, 4.0))
-    if len(cause.variants) > 1 and 0.6 < first / group.start[0] < 1.7:
-        first = group.start[0]  # kinked: the guess was simulated, what lies between is only a straight line
-    return np.array([first, *group.start[1:]])
-
-
-def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
-    """True refits of the most promising causes, best evidence first, one a cause."""
-    chosen = [(group.name, first_guess(search, group, mean)) for _, group, mean in candidates(search)]
-    chosen.extend(_relatives(search, [name for name, _ in chosen]))
-    if not chosen:
-        return []
-    starts = [search.fit.point.with_cause(name, u) for name, u in chosen]
-    fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4)
-    best: dict[str, Fit] = {}
-    for (name, _), fit in zip(chosen, fits, strict=True):
-        if name not in best or fit.evidence > best[name].evidence:
-            best[name] = fit
-    best = _polished(search, best)
-    return sorted(best.items(), key=lambda each: -each[1].evidence)
-
-
-def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
-    """The others of a family of which one is tried: where one is far off, a straight line misses the rest."""
-    if not strained(search.fit):
-        return []
-    tried = {name.partition("@")[0] for name in names}
-    found = [each for family in FAMILIES if tried & set(family) for each in family if each not in names]
-    found = [each for each in found if each in search.problem.causes]
-    found = [each for each in found if each not in search.fit.point.active]
-    return [(name, np.array([u])) for name in found for u in RELATIVES_STARTS]
-
-
-def strained(fit: Fit, deviations: float = STRAINED) -> bool:
-    """Whether a base number is bent by more than that many standard deviations of robot.toml."""
-    return bool((np.abs(fit.point.base) > deviations).any())
-
-
-def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
-    """The best refits once more with every column simulated anew, where base numbers are bent far.
-
-    The columns of base numbers are those of the point before; a cause that relieves them changes them.
-    """
-    leads = {name: lead(search.problem, fit, search.fit) for name, fit in fits.items()}
-    worth = sorted((name for name in fits if leads[name] > WORTH_POLISHING), key=lambda name: -leads[name])
-    worth = [name for name in worth[:POLISHED] if leads[name] > CLOSE_ENOUGH * leads[worth[0]]]
-    if not strained(search.fit) or len(worth) < 2:
-        return fits
-    none = np.zeros((0, search.problem.features.measured.size))
-    refined = fit_many(search.problem, search.whitener, [fits[name].point for name in worth], none, 3)
-    better = {name: fit for name, fit in zip(worth, refined, strict=True) if fit.cost <= fits[name].cost}
-    return {**fits, **better}
 
 
 def lead(problem: Problem, fit: Fit, other: Fit) -> float:

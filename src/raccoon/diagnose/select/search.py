@@ -14,7 +14,6 @@ from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.outlook import (
-    SCALE,
     Probed,
     Rival,
     Search,
@@ -22,10 +21,9 @@ from raccoon.diagnose.select.outlook import (
     held_out_score,
     lead,
     look_around,
-    refit_candidates,
     start_search,
-    strained,
 )
+from raccoon.diagnose.select.refits import SCALE, refit_candidates, strained
 
 Array = NDArray[np.float64]
 
