@@ -15,7 +15,7 @@ from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.hypotheses import Cause, Settings, base_coordinates, neutral_settings
-from raccoon.diagnose.log import Log, log_from_columns
+from raccoon.diagnose.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import white_noise, whiteness
 from raccoon.diagnose.problem import Point, Problem, Whitener
@@ -36,7 +36,7 @@ LARGE_REST = 0.3
 FAR_FROM_NOISE = 1.2
 """Error on unseen data, over what is expected of it, at which a model that nothing improves is wrong."""
 FAR = 40.0
-USUAL = 0.4
+USUAL = 0.8
 """How much log misfit another filter than the firmware's must save."""
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
@@ -44,8 +44,8 @@ HARM = 0.9
 """Error on unseen data without a cause, over that with it, at which the cause is dropped."""
 CLEARLY = 0.2
 """The same for motors that brake at duty 0, where both are possible."""
-LATE = {"actuation.latency": (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "imu.latency": (0.02, 0.4, 0.8, 1.2, 1.7)}
-"""What resembles a slower filter, and where its fits may start."""
+LATE = "actuation.latency"
+LATENESS = (0.02, 0.5, 1.0, 1.7, 2.5, 3.5)
 
 
 def diagnose(
@@ -139,31 +139,35 @@ def problem_of(
     team could change: it is found out, not diagnosed. The firmware's filter is left only for a clearly
     better one. Wheels that stop at once may also be slow ones that rub: both are tried then.
     """
+    habits = _habits(log, robot, causes, model)
+    return _problem(log, robot, causes, habits, model), habits
+
+
+def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None) -> Habits:
+    """Judged by the wheels alone: a late gyro or a weak battery says nothing of the filter of back-EMF."""
+    wheels = replace(log, channels=tuple(each for each in log.channels if each.role in WHEELS))
     firmware, other = CHAINS
     choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
-    problems = [_problem(log, robot, causes, each, model) for each in choices]
-    scores = [_habit_score(each) for each in problems]
+    if not wheels.channels:
+        return choices[0]
+    scores = [_habit_score(_problem(wheels, robot, causes, each, model)) for each in choices]
     best = 1 if len(scores) > 1 and scores[1] < scores[0] - CLEARLY else 0
     another = Habits(other, choices[best].brake)
-    problem = _problem(log, robot, causes, another, model)
-    if _habit_score(problem) < scores[best] - USUAL:
-        return problem, another
-    return problems[best], choices[best]
+    score = _habit_score(_problem(wheels, robot, causes, another, model))
+    return another if score < scores[best] - USUAL else choices[best]
 
 
 def _habit_score(problem: Problem) -> float:
     """Log misfit with base numbers inside robot.toml, plus that with all of them free.
 
-    Both with latencies, which resemble a slower filter.
+    Both with a latency, which resembles a slower filter.
 
     The first tells habits apart on a robot that is as its file says, the second where something is wrong.
     """
     loose = replace(problem, base=base_coordinates(problem.robot, inside=FAR))
     start = problem.nominal()
-    for cause, guesses in LATE.items():
-        if cause not in problem.causes:
-            continue
-        starts = [start.with_cause(cause, np.array([u])) for u in guesses]
+    if LATE in problem.causes:
+        starts = [start.with_cause(LATE, np.array([u])) for u in LATENESS]
         errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
         start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
     return _log_misfit(problem, start) + _log_misfit(loose, start)

@@ -11,6 +11,7 @@ from raccoon.diagnose.fit import Fit, fit_many
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
 from raccoon.diagnose.select.scan import scanned
+from raccoon.diagnose.select.sets import overlap
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,8 @@ def candidates(search: Search) -> Screened:
         seen: dict[str, int] = {}
         for gain, group, mean in screen(search, table):
             if group.name not in search.problem.causes:
+                continue
+            if any(overlap(group.name, each) for each in search.fit.point.active):
                 continue
             if table is search.table:
                 search.screened.setdefault(group.name, gain)

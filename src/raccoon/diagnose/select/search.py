@@ -138,7 +138,7 @@ def pruned(search: Search, harmful: str) -> Search:
 
 
 def merged(search: Search) -> Search:
-    """One cause for both sides where left and right were named apart and together explain no more."""
+    """One cause for both sides where left and right were named apart and are not worth a cause each."""
     for name in [each for each in search.fit.point.active if each.endswith("@left")]:
         whole, other = name.removesuffix("@left"), name.replace("@left", "@right")
         active = search.fit.point.active
@@ -149,7 +149,7 @@ def merged(search: Search) -> Search:
         start = less.with_cause(whole, 0.5 * (active[name] + active[other]))
         apart = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
         both = fit_many(search.problem, search.whitener, [start], search.fit.jacobian[rows], 4)[0]
-        if lead(search.problem, both, apart) > -CLOSE:
+        if lead(search.problem, both, apart) > -gate(whole):  # one cause less must be justified
             return merged(_accepted_less(search, other, both))
     return search
 
