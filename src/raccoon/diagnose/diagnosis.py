@@ -35,8 +35,8 @@ CHAINS = (Chain.firmware(), Chain())
 LARGE_REST = 0.3
 FAR_FROM_NOISE = 1.2
 """Error on unseen data, over what is expected of it, at which a model that nothing improves is wrong."""
-FAR = 40.0
-USUAL = 0.8
+FAR = 60.0
+USUAL = 0.06
 """How much log misfit another filter than the firmware's must save."""
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
@@ -144,11 +144,12 @@ def problem_of(
 
 
 def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None) -> Habits:
-    """Judged by the wheels alone: a late gyro or a weak battery says nothing of the filter of back-EMF."""
-    wheels = replace(log, channels=tuple(each for each in log.channels if each.role in WHEELS))
+    """Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
+    what the wheels were driven with."""
+    wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
     firmware, other = CHAINS
     choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
-    if not wheels.channels:
+    if not any(each.role in WHEELS for each in log.channels):
         return choices[0]
     scores = [_habit_score(_problem(wheels, robot, causes, each, model)) for each in choices]
     best = 1 if len(scores) > 1 and scores[1] < scores[0] - CLEARLY else 0
@@ -158,11 +159,10 @@ def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parame
 
 
 def _habit_score(problem: Problem) -> float:
-    """Log misfit with base numbers inside robot.toml, plus that with all of them free.
+    """Log misfit of the wheels with a latency, which resembles a slower filter, and all base numbers free.
 
-    Both with a latency, which resembles a slower filter.
-
-    The first tells habits apart on a robot that is as its file says, the second where something is wrong.
+    The filter's time constant is among them: kept near robot.toml, a robot with a shorter filter would seem
+    to have another one.
     """
     loose = replace(problem, base=base_coordinates(problem.robot, inside=FAR))
     start = problem.nominal()
@@ -170,7 +170,7 @@ def _habit_score(problem: Problem) -> float:
         starts = [start.with_cause(LATE, np.array([u])) for u in LATENESS]
         errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
         start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
-    return _log_misfit(problem, start) + _log_misfit(loose, start)
+    return _log_misfit(loose, start)
 
 
 def _log_misfit(problem: Problem, start: Point) -> float:
@@ -179,10 +179,11 @@ def _log_misfit(problem: Problem, start: Point) -> float:
     scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), features.floors)
     noise = white_noise(scale, np.zeros(len(residual), np.intp))
     whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), residual, np.zeros_like(residual))
-    fit = fit_point(problem, whitener, start, 2)
+    fit = fit_point(problem, whitener, start, 5)
     final = features.measured - problem.predict([fit.point])[0]
     size = np.maximum(np.std(features.measured, axis=0), features.floors)
-    return float(np.log(np.abs(final).mean(axis=0) / size).mean())
+    wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
+    return float(np.log(np.abs(final).mean(axis=0) / size)[wheels].mean())
 
 
 def _nothing_to_see(begin: float) -> Diagnosis:
