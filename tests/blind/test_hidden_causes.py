@@ -8,8 +8,13 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw, draw_unknown
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.diagnosis import diagnose, problem_of
+from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.diagnose.select.outlook import start_search
+from raccoon.diagnose.select.search import grown, rearranged
+from raccoon.diagnose.unknown import probes_for
 
 
 def said_about(cause: str, seed: int) -> tuple[str, Diagnosis]:
@@ -56,6 +61,19 @@ def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
     hidden = [draw(each, rng) for each in causes]
     said = diagnose(make(6, hidden, seconds=40.0).columns, RobotConfig())
     assert {each.name for each in hidden} <= names_of(said)
+
+
+def test_what_one_step_at_a_time_misses_is_found_together() -> None:
+    """More resistance of one motor beside other friction is a change of scale, which other numbers imitate."""
+    rng = np.random.default_rng(12)
+    causes = ("actuation.latency", "bemf.scale", "friction.coulomb", "motor.armature_resistance")
+    hidden = [draw(each, rng) for each in causes]
+    log = log_from_columns(make(12, hidden, seconds=25.0).columns, RobotConfig())
+    problem, _ = problem_of(log, RobotConfig(), drive_causes())
+    steps = grown(start_search(problem, probes_for(problem)))
+    assert "motor.armature_resistance@left" not in steps.fit.point.active
+    together, _ = rearranged(steps)
+    assert set(together.fit.point.active) == {each.name for each in hidden}
 
 
 @pytest.mark.parametrize("cause", ["imu.latency", "friction.stiction"])
