@@ -64,7 +64,7 @@ def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
 
 
 def test_what_one_step_at_a_time_misses_is_found_together() -> None:
-    """More resistance of one motor beside other friction is a change of scale, which other numbers imitate."""
+    """More resistance of one motor beside other friction is a change of scale that others imitate."""
     rng = np.random.default_rng(12)
     causes = ("actuation.latency", "bemf.scale", "friction.coulomb", "motor.armature_resistance")
     hidden = [draw(each, rng) for each in causes]
