@@ -9,7 +9,8 @@ from blind.generator import make
 from blind.hidden import draw, draw_unknown
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.diagnosis import diagnose, problem_of
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.select.outlook import start_search

@@ -12,11 +12,11 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.diagnosis import problem_of, starting_settings
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.gain import HeldOut
+from raccoon.diagnose.habits import problem_of, starting_settings
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
@@ -26,7 +26,10 @@ from raccoon.diagnose.select.gates import EVIDENCE_GATE, FLOOR_GATE, gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT, estimated, lead, start_search
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers
+from raccoon.sim.rollout import rollout
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}
@@ -131,6 +134,21 @@ def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None
     log = log_from_columns(make(3, hidden, seconds=10.0).columns, ROBOT)
     _, habits = problem_of(log, ROBOT, tuple(CAUSES.values()))
     assert habits.chain == Chain.firmware()
+
+
+@pytest.mark.parametrize("chain", [Chain(), Chain.firmware()])
+def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
+    rng = np.random.default_rng(3)
+    duty = exciting(rng, 10.0)
+    time = 0.005 * np.arange(len(duty))
+    noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
+    commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], False)
+    effects = {("friction.stiction", side): {"torque": 0.05, "speed": 0.5} for side in ("left", "right")}
+    run = rollout([Parameters(ROBOT, effects, chain)], commands, channels=tuple(noise), longest_step=0.001)
+    columns = {name: run[name][0] + noise[name] * rng.standard_normal(len(time)) for name in noise}
+    columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
+    _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    assert habits.chain == chain
 
 
 def held(residual: np.ndarray) -> HeldOut:

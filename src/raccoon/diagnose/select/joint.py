@@ -62,6 +62,14 @@ def better_set(search: Search) -> Fit | None:
     return best if best is not None and _lead(search, best, settled) > BETTER else None
 
 
+def explains_more(search: Search, other: Search) -> float:
+    """Log evidence of what one search found over what another did, each less its gates, under the other's
+    noise. Their simulators may differ."""
+    none = np.zeros((0, other.problem.features.measured.size))
+    fit = fit_many(search.problem, other.whitener, [search.fit.point], none, 1)[0]
+    return _lead(other, fit, other.fit)
+
+
 def _fitted(search: Search, points: list[Point], iterations: int) -> list[Fit]:
     none = np.zeros((0, search.problem.features.measured.size))
     return fit_many(search.problem, search.whitener, points, none, iterations) if points else []

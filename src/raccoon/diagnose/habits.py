@@ -1,0 +1,117 @@
+"""What the controller does with its samples and at duty 0: found out, not diagnosed.
+
+Whether the controller filters with a median and brakes at duty 0 is not in a recording, and nothing a team
+could change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.features import Features
+from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.hypotheses import Cause, Settings, base_coordinates, neutral_settings
+from raccoon.diagnose.log import WHEELS, Log
+from raccoon.diagnose.noise import white_noise
+from raccoon.diagnose.problem import Point, Problem, Whitener
+from raccoon.diagnose.quality import brakes
+from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.sim.chain import Chain
+from raccoon.sim.parameters import Parameters
+
+CHAINS = (Chain.firmware(), Chain())
+FAR = 60.0
+USUAL = 0.06
+"""How much log misfit another filter than the firmware's must save."""
+CLEARLY = 0.2
+"""The same for motors that brake at duty 0, where both are possible."""
+LATE = "actuation.latency"
+LATENESS = (0.02, 0.5, 1.0, 1.7, 2.5, 3.5)
+
+
+def drive_problem(
+    log: Log, robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
+) -> Problem:
+    """The problem of a drive under a controller's habits."""
+    return Problem(
+        Features.of(log),
+        PlantRollout(log, robot, habits),
+        robot,
+        starting_settings(robot, model),
+        base_coordinates(robot),
+        {each.name: each for each in causes},
+    )
+
+
+def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
+    """The simulation's settings before any diagnosis; a model's inertias count from robot.toml's."""
+    settings = neutral_settings(robot)
+    if model is None:
+        return settings
+    for id_, place, name in settings:
+        if id_ != "inertia":
+            settings[(id_, place, name)] = model.value(id_, name, place)
+    own, given = robot.model.drive, model.robot.model.drive
+    straight = given.inertia_straight.value / own.inertia_straight.value
+    settings[("inertia", None, "straight")] = straight
+    settings[("inertia", None, "turn")] = given.inertia_turn.value / own.inertia_turn.value
+    return settings
+
+
+def problem_of(
+    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None = None
+) -> tuple[Problem, Habits]:
+    """The problem under the controller's habits that fit the recording best after a base fit.
+
+    The firmware's filter is left only for a clearly better one. Wheels that stop at once may also be slow
+    ones that rub: both are tried then.
+    """
+    habits = _habits(log, robot, causes, model)
+    return drive_problem(log, robot, causes, habits, model), habits
+
+
+def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None) -> Habits:
+    """Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
+    what the wheels were driven with."""
+    wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
+    firmware, other = CHAINS
+    choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
+    if not any(each.role in WHEELS for each in log.channels):
+        return choices[0]
+    scores = [_habit_score(drive_problem(wheels, robot, causes, each, model)) for each in choices]
+    best = 1 if len(scores) > 1 and scores[1] < scores[0] - CLEARLY else 0
+    another = Habits(other, choices[best].brake)
+    score = _habit_score(drive_problem(wheels, robot, causes, another, model))
+    return another if score < scores[best] - USUAL else choices[best]
+
+
+def _habit_score(problem: Problem) -> float:
+    """Log misfit of the wheels with a latency, which resembles a slower filter, and all base numbers free.
+
+    The filter's time constant is among them: kept near robot.toml, a robot with a shorter filter would seem
+    to have another one.
+    """
+    loose = replace(problem, base=base_coordinates(problem.robot, inside=FAR))
+    start = problem.nominal()
+    if LATE in problem.causes:
+        starts = [start.with_cause(LATE, np.array([u])) for u in LATENESS]
+        errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
+        start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
+    return _log_misfit(loose, start)
+
+
+def _log_misfit(problem: Problem, start: Point) -> float:
+    features = problem.features
+    residual = features.measured - problem.predict([start])[0]
+    scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), features.floors)
+    noise = white_noise(scale, np.zeros(len(residual), np.intp))
+    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), residual, np.zeros_like(residual))
+    fit = fit_point(problem, whitener, start, 5)
+    final = features.measured - problem.predict([fit.point])[0]
+    size = np.maximum(np.std(features.measured, axis=0), features.floors)
+    wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
+    return float(np.log(np.abs(final).mean(axis=0) / size)[wheels].mean())
