@@ -143,8 +143,11 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     time = 0.005 * np.arange(len(duty))
     noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
     commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], False)
-    effects = {("friction.stiction", side): {"torque": 0.05, "speed": 0.5} for side in ("left", "right")}
-    run = rollout([Parameters(ROBOT, effects, chain)], commands, channels=tuple(noise), longest_step=0.001)
+    sticky = {"torque": 0.05, "speed": 0.5}
+    robot = Parameters(
+        ROBOT, {("friction.stiction", "left"): sticky, ("friction.stiction", "right"): sticky}, chain
+    )
+    run = rollout([robot], commands, channels=tuple(noise), longest_step=0.001)
     columns = {name: run[name][0] + noise[name] * rng.standard_normal(len(time)) for name in noise}
     columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
     _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
