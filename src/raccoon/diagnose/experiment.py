@@ -29,7 +29,7 @@ from raccoon.diagnose.noise import EVENT, NoiseModel, white_noise
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT
-from raccoon.diagnose.whitening import faint_part
+from raccoon.diagnose.whitening import faint_parts
 from raccoon.sim.chain import Chain
 
 Array = NDArray[np.float64]
@@ -135,9 +135,11 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     own, wanted = white(linear.own), [white(each.columns) for each in linear.groups if each.name == cause]
     against = [white(each.columns) for each in linear.groups if each.name in chosen and each.name != cause]
     off = {each.name: white(each.columns) for each in linear.groups if each.name not in chosen}
-    noise = [faint_part(name, own, columns)[:, None] * columns for name, columns in off.items()]
+    columns = np.vstack([own[:0], *off.values()])
+    names = [name for name, each in off.items() for _ in each]
+    noise = faint_parts(names, own, columns)[:, None] * columns
     floor = FLOOR_SHARE * white(slow_friction(problem, linear))
-    others = np.vstack([own, *against, *noise, floor])
+    others = np.vstack([own, *against, noise, floor])
     rows = EVENT * len(log.channels)
     evidence = max(_evidence(size * each, others, rows) for columns in wanted for each in columns)
     return Advice(name, evidence, _reach(problem), len(duty) / RATE)

@@ -31,6 +31,12 @@ class Fit:
     cost: float
     free: NDArray[np.bool_]
 
+    @classmethod
+    def of(cls, problem: Problem, point: Point, white: Array, jacobian: Array) -> Fit:
+        """With its cost, and what is free."""
+        vector = point.vector()
+        return cls(point, white, jacobian, float(white @ white + vector @ vector), unbound(problem, point))
+
     @property
     def evidence(self) -> float:
         """Log evidence, comparable between fits under the same whitener."""
@@ -115,13 +121,15 @@ def fit_many(
         for track, (place, steps) in zip(going, spans, strict=True):
             own = white[place]
             local = (own - white[place + 1 : place + 1 + len(steps)]) / steps[:, None]
-            cost = float(own @ own + track.trial.vector() @ track.trial.vector())
-            free = unbound(problem, track.trial)
-            track.consider(problem, Fit(track.trial, own, np.vstack([frozen, local]), cost, free))
+            track.consider(problem, Fit.of(problem, track.trial, own, np.vstack([frozen, local])))
     return [track.best for track in tracks if track.best is not None]
+
+
+def fit_afresh(problem: Problem, whitener: Whitening, starts: Sequence[Point], iterations: int) -> list[Fit]:
+    """Fit every start, all columns simulated in every iteration."""
+    return fit_many(problem, whitener, starts, np.zeros((0, problem.features.measured.size)), iterations)
 
 
 def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 6) -> Fit:
     """Fit everything from one start, all columns simulated in every iteration, until it has arrived."""
-    rows = problem.features.measured.size
-    return fit_many(problem, whitener, [start], np.zeros((0, rows)), iterations)[0]
+    return fit_afresh(problem, whitener, [start], iterations)[0]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
-from raccoon.diagnose.noise import EVENT
+from raccoon.diagnose.noise import event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search
 
@@ -66,8 +66,7 @@ class HeldOut:
         be. No half second counts for more than `MOST_OF_EVENT` usual ones: a wheel that breaks loose a
         moment late is no wrong model."""
         power = ((self.residual[1] / self.expected) ** 2).mean(axis=1)
-        starts = np.arange(0, len(power), EVENT)
-        events = np.add.reduceat(power, starts) / np.diff([*starts, len(power)])
+        events, _ = event_means(power)
         return float(np.sqrt(np.minimum(events, MOST_OF_EVENT).mean()))
 
     @property

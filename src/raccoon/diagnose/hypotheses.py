@@ -76,6 +76,11 @@ class Cause:
         """Number of coordinates."""
         return len(self.coordinates)
 
+    @property
+    def one_sided(self) -> bool:
+        """Whether its first coordinate cannot be negative."""
+        return self.coordinates[0].low == 0.0
+
     def apply(self, settings: Settings, u: Sequence[float]) -> None:
         """Move the settings to where this cause has the coordinates u."""
         if self.joint is not None:

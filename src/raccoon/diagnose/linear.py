@@ -78,7 +78,7 @@ def _is_pair(problem: Problem, name: str) -> bool:
 
 def _group(problem: Problem, name: str, found: list[tuple[Array, tuple[float, ...]]]) -> Group:
     columns = np.stack([column for column, _ in found])
-    one_sided = problem.causes[name].coordinates[0].low == 0.0
+    one_sided = problem.causes[name].one_sided
     return Group(name, columns, found[0][1] if len(found) == 1 else (), one_sided)
 
 

@@ -112,10 +112,15 @@ def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes) -> No
 
 def _calm(power: Array) -> Array:
     """Weights (n,) by which an event that is clearly larger than usual counts no more than a usual one."""
-    starts = np.arange(0, len(power), EVENT)
-    lengths = np.diff([*starts, len(power)])
-    size = np.sqrt(np.add.reduceat(power, starts) / lengths)
-    return np.repeat(np.minimum(1.0, LARGE_EVENT / np.maximum(size, 1e-9)), lengths)
+    means, lengths = event_means(power)
+    return np.repeat(np.minimum(1.0, LARGE_EVENT / np.maximum(np.sqrt(means), 1e-9)), lengths)
+
+
+def event_means(values: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Mean over each half second of values (n,), and how many bins each has."""
+    starts = np.arange(0, len(values), EVENT)
+    lengths = np.diff([*starts, len(values)])
+    return np.add.reduceat(values, starts) / lengths, lengths
 
 
 def _unmix(innovation: Array, parameters: int, least: Array) -> Array:

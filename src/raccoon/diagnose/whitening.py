@@ -81,10 +81,10 @@ def whitener_for(
         noise = fit_noise(rest, ORDER, floors, regimes)
     noise = _less_at_jumps(problem, linear, noise)
     own = noise.whiten(linear.own[: len(problem.base)])
-    faint = [
-        faint_part(each.name, own, noise.whiten(each.columns))[:, None, None] * each.columns
-        for each in linear.groups
-    ]
+    names = [each.name for each in linear.groups for _ in each.columns]
+    columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
+    whole = faint_parts(names, own, noise.whiten(columns))[:, None, None] * columns
+    faint = np.split(whole, np.cumsum([len(each.columns) for each in linear.groups]))[: len(linear.groups)]
     one = {each.name: columns for each, columns in zip(linear.groups, faint, strict=True)}  # of variants one
     spread = sum(((each**2).sum(axis=0) for each in one.values()), ((wander * slow) ** 2).sum(axis=0))
     nothing = faint if tolerant else []
@@ -93,17 +93,19 @@ def whitener_for(
     return Whitener(noise, *_slow_directions(noise, directions), rest, spread)
 
 
-def faint_part(name: str, base: Array, columns: Array) -> Array:
-    """The part of each whitened column of a cause that no model is expected to get right, (columns,).
+def faint_parts(names: Sequence[str], base: Array, columns: Array) -> Array:
+    """The part of each whitened column that no model is expected to get right, (columns,).
 
-    base: the whitened columns of base numbers, which absorb what they can under their unit priors.
+    names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
+    under their unit priors.
     """
-    plain, rows = base.reshape(len(base), -1), columns.reshape(len(columns), -1)
+    size = int(np.prod(columns.shape[1:]))
+    plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
     cross = rows @ plain.T
     absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
-    size = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / rows.shape[1])
-    most = NEGLIGIBLE * UNEVEN.get(name.partition("@")[0], 1.0)
-    return np.asarray(np.minimum(most, FAINT / size), float)
+    rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / size)
+    most = NEGLIGIBLE * np.array([UNEVEN.get(name.partition("@")[0], 1.0) for name in names])
+    return np.asarray(np.minimum(most, FAINT / rms), float)
 
 
 def _less_at_jumps(problem: Problem, linear: Linear, noise: NoiseModel) -> NoiseModel:

@@ -7,7 +7,7 @@ import pytest
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.noise import EVENT
-from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, faint_part, foreseen_error
+from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, faint_parts, foreseen_error
 
 BINS, CHANNELS = 6 * EVENT, 2
 
@@ -50,7 +50,7 @@ def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
     strong = 5.0 * rng.standard_normal((1, 400, CHANNELS))
     weak = 0.1 * rng.standard_normal((1, 400, CHANNELS))
     size = float(np.sqrt((strong**2).mean()))
-    assert faint_part("actuation.latency", base, strong)[0] == pytest.approx(FAINT / size)
-    assert faint_part("imu.gyro_bias", base, weak)[0] == pytest.approx(NEGLIGIBLE)
-    absorbed = faint_part("actuation.latency", strong, strong)[0]
-    assert absorbed > faint_part("actuation.latency", base, strong)[0]  # base numbers do most of it
+    assert faint_parts(["actuation.latency"], base, strong)[0] == pytest.approx(FAINT / size)
+    assert faint_parts(["imu.gyro_bias"], base, weak)[0] == pytest.approx(NEGLIGIBLE)
+    absorbed = faint_parts(["actuation.latency"], strong, strong)[0]
+    assert absorbed > faint_parts(["actuation.latency"], base, strong)[0]  # base numbers do most of it

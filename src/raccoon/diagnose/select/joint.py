@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.fit import Fit, fit_afresh, fit_many, fit_point
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
@@ -57,7 +57,7 @@ def better_set(search: Search) -> Fit | None:
     fits = fit_many(problem, whitener, starts, base, 4)
     fits.sort(key=lambda fit: -_lead(search, fit, settled))
     hopeful = [each.point for each in fits[:POLISHED] if _lead(search, each, settled) > -HOPE]
-    polished = [_needed(search, fit) for fit in _fitted(search, hopeful, 4)]
+    polished = [_needed(search, fit) for fit in fit_afresh(problem, whitener, hopeful, 4)]
     best = max(polished, key=lambda fit: _lead(search, fit, settled), default=None)
     return best if best is not None and _lead(search, best, settled) > BETTER else None
 
@@ -65,14 +65,8 @@ def better_set(search: Search) -> Fit | None:
 def explains_more(search: Search, other: Search) -> float:
     """Log evidence of what one search found over what another did, each less its gates, under the other's
     noise. Their simulators may differ."""
-    none = np.zeros((0, other.problem.features.measured.size))
-    fit = fit_many(search.problem, other.whitener, [search.fit.point], none, 1)[0]
+    fit = fit_point(search.problem, other.whitener, search.fit.point, 1)
     return _lead(other, fit, other.fit)
-
-
-def _fitted(search: Search, points: list[Point], iterations: int) -> list[Fit]:
-    none = np.zeros((0, search.problem.features.measured.size))
-    return fit_many(search.problem, search.whitener, points, none, iterations) if points else []
 
 
 def _lead(search: Search, fit: Fit, settled: Fit) -> float:
@@ -107,8 +101,7 @@ def _all_straight(search: Search) -> Point:
         point = point.without_cause(name).with_cause(f"{name}@left", u).with_cause(f"{name}@right", u)
     for name in STRAIGHT:
         if name in causes and not any(overlap(name, each) for each in point.active):
-            low = causes[name].coordinates[0].low
-            point = point.with_cause(name, np.array([LEAST if low == 0.0 else 0.0]))
+            point = point.with_cause(name, np.array([LEAST if causes[name].one_sided else 0.0]))
     return point
 
 
@@ -133,8 +126,8 @@ def _alone(search: Search) -> Iterator[Point]:
     for name in sorted(
         {*STRAIGHT, *(each.partition("@")[0] for each in STRAIGHT)} & set(search.problem.causes)
     ):
-        low = search.problem.causes[name].coordinates[0].low
-        for u in (GUESS,) if low == 0.0 else (-GUESS, GUESS):
+        one_sided = search.problem.causes[name].one_sided
+        for u in (GUESS,) if one_sided else (-GUESS, GUESS):
             yield search.fit.point.with_cause(name, np.array([u]))
 
 
@@ -174,7 +167,7 @@ def _needed(search: Search, fit: Fit) -> Fit:
         weakest = min(worth, key=lambda name: worth[name] - gate(name))
         if worth[weakest] > gate(weakest):
             return fit
-        fit = _fitted(search, [fit.point.without_cause(weakest)], 3)[0]
+        fit = fit_point(search.problem, search.whitener, fit.point.without_cause(weakest), 3)
     return fit
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, cross_validated
-from raccoon.diagnose.fit import Fit, fit_point, unbound
+from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
@@ -40,8 +40,7 @@ class Search:
     """State of the search, and what it found in the end.
 
     gains: log evidence that each cause adds to all others. held_out: the same on blocks that were not fitted.
-    rivals: causes that explain nearly as much in its place. screened: best linear gain of each cause that
-    is off.
+    rivals: causes that explain nearly as much in its place.
     unknown: probes that explain what no cause does, with the evidence they add.
     """
 
@@ -55,7 +54,6 @@ class Search:
     gains: dict[str, float] = field(default_factory=dict)
     held_out: dict[str, float] = field(default_factory=dict)
     rivals: dict[str, list[Rival]] = field(default_factory=dict)
-    screened: dict[str, float] = field(default_factory=dict)
     failed: dict[str, str] = field(default_factory=dict)
     unknown: dict[str, float] = field(default_factory=dict)
 
@@ -98,9 +96,7 @@ def look_around(
     whitener = whitener_for(problem, linear, extra, before, tuple(unknown or ()))
     table, plain = tabulate(linear, extra, whitener, len(problem.base))
     white = whitener(np.concatenate([linear.residual[None], linear.own]))
-    vector = point.vector()
-    cost = float(white[0] @ white[0] + vector @ vector)
-    fit = Fit(point, white[0], white[1:], cost, unbound(problem, point))
+    fit = Fit.of(problem, point, white[0], white[1:])
     return Search(problem, probes, fit, whitener, linear, table, plain, unknown=dict(unknown or {}))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import Fit, fit_many
+from raccoon.diagnose.fit import Fit, fit_afresh, fit_many
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
 from raccoon.diagnose.select.scan import scanned
@@ -46,8 +46,6 @@ def candidates(search: Search) -> Screened:
                 continue
             if any(overlap(group.name, each) for each in search.fit.point.active):
                 continue
-            if table is search.table:
-                search.screened.setdefault(group.name, gain)
             count = seen.get(group.name, 0)
             if gain < 1.0 or count >= 2 or (count == 0 and len(seen) >= most):
                 continue
@@ -63,8 +61,7 @@ def first_guess(search: Search, group: Group, mean: Array) -> Array:
     cause = search.problem.causes[group.name]
     if not group.start:
         return np.clip(mean, -2.0, 2.0)
-    low = cause.coordinates[0].low
-    first = float(np.clip(mean[0], 0.2 * group.start[0] if low == 0.0 else -3.0, 4.0))
+    first = float(np.clip(mean[0], 0.2 * group.start[0] if cause.one_sided else -3.0, 4.0))
     if len(cause.variants) > 1 and 0.6 < first / group.start[0] < 1.7:
         first = group.start[0]  # kinked: the guess was simulated, what lies between is only a straight line
     return np.array([first, *group.start[1:]])
@@ -119,7 +116,6 @@ def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
     worth = [name for name in worth[:POLISHED] if leads[name] > CLOSE_ENOUGH * leads[worth[0]]]
     if not strained(search.fit) or len(worth) < 2:
         return fits
-    none = np.zeros((0, search.problem.features.measured.size))
-    refined = fit_many(search.problem, search.whitener, [fits[name].point for name in worth], none, 3)
+    refined = fit_afresh(search.problem, search.whitener, [fits[name].point for name in worth], 3)
     better = {name: fit for name, fit in zip(worth, refined, strict=True) if fit.cost <= fits[name].cost}
     return {**fits, **better}

@@ -10,8 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import Fit, unbound
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.fit import Fit
 from raccoon.diagnose.select.outlook import Search, lead
 
 Array = NDArray[np.float64]
@@ -37,11 +36,5 @@ def scanned(search: Search, name: str) -> Fit:
         before, after = place - AROUND, place + AROUND
         column = (residuals[before] - residuals[after]) / (SIZES[after] - SIZES[before])
         at = search.fit.point.moved(means[place]).with_cause(name, np.array([SIZES[place]]))
-        fits.append(_fit(search, at, residuals[place], np.vstack([frozen, column])))
+        fits.append(Fit.of(problem, at, residuals[place], np.vstack([frozen, column])))
     return max(fits, key=lambda fit: lead(problem, fit, search.fit))
-
-
-def _fit(search: Search, point: Point, white: Array, jacobian: Array) -> Fit:
-    vector = point.vector()
-    cost = float(white @ white + vector @ vector)
-    return Fit(point, white, jacobian, cost, unbound(search.problem, point))

@@ -46,7 +46,7 @@ def forward(search: Search) -> tuple[Search, bool]:
     A probe that explains far more than any cause goes first: what it describes is in no catalogue.
     """
     refits = refit_candidates(search)
-    settled = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+    settled = _settled(search)
     ranked = ranking(search.problem, refits, settled)
     reference_held_out = held_out_score(settled)
     probe = best_probe(search)
@@ -102,16 +102,12 @@ def _with_unknown(search: Search, probe: Probed) -> Search:
 
 def _accepted(search: Search, name: str, fit: Fit, rivals: list[Rival]) -> Search:
     again = fit_point(search.problem, search.whitener, fit.point)
-    following = look_around(search.problem, search.probes, again.point, search.whitener, search.unknown)
-    following.rivals = {**search.rivals, name: rivals}
-    following.failed = search.failed
-    following.screened = {}
-    return following
+    return _moved(search, again, {**search.rivals, name: rivals})
 
 
 def backward(search: Search) -> tuple[Search, bool]:
     """Drop a cause that no longer earns its place, or swap it for one that now explains more."""
-    settled = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+    settled = _settled(search)
     reference_held_out = held_out_score(settled)
     names = list(search.fit.point.active)
     for name in names:
@@ -147,7 +143,7 @@ def merged(search: Search) -> Search:
         rows = [row for row in _rows_without(search, name) if row not in search.table.active[other]]
         less = search.fit.point.without_cause(name).without_cause(other)
         start = less.with_cause(whole, 0.5 * (active[name] + active[other]))
-        apart = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+        apart = _settled(search)
         both = fit_many(search.problem, search.whitener, [start], search.fit.jacobian[rows], 4)[0]
         if lead(search.problem, both, apart) > -gate(whole):  # one cause less must be justified
             return merged(_accepted_less(search, other, both))
@@ -173,7 +169,7 @@ def simplified(search: Search) -> tuple[Search, bool]:
         for point in _both_signs(search.problem, name, point)
     ]
     base = search.fit.jacobian[: len(bare.base)]
-    settled = fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+    settled = _settled(search)
     best = max(fit_many(search.problem, search.whitener, starts, base, 5), key=lambda fit: fit.evidence)
     if lead(search.problem, best, settled) < -CLOSE:
         return search, False
@@ -184,9 +180,14 @@ def simplified(search: Search) -> tuple[Search, bool]:
 
 
 def _both_signs(problem: Problem, name: str, point: tuple[float, ...]) -> list[tuple[float, ...]]:
-    if problem.causes[name].coordinates[0].low == 0.0:
+    if problem.causes[name].one_sided:
         return [point]
     return [point, (-point[0], *point[1:])]
+
+
+def _settled(search: Search) -> Fit:
+    """The present causes fitted on, which every other fit is compared with."""
+    return fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
 
 
 def _rows_without(search: Search, name: str) -> list[int]:
@@ -195,9 +196,13 @@ def _rows_without(search: Search, name: str) -> list[int]:
 
 
 def _accepted_less(search: Search, name: str, fit: Fit) -> Search:
+    return _moved(search, fit, {key: value for key, value in search.rivals.items() if key != name})
+
+
+def _moved(search: Search, fit: Fit, rivals: dict[str, list[Rival]]) -> Search:
+    """The search from a fit's point on; what failed before is remembered."""
     following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
-    following.rivals = {key: value for key, value in search.rivals.items() if key != name}
-    following.failed = search.failed
+    following.rivals, following.failed = rivals, search.failed
     return following
 
 
@@ -212,9 +217,7 @@ def rearranged(search: Search) -> tuple[Search, bool]:
         gone = set(search.fit.point.active) - set(fit.point.active)
         search.failed.update(dict.fromkeys(gone, "others explain it better together"))
         rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
-        following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
-        following.rivals, following.failed = rivals, search.failed
-        search, changed = following, True
+        search, changed = _moved(search, fit, rivals), True
     return search, changed
 
 

@@ -47,8 +47,7 @@ class Sets:
         """Every cause that is on, then every variant of every cause that is off."""
         table, causes = search.table, search.problem.causes
         found = [
-            Member(name, tuple(span), None, causes[name].coordinates[0].low == 0.0)
-            for name, span in table.active.items()
+            Member(name, tuple(span), None, causes[name].one_sided) for name, span in table.active.items()
         ]
         found.extend(
             Member(group.name, tuple(span), group, group.one_sided)
