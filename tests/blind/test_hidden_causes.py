@@ -66,10 +66,10 @@ def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
 
 def test_what_one_step_at_a_time_misses_is_found_together() -> None:
     """More resistance of one motor beside other friction is a change of scale that others imitate."""
-    rng = np.random.default_rng(12)
+    rng = np.random.default_rng(17)
     causes = ("actuation.latency", "bemf.scale", "friction.coulomb", "motor.armature_resistance")
     hidden = [draw(each, rng) for each in causes]
-    log = log_from_columns(make(12, hidden, seconds=25.0).columns, RobotConfig())
+    log = log_from_columns(make(17, hidden, seconds=25.0).columns, RobotConfig())
     problem, _ = problem_of(log, RobotConfig(), drive_causes())
     steps = grown(start_search(problem, probes_for(problem)))
     assert "motor.armature_resistance@left" not in steps.fit.point.active

@@ -3,6 +3,9 @@
 A probe is a free curve over a covariate (the wheel's angle, the place, the speed ...), as a torque at a wheel
 or as an addition to a sensor. The robot forgets a torque within 0.1 s, so the response to a torque that
 varies more slowly is the response to a constant one, times its course: no further simulation is needed.
+
+Angles and places come from the readings. Speeds come from the simulation: a curve over a reading would hold
+that reading's own noise, and so explain it.
 """
 
 from __future__ import annotations
@@ -25,12 +28,13 @@ TORQUE = 0.03
 GYRO = 0.02
 BATTERY = 0.02
 HARMONICS = 6
+_TorqueCurves = tuple[str, int | None, bool, Array]
+"""Covariate, wheel or None for both, whether it is a friction, curves (count, bins)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """What a recording says of the robot's motion, by bins. Arrays (bins,) or (bins, 2), left before
-    right."""
+    """How the robot moved, by bins. Arrays (bins,) or (bins, 2), left before right."""
 
     speed: Array
     angle: Array
@@ -43,7 +47,7 @@ class Motion:
 def motion_of(problem: Problem) -> Motion | None:
     """Motion from back-EMF (or speeds) and gyro; None where no wheel is measured."""
     features = problem.features
-    speed = _wheel_speed(features, problem)
+    speed = _wheel_speed(problem, features.measured)
     if speed is None:
         return None
     drive = problem.robot.model.drive
@@ -63,14 +67,15 @@ def motion_of(problem: Problem) -> Motion | None:
     )
 
 
-def _wheel_speed(features: Features, problem: Problem) -> Array | None:
-    model = problem.robot.model
+def _wheel_speed(problem: Problem, readings: Array) -> Array | None:
+    """Speeds (bins, 2) in rad/s as readings (bins, channels) give them."""
+    model, roles = problem.robot.model, problem.features.roles
     columns = []
     for side, motor in (("left", model.left), ("right", model.right)):
-        if f"speed_{side}" in features.roles:
-            columns.append(features.measured[:, features.roles.index(f"speed_{side}")])
-        elif f"bemf_{side}" in features.roles:
-            counts = features.measured[:, features.roles.index(f"bemf_{side}")]
+        if f"speed_{side}" in roles:
+            columns.append(readings[:, roles.index(f"speed_{side}")])
+        elif f"bemf_{side}" in roles:
+            counts = readings[:, roles.index(f"bemf_{side}")]
             columns.append(counts * BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value)
     return np.column_stack(columns) if len(columns) == 2 else None
 
@@ -84,7 +89,15 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Group]]:
     sensors = _sensor_groups(problem.features, motion)
 
     def probes(linear: Linear) -> Sequence[Group]:
-        return [*_torque_groups(problem, linear, motion, curves), *_inertia_groups(linear, motion), *sensors]
+        speed = _wheel_speed(problem, problem.features.measured - linear.residual)
+        assert speed is not None  # a motion was found
+        every = [*curves, ("speed", None, True, _hats(np.abs(speed).mean(axis=1), 6))]
+        return [
+            *_torque_groups(problem, linear, motion, every),
+            *_inertia_groups(linear, motion),
+            *_gyro_over_speed(problem.features, speed.mean(axis=1)),
+            *sensors,
+        ]
 
     return probes
 
@@ -109,22 +122,19 @@ def _waves(angle: Array, harmonics: int) -> Array:
     return np.concatenate([np.sin(orders), np.cos(orders)])
 
 
-def _torque_curves(motion: Motion) -> list[tuple[str, int | None, bool, Array]]:
-    """(covariate, wheel or None for both, whether it is a friction, curves)."""
-    found: list[tuple[str, int | None, bool, Array]] = []
+def _torque_curves(motion: Motion) -> list[_TorqueCurves]:
+    found: list[_TorqueCurves] = []
     for wheel, side in enumerate(("left", "right")):
         found.append((f"wheel angle {side}", wheel, False, _waves(motion.angle[:, wheel], HARMONICS)))
     for name, along in (("x", motion.x), ("y", motion.y)):
         count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
         found.append((f"position {name}", None, True, _hats(along, count) - 1.0 / count))
-    speed = np.abs(motion.speed).mean(axis=1)
-    found.append(("speed", None, True, _hats(speed, 6)))
     found.append(("heading", None, False, _waves(motion.heading, 3)))
     return found
 
 
 def _torque_groups(
-    problem: Problem, linear: Linear, motion: Motion, curves: list[tuple[str, int | None, bool, Array]]
+    problem: Problem, linear: Linear, motion: Motion, curves: Sequence[_TorqueCurves]
 ) -> list[Group]:
     responses = _torque_responses(problem, linear)
     if responses is None:
@@ -160,16 +170,22 @@ def _inertia_groups(linear: Linear, motion: Motion) -> list[Group]:
     return [Group(PREFIX + "time (inertia)", steps[:, :, None] * group.columns[0][None])]
 
 
+def _gyro_over_speed(features: Features, forward: Array) -> list[Group]:
+    return _sensor_group(features, "gyro", "gyro over speed", GYRO * _hats(forward, 6))
+
+
 def _sensor_groups(features: Features, motion: Motion) -> list[Group]:
-    forward = motion.speed.mean(axis=1)
-    found = []
-    for role, covariate, curve, size in (
-        ("gyro", "gyro over speed", _hats(forward, 6), GYRO),
-        ("gyro", "gyro over time", _bent(_hats(motion.time, 8), motion.time), GYRO),
-        ("battery", "battery over time", _bent(_hats(motion.time, 8), motion.time), BATTERY),
-    ):
-        if role in features.roles:
-            columns = np.zeros((len(curve), *features.measured.shape))
-            columns[:, :, features.roles.index(role)] = size * curve
-            found.append(Group(PREFIX + covariate, columns))
-    return found
+    over_time = _bent(_hats(motion.time, 8), motion.time)
+    return [
+        *_sensor_group(features, "gyro", "gyro over time", GYRO * over_time),
+        *_sensor_group(features, "battery", "battery over time", BATTERY * over_time),
+    ]
+
+
+def _sensor_group(features: Features, role: str, covariate: str, curves: Array) -> list[Group]:
+    """Curves (count, bins) added to a sensor, if there is one."""
+    if role not in features.roles:
+        return []
+    columns = np.zeros((len(curves), *features.measured.shape))
+    columns[:, :, features.roles.index(role)] = curves
+    return [Group(PREFIX + covariate, columns)]

@@ -18,6 +18,7 @@ from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.gain import HeldOut
 from raccoon.diagnose.habits import problem_of, starting_settings
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
+from raccoon.diagnose.linear import linearise
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
@@ -87,8 +88,6 @@ def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:
 
 
 def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
-    from raccoon.diagnose.linear import linearise
-
     columns = make(2, seconds=6.0).columns
     real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     linear = linearise(real, real.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
@@ -97,6 +96,20 @@ def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
     time = real.features.time
     for straight in (np.ones_like(time), time - time.mean()):
         assert group.columns[:, :, channel] @ straight == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> None:
+    """Else it would explain that noise, and two curves that cancel otherwise would seem to act."""
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    noise = np.random.default_rng(3).normal(size=linear.residual.shape) * problem.features.floors
+    noisy = replace(problem, features=replace(problem.features, measured=problem.features.measured + noise))
+    for name in ("speed", "gyro over speed"):
+        clean, disturbed = (
+            next(each.columns for each in probes_for(one)(its) if each.name == f"unknown: {name}")
+            for one, its in ((problem, linear), (noisy, replace(linear, residual=linear.residual + noise)))
+        )
+        np.testing.assert_allclose(disturbed, clean, atol=1e-9)
+        assert np.abs(clean).max() > 0.0
 
 
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
