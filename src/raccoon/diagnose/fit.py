@@ -59,34 +59,58 @@ def unbound(problem: Problem, point: Point) -> NDArray[np.bool_]:
 
 
 SETTLED = 0.05
-"""Decrease of the cost in an iteration from which a fit has arrived."""
+"""Decrease of the cost, in an iteration or foretold for the next, from which a fit has arrived."""
+ROUGH = 1.0
+"""The same for a step that was foretold to help and did not: where wheels break loose the cost is rough."""
+STALLED = 0.1
+"""Part of what was foretold below which so small a decrease is no progress."""
+SHORTER = 0.3
+"""Part of a step that is tried next where the whole of it made things worse."""
 
 
 @dataclass(slots=True)
 class _Track:
-    """One start on its way: the best so far, where it goes next, how carefully, whether it has arrived."""
+    """One start on its way: the best so far, where it goes next, how carefully, whether it has arrived.
+
+    foretold: by how much the linear model says that the cost falls from the best to the trial.
+    """
 
     trial: Point
     best: Fit | None = None
     damping: float = 0.01
     arrived: bool = False
+    foretold: float = np.inf
 
     def consider(self, problem: Problem, fit: Fit) -> None:
-        if self.best is None or fit.cost < self.best.cost:
-            self.arrived = self.best is not None and self.best.cost - fit.cost < SETTLED
-            self.best = fit
-            self.damping = max(self.damping / 5.0, 1e-6)
-        else:
-            self.damping = min(self.damping * 8.0, 1e6)
-        self.trial = _step(problem, self.best, self.damping)
+        if self.best is not None and fit.cost >= self.best.cost:
+            self._shorten()
+            return
+        if self.best is not None:
+            decrease = self.best.cost - fit.cost
+            self.arrived = decrease < max(SETTLED, min(ROUGH, STALLED * self.foretold))
+        self.best = fit
+        self.damping = max(self.damping / 5.0, 1e-6)
+        self.trial, self.foretold = _step(problem, fit, self.damping)
+        self.arrived |= self.foretold < SETTLED
+
+    def _shorten(self) -> None:
+        assert self.best is not None
+        start = self.best.point.vector()
+        self.trial = self.best.point.moved(start + SHORTER * (self.trial.vector() - start))
+        self.foretold *= 1.0 - (1.0 - SHORTER) ** 2
+        self.damping = min(self.damping * 8.0, 1e6)
+        self.arrived = self.foretold < ROUGH
 
 
-def _step(problem: Problem, fit: Fit, damping: float) -> Point:
-    """Damped Gauss-Newton step, kept inside the bounds: a coordinate that would leave is held there."""
+def _step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
+    """Damped Gauss-Newton step, and the decrease of the cost that the linear model foretells.
+
+    It is kept inside the bounds: a coordinate that would leave is held there.
+    """
     vector = fit.point.vector()
     low, high = problem.limits(fit.point)
-    gram = fit.jacobian @ fit.jacobian.T + np.eye(len(vector))
-    gram += damping * np.diag(np.diag(gram))
+    plain = fit.jacobian @ fit.jacobian.T + np.eye(len(vector))
+    gram = plain + damping * np.diag(np.diag(plain))
     gradient = fit.jacobian @ fit.white - vector
     free = np.ones(len(vector), bool)
     step = np.zeros(len(vector))
@@ -98,7 +122,9 @@ def _step(problem: Problem, fit: Fit, damping: float) -> Point:
         if not out.any():
             break
         free &= ~out
-    return fit.point.moved(np.clip(vector + step, low, high))
+    moved = np.clip(vector + step, low, high)
+    step = moved - vector
+    return fit.point.moved(moved), float(2.0 * gradient @ step - step @ plain @ step)
 
 
 def fit_many(

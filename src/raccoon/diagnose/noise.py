@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -54,15 +55,28 @@ class NoiseModel:
         return len(self.coefficients)
 
     def whiten(self, signals: Array) -> Array:
-        """(..., n, c) -> (..., n, c); the first `order` bins have no past and become 0."""
-        innovation = signals.copy()
-        for lag, matrix in enumerate(self.coefficients, start=1):
-            innovation[..., lag:, :] -= signals[..., :-lag, :] @ matrix.T
-        innovation[..., : self.order, :] = 0.0
-        for regime, unmix in enumerate(self.unmix):
-            chosen = self.regimes == regime
-            innovation[..., chosen, :] = innovation[..., chosen, :] @ unmix.T
-        return np.asarray(innovation * self.weights[:, None], float)
+        """(..., n, c) -> (..., n, c); the first `order` bins have no past and become 0.
+
+        A bin and its past lie side by side in memory, so each bin takes one product for all signals.
+        """
+        bins, channels = signals.shape[-2:]
+        rows = np.ascontiguousarray(signals).reshape(-1, bins, channels)
+        whole = np.zeros_like(rows)
+        row, late, number = rows.strides[0], bins - self.order, rows.itemsize
+        past = as_strided(
+            rows,
+            (late, len(rows), (self.order + 1) * channels),
+            (channels * number, row, number),
+            writeable=False,
+        )
+        np.matmul(past, self._filters(), out=whole.transpose(1, 0, 2)[self.order :])
+        return whole.reshape(signals.shape)
+
+    def _filters(self) -> Array:
+        """What makes a white bin of a bin and its past, oldest first, (n - order, (order + 1) c, c)."""
+        lags = np.concatenate([*(-each.T for each in self.coefficients[::-1]), np.eye(self.unmix.shape[-1])])
+        regimes, weights = self.regimes[self.order :], self.weights[self.order :]
+        return np.asarray((lags @ self.unmix.transpose(0, 2, 1))[regimes] * weights[:, None, None], float)
 
 
 def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:

@@ -81,16 +81,18 @@ def whitener_for(
         noise = fit_noise(rest, ORDER, floors, regimes)
     noise = _less_at_jumps(problem, linear, noise)
     own = noise.whiten(linear.own[: len(problem.base)])
-    names = [each.name for each in linear.groups for _ in each.columns]
+    last = {each.name: place for place, each in enumerate(linear.groups)}
+    places = [place for place, each in enumerate(linear.groups) for _ in each.columns]
+    names = [linear.groups[place].name for place in places]
     columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
-    whole = faint_parts(names, own, noise.whiten(columns))[:, None, None] * columns
-    faint = np.split(whole, np.cumsum([len(each.columns) for each in linear.groups]))[: len(linear.groups)]
-    one = {each.name: columns for each, columns in zip(linear.groups, faint, strict=True)}  # of variants one
-    spread = sum(((each**2).sum(axis=0) for each in one.values()), ((wander * slow) ** 2).sum(axis=0))
-    nothing = faint if tolerant else []
+    white = noise.whiten(columns)
+    parts = faint_parts(names, own, white)[:, None, None]
+    one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
+    spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
     unnamed = [each.columns for each in extra if each.name in unknown]
-    directions = np.concatenate([wander * slow, *nothing, *unnamed])
-    return Whitener(noise, *_slow_directions(noise, directions), rest, spread)
+    more = noise.whiten(np.concatenate([wander * slow, *unnamed]))
+    directions = np.concatenate([more, parts * white] if tolerant else [more])
+    return Whitener(noise, *_slow_directions(directions), rest, spread)
 
 
 def faint_parts(names: Sequence[str], base: Array, columns: Array) -> Array:
@@ -185,10 +187,11 @@ def foreseen_error(gram: Array, white: Array, columns: Array, goal: Array, targe
     return error
 
 
-def _slow_directions(noise: NoiseModel, slow: Array) -> tuple[Array, Array]:
-    if len(slow) == 0:
+def _slow_directions(white: Array) -> tuple[Array, Array]:
+    """`Whitener.slow` and `Whitener.shrink` of whitened directions, (directions, bins, channels)."""
+    if len(white) == 0:
         return np.zeros((0, 0)), np.zeros(0)
-    rows = noise.whiten(slow).reshape(len(slow), -1).T
+    rows = white.reshape(len(white), -1).T
     powers, right = np.linalg.eigh(rows.T @ rows)
     strong = powers > FEEBLE
     left = rows @ (right[:, strong] / np.sqrt(powers[strong]))

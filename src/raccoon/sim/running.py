@@ -15,7 +15,7 @@ from raccoon.sim.quantities import Plant, State
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-FEW = 8  # robots up to which one after the other is faster
+FEW = 4  # robots up to which one after the other is faster
 
 
 @dataclass(frozen=True, slots=True, eq=False)

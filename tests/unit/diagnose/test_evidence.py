@@ -76,3 +76,15 @@ def test_a_bin_far_outside_counts_less() -> None:
     model = fit_noise(noise, 3, np.full(2, 1e-3), np.full(len(noise), STEADY))
     assert model.weights[2000] < 0.2
     assert np.median(model.weights) == 1.0
+
+
+def test_whitening_is_an_innovation_unmixed_by_its_regime() -> None:
+    regimes = np.repeat([0, 1, 2, 3], 500)
+    model = fit_noise(coloured(3, 2000), 3, np.full(2, 1e-6), regimes)
+    signals = np.random.default_rng(4).normal(size=(5, 2000, 2))
+    expected = np.zeros_like(signals)
+    for t in range(model.order, 2000):
+        past = sum(signals[:, t - k - 1] @ each.T for k, each in enumerate(model.coefficients))
+        expected[:, t] = model.weights[t] * (signals[:, t] - past) @ model.unmix[regimes[t]].T
+    np.testing.assert_allclose(model.whiten(signals), expected, atol=1e-12)
+    np.testing.assert_allclose(model.whiten(signals[0]), expected[0], atol=1e-12)
