@@ -190,12 +190,20 @@ def _largest(results: Sequence[Result]) -> str:
 
 def _worst(results: Sequence[Result]) -> str:
     main = [each["causes"] and hit(each["causes"][0], [next(iter(each["hidden"]))]) for each in results]
+    largest = [flag for flag, each in zip(main, results, strict=True) if _main_acts_most(each)]
     acting = [[name for name, size in each["alone"].items() if size > PRACTICAL] for each in results]
     wrong = [
         bool(each["causes"]) and not hit(each["causes"][0], names)
         for each, names in zip(results, acting, strict=True)
     ]
-    return f"main cause first {percent(map(bool, main))}, wrong {percent(wrong)}; {_many(results)}"
+    first = f"main cause first {percent(map(bool, main))}, where it acts most {percent(map(bool, largest))}"
+    return f"{first}, wrong {percent(wrong)}; {_many(results)}"
+
+
+def _main_acts_most(result: Result) -> bool:
+    """Whether the main cause is practically relevant, and a tenth of another no larger than it."""
+    sizes, main = result["alone"], next(iter(result["hidden"]))
+    return bool(sizes[main] > RELEVANT and sizes[main] >= max(sizes.values()))
 
 
 def _unknown(results: Sequence[Result]) -> str:

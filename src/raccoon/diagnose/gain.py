@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
 from raccoon.diagnose.noise import event_means
@@ -106,6 +107,28 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         kept[:2],
         np.sqrt(floor**2 + _spread(search, full)[start:].mean(axis=0)),
     )
+
+
+def contributions(search: Search) -> dict[str, float]:
+    """What each cause changes that base numbers, inside robot.toml's bounds, cannot absorb.
+
+    Root mean square over the recording and its channels, in units of what nothing explains.
+    """
+    problem, point = search.problem, search.fit.point
+    names = list(point.active)
+    outputs = problem.predict([point, *(point.without_cause(name) for name in names)])
+    floor = np.maximum(np.sqrt((search.whitener.rest**2).mean(axis=0)), problem.features.floors)
+    count = len(problem.base)
+    base = (search.linear.own[:count] / floor).reshape(count, -1)
+    low, high = problem.limits(Point(point.base))
+    gram = base @ base.T + 1e-9 * np.eye(count)
+    factor = np.linalg.cholesky(gram)
+    found = {}
+    for name, without in zip(names, outputs[1:], strict=True):
+        change = ((outputs[0] - without) / floor).ravel()
+        moved = lsq_linear(factor.T, np.linalg.solve(factor, base @ change), (low, high)).x
+        found[name] = float(np.sqrt(((change - moved @ base) ** 2).mean()))
+    return found
 
 
 def _spread(search: Search, fit: Fit) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.gain import HeldOut
+from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import Cause, Setting, Settings, places
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
@@ -40,10 +40,11 @@ NEEDS = {
 
 
 def named_causes(search: Search, judged: HeldOut) -> tuple[CauseResult, ...]:
-    """The causes of the final set, largest share of the held-out error first."""
+    """The causes of the final set, those first that change most; see `gain.contributions`."""
     covariance = coordinate_covariance(search)
     after = judged.overall(judged.after)
-    names = sorted(search.fit.point.active, key=lambda name: -_contribution(judged, name))
+    sizes = contributions(search)
+    names = sorted(sizes, key=lambda name: -sizes[name])
     found = []
     for rank, name in enumerate(names, start=1):
         cause = search.problem.causes[name]
@@ -57,10 +58,6 @@ def named_causes(search: Search, judged: HeldOut) -> tuple[CauseResult, ...]:
             )
         )  # fmt: skip
     return tuple(found)
-
-
-def _contribution(judged: HeldOut, name: str) -> float:
-    return judged.overall(judged.without[name])
 
 
 def coordinate_covariance(search: Search) -> Array:

@@ -15,7 +15,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import Fit, fit_point
-from raccoon.diagnose.gain import HeldOut
+from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.habits import problem_of, starting_settings
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.linear import linearise
@@ -110,6 +110,21 @@ def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> 
         )
         np.testing.assert_allclose(disturbed, clean, atol=1e-9)
         assert np.abs(clean).max() > 0.0
+
+
+def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
+    """A change of inertia within robot.toml's deviations is theirs; a latency is nobody else's."""
+    log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
+    real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    search = start_search(real, probes_for(real))
+    both = {"drive.inertia": np.array([0.05]), "actuation.latency": np.array([0.5])}
+    point = Point(np.zeros(len(real.base)), both)
+    found = contributions(replace(search, fit=replace(search.fit, point=point)))
+    changes = real.predict([point, *(point.without_cause(name) for name in both)])
+    floor = np.sqrt((search.whitener.rest**2).mean(axis=0))
+    whole = [np.sqrt((((changes[0] - each) / floor) ** 2).mean()) for each in changes[1:]]
+    assert found["drive.inertia"] < 0.5 * whole[0]
+    assert 0.5 * whole[1] < found["actuation.latency"] < whole[1]
 
 
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
