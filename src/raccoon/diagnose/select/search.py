@@ -38,6 +38,8 @@ MOST_CAUSES = 10
 FAR_BENT = 2.5
 """Standard deviations of robot.toml by which a base number is bent where causes may have gone unseen."""
 CLOSE = 3.0
+WEAK = 3.0
+"""Gates up to which a cause's worth, as the columns of the fit with it have it, is doubted."""
 
 
 def forward(search: Search) -> tuple[Search, bool]:
@@ -111,9 +113,7 @@ def backward(search: Search) -> tuple[Search, bool]:
     reference_held_out = held_out_score(settled)
     names = list(search.fit.point.active)
     for name in names:
-        less = search.fit.point.without_cause(name)
-        rows = _rows_without(search, name)
-        dropped = fit_many(search.problem, search.whitener, [less], search.fit.jacobian[rows], 3)[0]
+        dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = reference_held_out - held_out_score(dropped)
         fails = search.held_out[name] < HELD_OUT_GATE and search.gains[name] < SURE
@@ -121,6 +121,17 @@ def backward(search: Search) -> tuple[Search, bool]:
             search.failed[name] = "others explain it better together"
             return _accepted_less(search, name, dropped), True
     return search, False
+
+
+def _dropped(search: Search, settled: Fit, name: str) -> Fit:
+    """The fit without a cause; where it is worth little, all the others must have had their chance."""
+    problem, whitener, less = search.problem, search.whitener, search.fit.point.without_cause(name)
+    dropped = fit_many(problem, whitener, [less], search.fit.jacobian[_rows_without(search, name)], 3)[0]
+    gain = lead(problem, settled, dropped)
+    if not gate(name) < gain < WEAK * gate(name) or len(less.active) == 0:
+        return dropped
+    again = fit_point(problem, whitener, dropped.point)
+    return again if again.cost < dropped.cost else dropped
 
 
 def pruned(search: Search, harmful: str) -> Search:
