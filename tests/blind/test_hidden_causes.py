@@ -10,11 +10,12 @@ from blind.hidden import draw, draw_unknown
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.result import Diagnosis, Verdict
-from raccoon.diagnose.select.outlook import start_search
-from raccoon.diagnose.select.search import grown, rearranged
+from raccoon.diagnose.select.outlook import look_around, start_search
+from raccoon.diagnose.select.search import rearranged
 from raccoon.diagnose.unknown import probes_for
 
 
@@ -64,17 +65,19 @@ def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
     assert {each.name for each in hidden} <= names_of(said)
 
 
-def test_what_one_step_at_a_time_misses_is_found_together() -> None:
-    """More resistance of one motor beside other friction is a change of scale that others imitate."""
-    rng = np.random.default_rng(17)
-    causes = ("actuation.latency", "bemf.scale", "friction.coulomb", "motor.armature_resistance")
-    hidden = [draw(each, rng) for each in causes]
-    log = log_from_columns(make(17, hidden, seconds=25.0).columns, RobotConfig())
+def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
+    """Steps that add one cause at a time can end there: each of two wrong ones explains much."""
+    rng = np.random.default_rng(12)
+    hidden = [draw(each, rng) for each in ("actuation.latency", "motor.armature_resistance")]
+    log = log_from_columns(make(12, hidden, seconds=25.0).columns, RobotConfig())
     problem, _ = problem_of(log, RobotConfig(), drive_causes())
-    steps = grown(start_search(problem, probes_for(problem)))
-    assert "motor.armature_resistance@left" not in steps.fit.point.active
-    together, _ = rearranged(steps)
-    assert set(together.fit.point.active) == {each.name for each in hidden}
+    start = start_search(problem, probes_for(problem))
+    wrong = start.fit.point.with_cause("bemf.filter_lag", np.array([0.5]))
+    wrong = wrong.with_cause("drive.inertia", np.array([0.3]))
+    fit = fit_point(problem, start.whitener, wrong)
+    astray = look_around(problem, start.probes, fit.point, start.whitener)
+    found, _ = rearranged(astray)
+    assert set(found.fit.point.active) == {each.name for each in hidden}
 
 
 @pytest.mark.parametrize("cause", ["imu.latency", "friction.stiction"])

@@ -23,7 +23,7 @@ from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, FLOOR_GATE, gate
+from raccoon.diagnose.select.gates import ALONE_GATE, EVIDENCE_GATE, FLOOR_GATE, gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT, estimated, lead, start_search
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
@@ -65,6 +65,11 @@ def test_one_event_counts_for_little_and_many_for_much(problem: Problem) -> None
 def test_a_floor_must_be_beaten_by_more() -> None:
     assert gate("friction.coulomb@left") == gate("drive.slope") == FLOOR_GATE
     assert gate("friction.coulomb") == gate("imu.gyro_bias") == EVIDENCE_GATE < FLOOR_GATE
+    assert gate("drive.slope", alone=True) == FLOOR_GATE
+
+
+def test_the_only_cause_needs_less_than_one_beside_others() -> None:
+    assert gate("imu.gyro_bias", alone=True) == ALONE_GATE < gate("imu.gyro_bias")
 
 
 def test_a_variant_has_the_numbers_of_the_parameters_it_stands_for(problem: Problem) -> None:

@@ -76,7 +76,8 @@ def forward(search: Search) -> tuple[Search, bool]:
 
 def _gate(search: Search, name: str) -> float:
     """The gate; beside something unknown a cause must explain a fair part of what that explains."""
-    return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
+    alone = set(search.fit.point.active) <= {name}
+    return max(gate(name, alone=alone), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
 
 
 def ranking(
