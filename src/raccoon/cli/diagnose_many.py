@@ -124,8 +124,9 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
+    from raccoon.core.files import write_atomically
     from raccoon.diagnose.fleet import common_causes, fleet_dict, fleet_report
-    from raccoon.diagnose.result import Diagnosis, write_text
+    from raccoon.diagnose.result import Diagnosis
 
     found = _all(args, [job_of(args, path) for path in paths])
     names = _names(paths)
@@ -139,7 +140,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     print(fleet_report(results, causes))
     if args.json is not None:
         table = {**fleet_dict(results, causes), "failed": failed}
-        write_text(args.json, json.dumps(_finite(table), indent=1, allow_nan=False) + "\n")
+        write_atomically(args.json, json.dumps(_finite(table), indent=1, allow_nan=False) + "\n")
     if args.html is not None:
         from raccoon.diagnose.reports.html_fleet import save_fleet_html
 

@@ -7,9 +7,7 @@ What was replaced goes into `robot.history.toml` beside it.
 
 from __future__ import annotations
 
-import os
 import re
-import tempfile
 import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
@@ -20,6 +18,7 @@ from typing import Any
 
 from raccoon.core.config import Measured, parse_robot
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import write_atomically
 
 _HEADER = re.compile(r"^\s*\[(?!\[)\s*(?P<name>[^\]]+?)\s*\]\s*(#.*)?$")
 _ANY_HEADER = re.compile(r"^\s*\[")
@@ -88,21 +87,6 @@ def _number(value: float, digits: int = 8) -> str:
     """A float that TOML reads as a float."""
     text = repr(float(f"{value:.{digits}g}"))
     return text if any(mark in text for mark in ".e") else f"{text}.0"
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Replace a file's text in one step, keeping its permissions."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, path.stat().st_mode & 0o7777 if path.exists() else 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def _set_line(lines: list[str], table: str, name: str, value: str) -> None:

@@ -11,7 +11,6 @@ import hashlib
 import importlib.util
 import os
 import sys
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
@@ -19,6 +18,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from raccoon.core.files import write_atomically
 from raccoon.sim.lanes import lanes_text
 
 Advance = Callable[..., Any]
@@ -128,8 +128,5 @@ def cache_folder() -> Path:
 def _written(path: Path, text: str) -> Path:
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(temporary, path)
+        write_atomically(path, text)
     return path

@@ -8,8 +8,7 @@ parameters = { factor = 1.02 }
 
 from __future__ import annotations
 
-import os
-import tempfile
+import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
@@ -19,6 +18,7 @@ from typing import Any
 
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import write_atomically
 from raccoon.core.schema import Measured, refuse_unknown
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
@@ -70,16 +70,8 @@ def _with_entry(parameters: Parameters, entry: Mapping[str, Any]) -> Parameters:
 
 
 def save_model(parameters: Parameters, path: str | Path) -> None:
-    """Write a `model.toml`: a temporary file first, then renamed."""
-    path = Path(path)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(model_text(parameters))
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    """Write a `model.toml`, whole or not at all."""
+    write_atomically(Path(path), model_text(parameters))
 
 
 def model_text(parameters: Parameters) -> str:
@@ -98,12 +90,11 @@ def model_text(parameters: Parameters) -> str:
 
 
 def _sections(robot: RobotConfig) -> Iterator[tuple[str, Any]]:
-    named = {"motors": "motor", "tophats": "tophat"}
     for each in fields(robot):
         value = getattr(robot, each.name)
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping):  # motors, tophats, servos ...: one section each, in the singular
             for key, section in value.items():
-                yield f"{named[each.name]}.{key}", section
+                yield f"{each.name.removesuffix('s')}.{_key(str(key))}", section
         elif each.name == "model":
             for part in fields(value):
                 side = f"motor.{part.name}" if part.name in ("left", "right") else part.name
@@ -117,9 +108,15 @@ def _entries(section: Any) -> list[str]:
     return [f"{name} = {_shown(value)}" for name, value in values if value is not None]
 
 
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _shown(name)
+
+
 def _shown(value: object) -> str:
     if isinstance(value, Measured):
         return f"{{ {', '.join(_entries(value))} }}"
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{_key(str(key))} = {_shown(each)}' for key, each in value.items())} }}"
     if isinstance(value, tuple | list):
         return f"[{', '.join(_shown(each) for each in value)}]"
     if isinstance(value, bool):

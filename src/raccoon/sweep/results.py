@@ -13,13 +13,12 @@ import fcntl
 import io
 import json
 import math
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import write_atomically
 
 Row = dict[str, Any]
 ENDINGS = (".csv", ".parquet")
@@ -65,7 +64,7 @@ class Results:
     def finish(self) -> None:
         """Write all rows in the order of their runs, in place of those in the order of their ends."""
         if self.path == self._rows_path:
-            _write(self.path, self._all_lines())
+            write_atomically(self.path, self._all_lines())
         else:
             self._write_parquet()
             self._rows_path.unlink()
@@ -104,7 +103,7 @@ class Results:
             self.path.exists() and not self._rows_path.exists()
         ):  # a finished .parquet that shall get more rows
             self.rows = {row["run"]: row for row in read_results(self.path)}
-            _write(self._rows_path, self._all_lines())
+            write_atomically(self._rows_path, self._all_lines())
         file = self._rows_path.open("a+", encoding="utf-8", newline="")
         try:
             self._take_up(file)
@@ -118,7 +117,7 @@ class Results:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise ConfigError(f"{self.path}: another sweep is writing it") from None
-        _write(self._about_path, json.dumps(self.about, indent=1).encode())
+        write_atomically(self._about_path, json.dumps(self.about, indent=1).encode())
         file.seek(0)
         text = file.read()
         whole = text[: text.rfind("\n") + 1]
@@ -137,7 +136,7 @@ class Results:
         table = pyarrow.table(arrays).replace_schema_metadata({"raccoon.sweep": json.dumps(self.about)})
         sink = io.BytesIO()
         parquet.write_table(table, sink)
-        _write(self.path, sink.getvalue())
+        write_atomically(self.path, sink.getvalue())
         self._shown = len(rows)
 
 
@@ -201,18 +200,6 @@ def _pyarrow(path: Path) -> Any:
     except ImportError:
         raise ConfigError(f"{path}: Parquet needs pyarrow: pip install pyarrow, or choose .csv") from None
     return pyarrow
-
-
-def _write(path: Path, content: bytes) -> None:
-    """All of a file or nothing of it."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def _short(value: object) -> str:

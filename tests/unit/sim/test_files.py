@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig, parse_robot, template
 from raccoon.core.errors import ConfigError
 from raccoon.sim.chain import Chain
 from raccoon.sim.model_file import parse_model
@@ -33,6 +33,21 @@ def test_a_model_survives_the_way_to_disk_and_back(tmp_path: Path) -> None:
     model.save(tmp_path / "model.toml")
     assert Parameters.from_model_file(tmp_path / "model.toml") == model
     assert [each.name for each in tmp_path.iterdir()] == ["model.toml"]
+
+
+def test_a_model_of_every_section_that_a_robot_may_have_survives(tmp_path: Path) -> None:
+    """`raccoon init` writes a section of each kind, and teams keep what they do not use."""
+    servos = """
+        [servo."left claw"]
+        port = 1
+        positions_us = { open = 1200, "half shut" = 1500.5 }
+        [mechanism.lift]
+        motor = 3
+    """
+    for text in (template(), servos):
+        model = Parameters(parse_robot(tomllib.loads(text)), chain=Chain.firmware())
+        model.save(tmp_path / "model.toml")
+        assert Parameters.from_model_file(tmp_path / "model.toml") == model
 
 
 def test_models_and_tables_can_be_sent_to_other_processes() -> None:

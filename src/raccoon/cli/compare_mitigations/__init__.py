@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.core.files import write_atomically
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -59,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     text = markdown(cells, robots)
     print(text)
     if args.markdown is not None:
-        _write(args.markdown, text)
+        write_atomically(args.markdown, text)
     if args.plot is not None:
         draw(cells, tuple(robots), args.plot)
     return 0
@@ -103,11 +105,3 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
             raise ConfigError(f"--condition {name}: allowed are {', '.join(full)}")
     every = args.robots or (QUICK if args.quick else None)
     return {name: every or count for name, count in full.items() if name in (args.condition or full)}
-
-
-def _write(path: Path, text: str) -> None:
-    import os
-
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    partial.write_text(text, encoding="utf-8")
-    os.replace(partial, path)

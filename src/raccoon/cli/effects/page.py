@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import io
-import os
 from itertools import groupby
 from pathlib import Path
 
 from raccoon.cli.effects.listing import WHERE, neutral_text
 from raccoon.cli.effects.recordings import Comparison, comparison
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import write_atomically
 from raccoon.sim.effects import Effect, all_effects
 
 _HEAD = """# Effects
@@ -39,9 +39,9 @@ def write_page(folder: Path) -> int:
         sections.append(f"## {group}\n")
         for entry in members:
             shown = comparison(entry)
-            _write(pictures / f"{entry.id}.png", _picture(shown))
+            write_atomically(pictures / f"{entry.id}.png", _picture(shown))
             sections.append(_section(entry, shown))
-    _write(folder / "effects.md", "\n".join(sections).encode())
+    write_atomically(folder / "effects.md", "\n".join(sections).encode())
     return len(entries)
 
 
@@ -75,9 +75,3 @@ def _picture(shown: Comparison) -> bytes:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
-
-
-def _write(path: Path, data: bytes) -> None:
-    temporary = path.with_name(f".{path.name}.part")
-    temporary.write_bytes(data)
-    os.replace(temporary, path)

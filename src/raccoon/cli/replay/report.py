@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from raccoon.cli.replay.drive import COLUMNS, Drive
+from raccoon.core.files import write_atomically
 from raccoon.trace.pose_error import pooled
 
 SHOWN_PROBLEMS = 5
@@ -107,6 +107,4 @@ def _print_pooled(error: dict[str, float]) -> None:
 
 def write_json(results: dict[str, Any], path: Path) -> None:
     """The file appears whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(json.dumps(results, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(part, path)
+    write_atomically(path, json.dumps(results, indent=1, allow_nan=False) + "\n")

@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import write_atomically
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png
 from raccoon.diagnose.reports.terminal import UNKNOWABLE, VERDICTS, reasons, terminal_report, with_deviation
-from raccoon.diagnose.result import CauseResult, Diagnosis, write_text
+from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_CURVES = 6
 
@@ -18,7 +19,7 @@ __all__ = ["error_figure", "page", "save_html"]
 
 def save_html(diagnosis: Diagnosis, path: str | Path, title: str) -> None:
     """Write the report, atomically. Raises ConfigError where jinja2 or matplotlib is not installed."""
-    write_text(path, page(diagnosis, title))
+    write_atomically(Path(path), page(diagnosis, title))
 
 
 def page(diagnosis: Diagnosis, title: str) -> str:

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from raccoon.core.files import write_atomically
 from raccoon.diagnose.fleet import FleetCause, change_lines, fleet_numbers
 from raccoon.diagnose.reports.html import template
 from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
-from raccoon.diagnose.result import CauseResult, Diagnosis, write_text
+from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_PANELS = 8
 
@@ -33,7 +34,7 @@ def save_fleet_html(
         picture=png(fleet_figure(results, causes)) if causes else None,
         failed=failed or {},
     )
-    write_text(path, page)
+    write_atomically(Path(path), page)
 
 
 def _row(diagnosis: Diagnosis) -> dict[str, Any]:

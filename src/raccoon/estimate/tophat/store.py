@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import write_atomically
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 
 FORMAT = 1
@@ -88,16 +87,7 @@ class TophatStore:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         table = {"format": FORMAT, "calibrations": [asdict(each) for each in entries]}
         text = json.dumps(table, indent=1, allow_nan=False)
-        handle, name = tempfile.mkstemp(dir=self.path.parent, prefix=self.path.name, suffix=".tmp")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(name, self.path)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        write_atomically(self.path, text)
 
 
 def _entry(table: Mapping[str, Any]) -> StoredCalibration:
