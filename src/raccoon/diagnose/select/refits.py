@@ -79,7 +79,7 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     for (name, _), fit in zip(chosen, fits, strict=True):
         if name not in best or fit.evidence > best[name].evidence:
             best[name] = fit
-    for name in [each for each in best if _jumps(search, each)]:
+    for name in [each for each in best if jumps(search, each)]:
         best[name] = scanned(search, name)
     best = _polished(search, best)
     return sorted(best.items(), key=lambda each: -each[1].evidence)
@@ -96,7 +96,8 @@ def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
     return [(name, np.array([u])) for name in found for u in RELATIVES_STARTS]
 
 
-def _jumps(search: Search, name: str) -> bool:
+def jumps(search: Search, name: str) -> bool:
+    """Whether readings jump where a cause acts: no straight line says then what another size would do."""
     return any(each.jumps for each in search.problem.causes[name].coordinates)
 
 
@@ -111,7 +112,7 @@ def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
     The columns of base numbers are those of the point before; a cause that relieves them changes them.
     """
     leads = {name: lead(search.problem, fit, search.fit) for name, fit in fits.items()}
-    smooth = [name for name in fits if not _jumps(search, name)]
+    smooth = [name for name in fits if not jumps(search, name)]
     worth = sorted((name for name in smooth if leads[name] > WORTH_POLISHING), key=lambda name: -leads[name])
     worth = [name for name in worth[:POLISHED] if leads[name] > CLOSE_ENOUGH * leads[worth[0]]]
     if not strained(search.fit) or len(worth) < 2:

@@ -23,14 +23,13 @@ from raccoon.diagnose.select.outlook import (
     look_around,
     start_search,
 )
-from raccoon.diagnose.select.refits import SCALE, refit_candidates, strained
+from raccoon.diagnose.select.refits import SCALE, jumps, refit_candidates, strained
 
 Array = NDArray[np.float64]
 
 HELD_OUT_GATE = 2.0
 SURE = 30.0
-"""Log evidence, no event counting for much, from which a cause need not help on blocks left out: they are
-predicted by straight lines, which a large cause bends."""
+"""Log evidence, no event counting for much, from which a cause need not help on blocks left out."""
 PROBE_GATE = 14.0
 PROBE_LEAD = 1.3
 BESIDE_UNKNOWN = 0.33
@@ -60,7 +59,7 @@ def forward(search: Search) -> tuple[Search, bool]:
             search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
             continue
         held_out = held_out_score(fit) - reference_held_out
-        if held_out < HELD_OUT_GATE and gain < SURE:
+        if _fails_held_out(search, name, gain, held_out):
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
         rivals = [
@@ -78,6 +77,12 @@ def _gate(search: Search, name: str) -> float:
     """The gate; beside something unknown a cause must explain a fair part of what that explains."""
     alone = set(search.fit.point.active) <= {name}
     return max(gate(name, alone=alone), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
+
+
+def _fails_held_out(search: Search, name: str, gain: float, held_out: float) -> bool:
+    """Whether a cause must help on blocks left out and does not. They are predicted by straight lines, which
+    a large cause bends, and one that makes readings jump has none."""
+    return held_out < HELD_OUT_GATE and gain < SURE and not jumps(search, name)
 
 
 def ranking(
@@ -117,7 +122,7 @@ def backward(search: Search) -> tuple[Search, bool]:
         dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = reference_held_out - held_out_score(dropped)
-        fails = search.held_out[name] < HELD_OUT_GATE and search.gains[name] < SURE
+        fails = _fails_held_out(search, name, search.gains[name], search.held_out[name])
         if search.gains[name] < _gate(search, name) or fails:
             search.failed[name] = "others explain it better together"
             return _accepted_less(search, name, dropped), True
