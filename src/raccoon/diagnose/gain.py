@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
 from raccoon.diagnose.noise import event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.outlook import Search, steadied
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,8 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     problem = search.problem
     bins = len(problem.features.time)
     split = bins if other is not None else int(FITTED_PART * bins)
-    masked = Masked(search.whitener, split * problem.features.measured.shape[1])
+    rows = split * problem.features.measured.shape[1]
+    masked = Masked(steadied(search), rows)
     full = _refitted(problem, masked, search.fit.point)
     bare = _refitted(problem, masked, Point(np.zeros(len(problem.base))))
     names = list(search.fit.point.active)
@@ -105,7 +106,7 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         judged.features.time[start:],
         judged.features.measured[start:],
         kept[:2],
-        np.sqrt(floor**2 + _spread(search, full)[start:].mean(axis=0)),
+        np.sqrt(floor**2 + _spread(search, rows, full.point)[start:].mean(axis=0)),
     )
 
 
@@ -131,9 +132,11 @@ def contributions(search: Search) -> dict[str, float]:
     return found
 
 
-def _spread(search: Search, fit: Fit) -> Array:
-    """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of the fit."""
+def _spread(search: Search, rows: int, point: Point) -> Array:
+    """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of a fit of
+    the first rows."""
     own = search.linear.own
+    fit = fit_point(search.problem, Masked(search.whitener, rows), point, 1)
     covariance = np.linalg.inv(np.eye(len(own)) + fit.jacobian @ fit.jacobian.T)
     uncertain = np.einsum("ibc,ij,jbc->bc", own, covariance, own, optimize=True)
     return np.asarray(search.whitener.spread + uncertain, float)

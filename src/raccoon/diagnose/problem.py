@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -69,6 +69,11 @@ class Whitener:
     def without_slow(self) -> Whitener:
         """The same without slow friction."""
         return Whitener(self.noise, np.zeros((0, 0)), np.zeros(0), self.rest, self.spread)
+
+    def with_part(self, part: float) -> Whitener:
+        """The same with slow friction of a part of its size."""
+        variance = part**2 * (1.0 / (1.0 - self.shrink) ** 2 - 1.0)
+        return replace(self, shrink=1.0 - 1.0 / np.sqrt(1.0 + variance))
 
     def __call__(self, signals: Array) -> Array:
         """(..., bins, channels) -> (..., rows)."""

@@ -141,6 +141,19 @@ def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     assert (last.whitener.spread > 0.0).any()  # unseen data must still be allowed to be as wrong as that
 
 
+def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
+    """(1 + p^2 R R')^(-1/2), with R = U s V' of two columns."""
+    rng = np.random.default_rng(5)
+    columns = rng.normal(size=(40, 2))
+    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    noise = white_noise(np.ones(1), np.zeros(40, np.intp))
+    rest = np.zeros((40, 1))
+    whitener = Whitener(noise, left, 1.0 - 1.0 / np.sqrt(1.0 + sizes**2), rest, rest).with_part(0.3)
+    rows = rng.normal(size=(3, 40))
+    powers, vectors = np.linalg.eigh(np.eye(40) + 0.09 * columns @ columns.T)
+    np.testing.assert_allclose(whitener.slowed(rows), rows @ (vectors / np.sqrt(powers)) @ vectors.T)
+
+
 def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
     settings = neutral_settings(ROBOT)
     settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8

@@ -23,6 +23,8 @@ LEAST_OF_PROBE = 10.0
 PROBES_TRIED = 3
 NEARLY = 0.7
 """Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
+WANDER_PART = 0.15
+"""Part of the size of wandering friction that a last fit may use."""
 MOST_OF_EVENT = 4.0
 """Log evidence that half a second may give."""
 
@@ -106,10 +108,21 @@ def estimated(search: Search) -> Search:
     problem, extra = search.problem, search.probes(search.linear)
     unknown = tuple(search.unknown)
     whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
-    fit = fit_point(problem, whitener, search.fit.point)
+    search = replace(search, whitener=whitener)
+    fit = fit_point(problem, steadied(search), search.fit.point)
+    fit = fit_point(problem, whitener, fit.point, 1)
     residual = problem.features.measured - problem.predict([fit.point])[0]
     linear = replace(search.linear, residual=residual)
-    return replace(search, fit=fit, whitener=whitener, linear=linear)
+    return replace(search, fit=fit, linear=linear)
+
+
+def steadied(search: Search) -> Whitener:
+    """The noise of a last fit, which friction that wanders may explain only in part.
+
+    Wandering friction of its whole size also takes the constant part of a friction that is off. What is left
+    to decide the friction then are stops, whose form no model has quite right.
+    """
+    return search.whitener if search.unknown else search.whitener.with_part(WANDER_PART)
 
 
 Screened = list[tuple[float, Group, Array]]
