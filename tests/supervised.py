@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import select
+import signal
 import socket
 import subprocess
 import sys
@@ -61,9 +62,13 @@ class SupervisedBench:
 
     def start(self, *arguments: str, program: str = PROGRAM) -> subprocess.Popen[bytes]:
         """Start a program: PROGRAM with the number of its cycles, or ROBOT_PROGRAM."""
-        started = subprocess.Popen(
-            [sys.executable, "-c", program, self.path, *arguments], stderr=subprocess.PIPE
-        )
+        before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored under nohup, and then by children too
+        try:
+            started = subprocess.Popen(
+                [sys.executable, "-c", program, self.path, *arguments], stderr=subprocess.PIPE
+            )
+        finally:
+            signal.signal(signal.SIGHUP, before)
         self.programs.append(started)
         return started
 
