@@ -201,7 +201,7 @@ def _worst(results: Sequence[Result]) -> str:
 
 
 def _main_acts_most(result: Result) -> bool:
-    """Whether the main cause is practically relevant, and a tenth of another no larger than it."""
+    """Whether the main cause is practically relevant and none of the background acts more."""
     sizes, main = result["alone"], next(iter(result["hidden"]))
     return bool(sizes[main] > RELEVANT and sizes[main] >= max(sizes.values()))
 

@@ -159,3 +159,8 @@ def fit_afresh(problem: Problem, whitener: Whitening, starts: Sequence[Point], i
 def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 6) -> Fit:
     """Fit everything from one start, all columns simulated in every iteration, until it has arrived."""
     return fit_afresh(problem, whitener, [start], iterations)[0]
+
+
+def fit_at(problem: Problem, whitener: Whitening, point: Point) -> Fit:
+    """The point as it is, with its columns, under a whitener."""
+    return fit_point(problem, whitener, point, 1)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
 from raccoon.diagnose.noise import event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search, steadied
@@ -96,7 +96,7 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     kept = residual[:, split:] if other is None else residual
     rms = np.sqrt((kept**2).mean(axis=1))
     rest = search.whitener.rest[split:] if other is None else search.whitener.rest
-    floor = np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors)
+    floor = _floor(problem, rest)
     start = split if other is None else 0
     return HeldOut(
         rms[0],
@@ -118,7 +118,7 @@ def contributions(search: Search) -> dict[str, float]:
     problem, point = search.problem, search.fit.point
     names = list(point.active)
     outputs = problem.predict([point, *(point.without_cause(name) for name in names)])
-    floor = np.maximum(np.sqrt((search.whitener.rest**2).mean(axis=0)), problem.features.floors)
+    floor = _floor(problem, search.whitener.rest)
     count = len(problem.base)
     base = (search.linear.own[:count] / floor).reshape(count, -1)
     low, high = problem.limits(Point(point.base))
@@ -132,11 +132,16 @@ def contributions(search: Search) -> dict[str, float]:
     return found
 
 
+def _floor(problem: Problem, rest: Array) -> Array:
+    """Root mean square by channel of what nothing explains (bins, channels), not below a reading's own."""
+    return np.asarray(np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors), float)
+
+
 def _spread(search: Search, rows: int, point: Point) -> Array:
     """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of a fit of
     the first rows."""
     own = search.linear.own
-    fit = fit_point(search.problem, Masked(search.whitener, rows), point, 1)
+    fit = fit_at(search.problem, Masked(search.whitener, rows), point)
     covariance = np.linalg.inv(np.eye(len(own)) + fit.jacobian @ fit.jacobian.T)
     uncertain = np.einsum("ibc,ij,jbc->bc", own, covariance, own, optimize=True)
     return np.asarray(search.whitener.spread + uncertain, float)

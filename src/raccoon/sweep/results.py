@@ -117,7 +117,7 @@ class Results:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             raise ConfigError(f"{self.path}: another sweep is writing it") from None
-        write_atomically(self._about_path, json.dumps(self.about, indent=1).encode())
+        write_atomically(self._about_path, json.dumps(self.about, indent=1))
         file.seek(0)
         text = file.read()
         whole = text[: text.rfind("\n") + 1]

@@ -41,7 +41,7 @@ def write_page(folder: Path) -> int:
             shown = comparison(entry)
             write_atomically(pictures / f"{entry.id}.png", _picture(shown))
             sections.append(_section(entry, shown))
-    write_atomically(folder / "effects.md", "\n".join(sections).encode())
+    write_atomically(folder / "effects.md", "\n".join(sections))
     return len(entries)
 
 

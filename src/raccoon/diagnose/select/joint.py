@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.fit import Fit, fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit import Fit, fit_afresh, fit_at, fit_many, fit_point
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
@@ -65,7 +65,7 @@ def better_set(search: Search) -> Fit | None:
 def explains_more(search: Search, other: Search) -> float:
     """Log evidence of what one search found over what another did, each less its gates, under the other's
     noise. Their simulators may differ."""
-    fit = fit_point(search.problem, other.whitener, search.fit.point, 1)
+    fit = fit_at(search.problem, other.whitener, search.fit.point)
     return _lead(other, fit, other.fit)
 
 

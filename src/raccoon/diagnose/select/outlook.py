@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, cross_validated
-from raccoon.diagnose.fit import Fit, fit_point
+from raccoon.diagnose.fit import Fit, fit_at, fit_point
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
@@ -109,8 +109,8 @@ def estimated(search: Search) -> Search:
     unknown = tuple(search.unknown)
     whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
     search = replace(search, whitener=whitener)
-    fit = fit_point(problem, steadied(search), search.fit.point)
-    fit = fit_point(problem, whitener, fit.point, 1)
+    point = fit_point(problem, steadied(search), search.fit.point).point
+    fit = fit_at(problem, whitener, point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
     linear = replace(search.linear, residual=residual)
     return replace(search, fit=fit, linear=linear)
