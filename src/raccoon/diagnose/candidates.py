@@ -57,6 +57,10 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
 }
 
 
+ROUGH = ("actuation.latency", "imu.latency", "drive.backlash", "motor.current_limit")
+"""Effects that shift the moment of something by whole steps of a clock, or let wheels touch and part: their
+response is a staircase seen closely."""
+ROUGH_STEP = 0.05
 MOST_UNEVEN = 0.95
 """Friction that differs more by direction would push."""
 DEAD_ZONE_STEP = 0.25
@@ -68,7 +72,7 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
     first = entry.parameters[0]
     width = WIDTH_FACTOR * first.prior_width
     if id == "motor.current_limit":
-        coordinate = Coordinate("motor.current_limit.limit", (), lambda u: u, low=0.0, high=5.0)
+        coordinate = Coordinate(f"{id}.limit", (), lambda u: u, low=0.0, high=5.0, step=ROUGH_STEP)
         guesses: tuple[Points, ...] = tuple(((u,),) for u in _GUESSES[id])
         return Cause(id, where, (coordinate,), guesses, lambda s, u: _limit(s, where, u))
     if id == "drive.wheel_eccentricity":
@@ -85,11 +89,16 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
         return Cause(id, where, coordinates, (((0.5, 0.0), (0.0, 0.5)),))
     if first.name == "factor":
         return Cause(id, where, (multiplied(id, where, width),), (((0.5,),),))
+    if id == "friction.coulomb":
+        usual = RobotConfig().model.friction.coulomb.value
+        return Cause(id, where, (multiplied(id, where, width / usual, parameter="torque"),), (((0.5,),),))
     low = 0.0 if first.neutral == 0.0 and first.bounds.low == 0.0 else -math.inf
     guesses = tuple(((u,),) for u in _GUESSES.get(id, (0.5,)))
     coordinate = added(id, where, first.name, width, low=low)
     if id == "bemf.dead_zone":
         coordinate = replace(coordinate, step=DEAD_ZONE_STEP, jumps=True)
+    if id in ROUGH:
+        coordinate = replace(coordinate, step=ROUGH_STEP)
     return Cause(id, where, (coordinate,), guesses)
 
 

@@ -29,7 +29,8 @@ WIDTH_FACTOR = 2.0
 class Coordinate:
     """One number u. settings: what it moves; each gets `value(u)` added, or multiplied where `factor`.
 
-    step: in u, over which columns are taken. jumps: whether readings jump where it acts, so that a column is
+    step: in u, over which columns are taken. Small: where wheels break loose the response has kinks, and
+    columns over longer steps do not add up to nothing along directions in which nothing changes. jumps: whether readings jump where it acts, so that a column is
     also how uncertain they are there.
     """
 
@@ -39,7 +40,7 @@ class Coordinate:
     factor: bool = False
     low: float = -math.inf
     high: float = math.inf
-    step: float = 0.05
+    step: float = 0.001
     jumps: bool = False
 
     def apply(self, settings: Settings, u: float) -> None:
@@ -135,10 +136,11 @@ def multiplied(
     width: float,
     low: float = -math.inf,
     high: float = math.inf,
+    parameter: str = "factor",
 ) -> Coordinate:
-    """A coordinate whose u multiplies an effect's factor by exp(u widths)."""
-    keys = tuple((id, place, "factor") for place in places(id, where))
-    return Coordinate(f"{id}.factor", keys, lambda u: math.exp(width * u), True, low, high)
+    """A coordinate whose u multiplies an effect's parameter by exp(u widths)."""
+    keys = tuple((id, place, parameter) for place in places(id, where))
+    return Coordinate(f"{id}.{parameter}", keys, lambda u: math.exp(width * u), True, low, high)
 
 
 def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordinate, ...]:
@@ -165,7 +167,13 @@ def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordi
         times("drive.wheel_radius", side, model.drive.wheel_radius)
         port = robot.drive.left if side == "left" else robot.drive.right
         plus("bemf.offset", side, "counts", robot.motor(port).bemf_offset or model.bemf.offset)
-    plus("friction.coulomb", None, "torque", model.friction.coulomb)
+    coulomb = model.friction.coulomb
+    if coulomb.std > 0.0 and coulomb.value > 0.0:
+        found.append(
+            multiplied("friction.coulomb", None, coulomb.std / coulomb.value, -inside, inside, "torque")
+        )
+    else:
+        plus("friction.coulomb", None, "torque", coulomb)
     plus("friction.viscous", None, "coefficient", model.friction.viscous)
     plus("bemf.filter_lag", None, "time_constant", model.bemf.filter_time_constant)
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)

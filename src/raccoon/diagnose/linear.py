@@ -94,20 +94,21 @@ def slow_friction(problem: Problem, linear: Linear) -> Array:
     hats = np.maximum(0.0, 1.0 - np.abs(time[None, :] - knots[:, None]) / FLOOR_GRID)
     course = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / FLOOR_SECONDS)).T @ hats
     torque = problem.neutral[("friction.coulomb", "left", "torque")]
-    width = problem.causes["friction.coulomb@left"].coordinates[0].value(1.0)
-    columns = []
-    for name in ("friction.coulomb@left", "friction.coulomb@right"):
-        response = _response(linear, name)
-        if response is not None:
-            columns.append(course[:, :, None] * response[None] * (torque / width))
+    responses = [coulomb_response(problem, linear, side) for side in ("left", "right")]
+    columns = [course[:, :, None] * (torque * each)[None] for each in responses if each is not None]
     return np.concatenate(columns) if columns else np.zeros((0, *linear.residual.shape))
 
 
-def _response(linear: Linear, name: str) -> Array | None:
-    for each in linear.groups:
-        if each.name == name:
-            return np.asarray(each.columns[0], float)
-    return None
+def coulomb_response(problem: Problem, linear: Linear, side: str) -> Array | None:
+    """Response to one N m of Coulomb friction at a wheel; None where it is already a cause."""
+    name = f"friction.coulomb@{side}"
+    group = next((each for each in linear.groups if each.name == name), None)
+    if group is None:
+        return None
+    key = ("friction.coulomb", side, "torque")
+    moved = problem.settings(linear.point.with_cause(name, np.array(group.start)))
+    torque = moved[key] - problem.settings(linear.point)[key]
+    return np.asarray(group.columns[0] * (group.start[0] / torque), float)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from raccoon.diagnose.rollout import Rollout
 
 Array = NDArray[np.float64]
 
-BASE_STEP = 0.25
+BASE_STEP = 0.005
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.features import BIN, Features
-from raccoon.diagnose.linear import Group, Linear
+from raccoon.diagnose.linear import Group, Linear, coulomb_response
 from raccoon.diagnose.problem import Problem
 
 Array = NDArray[np.float64]
@@ -151,14 +151,8 @@ def _torque_groups(
 
 def _torque_responses(problem: Problem, linear: Linear) -> tuple[Array, Array] | None:
     """Responses to one N m of Coulomb friction at the left and at the right wheel."""
-    found = []
-    for side in ("left", "right"):
-        name = f"friction.coulomb@{side}"
-        group = next((each for each in linear.groups if each.name == name), None)
-        if group is None:
-            return None
-        found.append(group.columns[0] / problem.causes[name].coordinates[0].value(1.0))
-    return found[0], found[1]
+    left, right = (coulomb_response(problem, linear, side) for side in ("left", "right"))
+    return None if left is None or right is None else (left, right)
 
 
 def _inertia_groups(linear: Linear, motion: Motion) -> list[Group]:
