@@ -57,7 +57,7 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
 }
 
 
-ROUGH = ("actuation.latency", "imu.latency", "drive.backlash", "motor.current_limit")
+ROUGH = ("actuation.latency", "imu.latency", "drive.backlash")
 """Effects that shift the moment of something by whole steps of a clock, or let wheels touch and part: their
 response is a staircase seen closely."""
 ROUGH_STEP = 0.05
@@ -72,7 +72,7 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
     first = entry.parameters[0]
     width = WIDTH_FACTOR * first.prior_width
     if id == "motor.current_limit":
-        coordinate = Coordinate(f"{id}.limit", (), lambda u: u, low=0.0, high=5.0, step=ROUGH_STEP)
+        coordinate = Coordinate(f"{id}.limit", (), lambda u: u, low=0.0, high=5.0)
         guesses: tuple[Points, ...] = tuple(((u,),) for u in _GUESSES[id])
         return Cause(id, where, (coordinate,), guesses, lambda s, u: _limit(s, where, u))
     if id == "drive.wheel_eccentricity":

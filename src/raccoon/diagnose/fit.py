@@ -64,6 +64,8 @@ ROUGH = 1.0
 """The same for a step that was foretold to help and did not: where wheels break loose the cost is rough."""
 STALLED = 0.1
 """Part of what was foretold below which so small a decrease is no progress."""
+FARTHEST = 2.0
+"""Most by which a step is lengthened where columns turned out too steep, as kinks make them."""
 SHORTER = 0.3
 """Part of a step that is tried next where the whole of it made things worse."""
 
@@ -85,12 +87,18 @@ class _Track:
         if self.best is not None and fit.cost >= self.best.cost:
             self._shorten()
             return
+        reach = 1.0
         if self.best is not None:
             decrease = self.best.cost - fit.cost
             self.arrived = decrease < max(SETTLED, min(ROUGH, STALLED * self.foretold))
+            reach = _reach(decrease / max(self.foretold, SETTLED))
         self.best = fit
         self.damping = max(self.damping / 5.0, 1e-6)
         self.trial, self.foretold = _step(problem, fit, self.damping)
+        if reach > 1.0:
+            start = fit.point.vector()
+            far = start + reach * (self.trial.vector() - start)
+            self.trial = fit.point.moved(np.clip(far, *problem.limits(fit.point)))
         self.arrived |= self.foretold < SETTLED
 
     def _shorten(self) -> None:
@@ -100,6 +108,14 @@ class _Track:
         self.foretold *= 1.0 - (1.0 - SHORTER) ** 2
         self.damping = min(self.damping * 8.0, 1e6)
         self.arrived = self.foretold < ROUGH
+
+
+def _reach(ratio: float) -> float:
+    """By how much to lengthen the next step after one that lowered the cost `ratio` times as foretold.
+
+    Where columns are c times too steep, steps are c times too short and the ratio is 2 - 1/c.
+    """
+    return float(np.clip(1.0 / max(2.0 - ratio, 1e-9), 1.0, FARTHEST))
 
 
 def _step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:

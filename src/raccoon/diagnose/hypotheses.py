@@ -30,8 +30,8 @@ class Coordinate:
     """One number u. settings: what it moves; each gets `value(u)` added, or multiplied where `factor`.
 
     step: in u, over which columns are taken. Small: where wheels break loose the response has kinks, and
-    columns over longer steps do not add up to nothing along directions in which nothing changes. jumps: whether readings jump where it acts, so that a column is
-    also how uncertain they are there.
+    columns over longer steps do not add up to nothing along directions in which nothing changes.
+    jumps: whether readings jump where it acts, so that a column is also how uncertain they are there.
     """
 
     name: str

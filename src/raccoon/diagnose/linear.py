@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -31,12 +31,16 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Linear:
-    """target = residual + columns at the working point times its coordinates, all raw (bins, channels)."""
+    """target = residual + columns at the working point times its coordinates, all raw (bins, channels).
+
+    acting: what each cause that is on changes.
+    """
 
     point: Point
     residual: Array
     own: Array
     groups: tuple[Group, ...]
+    acting: dict[str, Array] = field(default_factory=dict)
 
     @property
     def target(self) -> Array:
@@ -54,8 +58,10 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str]) -> Linear:
         cause = problem.causes[name]
         guesses.extend((name, index, u) for index, variant in enumerate(cause.variants) for u in variant)
     points = [point, *points, *(point.with_cause(name, np.array(u)) for name, _, u in guesses)]
-    outputs = problem.predict(points)
-    centre = outputs[0]
+    less = [point.without_cause(name) for name in point.active]
+    outputs = problem.predict([*points, *less])
+    centre, without = outputs[0], outputs[len(points) :]
+    outputs = outputs[: len(points)]
     count = len(steps)
     own = (outputs[1 : count + 1] - centre) / steps[:, None, None]
     groups: dict[tuple[str, int], list[tuple[Array, tuple[float, ...]]]] = {}
@@ -67,6 +73,7 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str]) -> Linear:
         problem.features.measured - centre,
         own,
         tuple(_group(problem, name, found) for (name, _), found in groups.items()),
+        {name: centre - each for name, each in zip(point.active, without, strict=True)},
     )
 
 

@@ -10,6 +10,7 @@ the others.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -40,12 +41,19 @@ CREEP = 0.15
 """Part of the largest reading of a wheel: below it stick and slip rule."""
 CHANGE = 0.03
 """Change of a wheel's reading in a bin, of its largest: above it the wheel speeds up or brakes."""
-FAINT = 0.012
+FAINT = 0.006
 """Error, in units of the noise, that any model has in the direction of any effect: no evidence of it."""
-NEGLIGIBLE = 0.025
+NEGLIGIBLE = 0.0125
 """Most of that, as a part of the effect's width."""
-UNEVEN = {"friction.direction_dependent": 1.5}
-"""No floor and no gear is as even as a model: factors on what is negligible."""
+FORM_ERRORS = {
+    "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
+    "bemf.offset": 0.5, "drive.wheel_eccentricity": 0.5, "drive.wheel_radius": 0.5, "drive.track_width": 0.5,
+}  # fmt: skip
+"""Factors on both. No floor and no gear is as even as a model; a reading's own error is known exactly."""
+FORM_SHARE = 0.005
+"""Of the response to a cause, its error of form in the direction of any other effect."""
+WORST = 2.5
+"""Most by which that raises what is faint."""
 FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
 FEEBLE = 0.02
 """Variance, in units of the noise, below which a direction is left out: it would change nothing."""
@@ -86,7 +94,7 @@ def whitener_for(
     names = [linear.groups[place].name for place in places]
     columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
     white = noise.whiten(columns)
-    parts = faint_parts(names, own, white)[:, None, None]
+    parts = faint_parts(names, own, white, _acting(linear, noise))[:, None, None]
     one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
     spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
     unnamed = [each.columns for each in extra if each.name in unknown]
@@ -95,19 +103,30 @@ def whitener_for(
     return Whitener(noise, *_slow_directions(directions), rest, spread)
 
 
-def faint_parts(names: Sequence[str], base: Array, columns: Array) -> Array:
+def _acting(linear: Linear, noise: NoiseModel) -> float:
+    """Root mean square of the whitened response to the causes that are on and have a form to be wrong in."""
+    inexact = [each for name, each in linear.acting.items() if _form_error(name) >= 1.0]
+    return math.sqrt(sum(float((noise.whiten(each) ** 2).mean()) for each in inexact))
+
+
+def faint_parts(names: Sequence[str], base: Array, columns: Array, acting: float = 0.0) -> Array:
     """The part of each whitened column that no model is expected to get right, (columns,).
 
     names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
-    under their unit priors.
+    under their unit priors. acting: root mean square of the response to the causes that are on.
     """
+    worse = min(math.hypot(1.0, FORM_SHARE * acting / FAINT), WORST)
     size = int(np.prod(columns.shape[1:]))
     plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
     cross = rows @ plain.T
     absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
     rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / size)
-    most = NEGLIGIBLE * np.array([UNEVEN.get(name.partition("@")[0], 1.0) for name in names])
-    return np.asarray(np.minimum(most, FAINT / rms), float)
+    form = np.array([_form_error(name) for name in names])
+    return np.asarray(form * worse * np.minimum(NEGLIGIBLE, FAINT / rms), float)
+
+
+def _form_error(name: str) -> float:
+    return next((factor for start, factor in FORM_ERRORS.items() if name.startswith(start)), 1.0)
 
 
 def _less_at_jumps(problem: Problem, linear: Linear, noise: NoiseModel) -> NoiseModel:

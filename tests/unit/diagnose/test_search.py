@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,20 +15,22 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.fit import Fit, fit_point
+from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_point
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.habits import problem_of, starting_settings
-from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import WIDTH_FACTOR, base_coordinates, neutral_settings
 from raccoon.diagnose.linear import linearise
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
-from raccoon.diagnose.select.gates import ALONE_GATE, EVIDENCE_GATE, FLOOR_GATE, gate
+from raccoon.diagnose.select.gates import ALONE_GATE, EVIDENCE_GATE, FLOOR_GATE, SLOPE_GATE, gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT, estimated, lead, start_search
+from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
+from raccoon.sim.effects import effect
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers
 from raccoon.sim.rollout import rollout
@@ -63,9 +66,9 @@ def test_one_event_counts_for_little_and_many_for_much(problem: Problem) -> None
 
 
 def test_a_floor_must_be_beaten_by_more() -> None:
-    assert gate("friction.coulomb@left") == gate("drive.slope") == FLOOR_GATE
-    assert gate("friction.coulomb") == gate("imu.gyro_bias") == EVIDENCE_GATE < FLOOR_GATE
-    assert gate("drive.slope", alone=True) == FLOOR_GATE
+    assert gate("friction.coulomb@left") == FLOOR_GATE
+    assert gate("friction.coulomb") == gate("imu.gyro_bias") == EVIDENCE_GATE < SLOPE_GATE < FLOOR_GATE
+    assert gate("drive.slope", alone=True) == gate("drive.slope") == SLOPE_GATE
 
 
 def test_the_only_cause_needs_less_than_one_beside_others() -> None:
@@ -90,6 +93,47 @@ def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:
     start = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
     fit = fit_point(problem, whitener, start)
     assert fit.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
+
+
+def test_columns_add_up_to_nothing_where_nothing_changes(problem: Problem) -> None:
+    """Resistance s times, inertia and friction 1/s times: the wheels turn as before, kinks and all."""
+    names = ("motor.armature_resistance", "drive.inertia", "friction.coulomb", "friction.viscous")
+    resistance, *others = (CAUSES[name].coordinates[0] for name in names)
+    logarithms = [float(np.log(each.value(1.0))) for each in (resistance, *others[:2])]
+    viscous = problem.neutral[("friction.viscous", "left", "coefficient")] / others[2].value(1.0)
+    battery = next(i for i, each in enumerate(problem.base) if "internal_resistance" in each.name)
+    inner = problem.neutral[("battery.internal_resistance", None, "resistance")]
+    point = problem.nominal()
+    for name in names:
+        point = point.with_cause(name, np.zeros(1))
+    linear = linearise(problem, point, [])
+    along = np.zeros(len(linear.own))
+    along[battery] = inner / problem.base[battery].value(1.0)
+    along[len(problem.base) :] = [
+        1.0 / logarithms[0], -1.0 / logarithms[1], -1.0 / logarithms[2], -viscous
+    ]  # fmt: skip
+    parts = along[:, None, None] * linear.own / problem.features.floors
+    wheels = [index for index, role in enumerate(problem.features.roles) if role.startswith("bemf")]
+    largest = max(float(np.abs(each[:, wheels]).max()) for each in parts)
+    assert np.abs(parts.sum(axis=0)[:, wheels]).max() < 0.02 * largest
+
+
+def test_steps_are_lengthened_as_much_as_columns_are_too_steep() -> None:
+    steepness = np.array([1.0, 1.25, 1.6])
+    ratios = 2.0 - 1.0 / steepness  # of a parabola whose curvature is overestimated that many times
+    np.testing.assert_allclose([_reach(each) for each in ratios], steepness)
+    assert _reach(0.3) == 1.0
+    assert _reach(5.0) == FARTHEST
+
+
+def test_what_would_show_shows_in_nearly_every_recording() -> None:
+    power = 300.0
+    said = re.search(r"about ([\d.]+) N m", shows_from("friction.coulomb", power))
+    assert said is not None
+    u = float(said[1]) / (WIDTH_FACTOR * effect("friction.coulomb").parameters[0].prior_width)
+    evidence = 0.5 * (power * u**2 - np.log1p(power))
+    chance = np.random.default_rng(1).normal(evidence, np.sqrt(power) * u, 20000)
+    assert (chance > EVIDENCE_GATE).mean() == pytest.approx(0.99, abs=0.01)
 
 
 def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:

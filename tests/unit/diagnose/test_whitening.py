@@ -7,7 +7,7 @@ import pytest
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.noise import EVENT
-from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, faint_parts, foreseen_error
+from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, WORST, faint_parts, foreseen_error
 
 BINS, CHANNELS = 6 * EVENT, 2
 
@@ -51,6 +51,13 @@ def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
     weak = 0.1 * rng.standard_normal((1, 400, CHANNELS))
     size = float(np.sqrt((strong**2).mean()))
     assert faint_parts(["actuation.latency"], base, strong)[0] == pytest.approx(FAINT / size)
-    assert faint_parts(["imu.gyro_bias"], base, weak)[0] == pytest.approx(NEGLIGIBLE)
+    assert faint_parts(["drive.inertia"], base, weak)[0] == pytest.approx(NEGLIGIBLE)
+    assert faint_parts(["imu.gyro_bias"], base, weak)[0] < NEGLIGIBLE  # a reading's own error is known
+    assert faint_parts(["drive.slope"], base, weak)[0] > NEGLIGIBLE  # no floor is as even as a model
+    beside = faint_parts(["actuation.latency"], base, strong, acting=2.0)[0]
+    assert beside > faint_parts(["actuation.latency"], base, strong)[0]  # what acts has a form error too
+    assert faint_parts(["actuation.latency"], base, strong, acting=1e9)[0] == pytest.approx(
+        WORST * FAINT / size
+    )
     absorbed = faint_parts(["actuation.latency"], strong, strong)[0]
     assert absorbed > faint_parts(["actuation.latency"], base, strong)[0]  # base numbers do most of it

@@ -159,9 +159,11 @@ def merged(search: Search) -> Search:
             continue
         rows = [row for row in _rows_without(search, name) if row not in search.table.active[other]]
         less = search.fit.point.without_cause(name).without_cause(other)
-        start = less.with_cause(whole, 0.5 * (active[name] + active[other]))
+        sizes = (0.5 * (active[name] + active[other]), active[name], active[other])
+        starts = [less.with_cause(whole, each) for each in sizes]
         apart = _settled(search)
-        both = fit_many(search.problem, search.whitener, [start], search.fit.jacobian[rows], 4)[0]
+        fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
+        both = max(fits, key=lambda fit: lead(search.problem, fit, apart))
         if lead(search.problem, both, apart) > -gate(whole):  # one cause less must be justified
             return merged(_accepted_less(search, other, both))
     return search

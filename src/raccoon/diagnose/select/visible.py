@@ -9,6 +9,8 @@ from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects import effect
 
+SURELY = 2.33
+"""Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""
 VISIBLE = 20.0
 """Evidence (2 log likelihood) that a deviation of one width must make to be called visible."""
 
@@ -34,13 +36,15 @@ def visibility(search: Search) -> dict[str, float]:
 
 
 def shows_from(id_: str, power: float) -> str:
-    """The smallest deviation that would be named, in words.
+    """The smallest deviation that would be named in all but one of a hundred recordings, in words.
 
-    power: evidence of one width; u widths make a log evidence of (power u^2 - log(1 + power)) / 2.
+    power: evidence of one width. With s = u sqrt(power), u widths make a log evidence that is normal with
+    mean (s^2 - log(1 + power)) / 2 and standard deviation s.
     """
     if power <= 0.0:
         return ""
-    u = math.sqrt((2.0 * gate(id_) + math.log1p(power)) / power)
+    surely = SURELY + math.sqrt(SURELY**2 + 2.0 * gate(id_) + math.log1p(power))
+    u = surely / math.sqrt(power)
     parameter = effect(id_).parameters[0]
     width = WIDTH_FACTOR * parameter.prior_width
     if parameter.name == "factor":
