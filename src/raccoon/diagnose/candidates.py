@@ -61,6 +61,7 @@ ROUGH = ("actuation.latency", "imu.latency", "drive.backlash")
 """Effects that shift the moment of something by whole steps of a clock, or let wheels touch and part: their
 response is a staircase seen closely."""
 ROUGH_STEP = 0.05
+"""Of them, so that several stairs are in it."""
 MOST_UNEVEN = 0.95
 """Friction that differs more by direction would push."""
 DEAD_ZONE_STEP = 0.25
@@ -91,7 +92,8 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
         return Cause(id, where, (multiplied(id, where, width),), (((0.5,),),))
     if id == "friction.coulomb":
         usual = RobotConfig().model.friction.coulomb.value
-        return Cause(id, where, (multiplied(id, where, width / usual, parameter="torque"),), (((0.5,),),))
+        share = replace(multiplied(id, where, width / usual, parameter="torque"), from_zero=width)
+        return Cause(id, where, (share,), (((0.5,),),))
     low = 0.0 if first.neutral == 0.0 and first.bounds.low == 0.0 else -math.inf
     guesses = tuple(((u,),) for u in _GUESSES.get(id, (0.5,)))
     coordinate = added(id, where, first.name, width, low=low)

@@ -29,6 +29,7 @@ WIDTH_FACTOR = 2.0
 class Coordinate:
     """One number u. settings: what it moves; each gets `value(u)` added, or multiplied where `factor`.
 
+    from_zero: what u = 1 adds instead to a setting of 0, which no factor moves.
     step: in u, over which columns are taken. Small: where wheels break loose the response has kinks, and
     columns over longer steps do not add up to nothing along directions in which nothing changes.
     jumps: whether readings jump where it acts, so that a column is also how uncertain they are there.
@@ -42,12 +43,18 @@ class Coordinate:
     high: float = math.inf
     step: float = 0.001
     jumps: bool = False
+    from_zero: float = 0.0
 
     def apply(self, settings: Settings, u: float) -> None:
         """Move the settings."""
         change = self.value(u)
         for key in self.settings:
-            settings[key] = settings[key] * change if self.factor else settings[key] + change
+            if not self.factor:
+                settings[key] += change
+            elif settings[key] != 0.0:
+                settings[key] *= change
+            else:
+                settings[key] = max(self.from_zero * u, 0.0)
 
 
 Points = tuple[tuple[float, ...], ...]

@@ -118,6 +118,21 @@ def test_columns_add_up_to_nothing_where_nothing_changes(problem: Problem) -> No
     assert np.abs(parts.sum(axis=0)[:, wheels]).max() < 0.02 * largest
 
 
+def test_friction_is_found_where_robot_toml_has_none() -> None:
+    cause = CAUSES["friction.coulomb"]
+    settings = neutral_settings(ROBOT)
+    usual = settings[("friction.coulomb", "left", "torque")]
+    cause.apply(settings, [1.0])
+    assert settings[("friction.coulomb", "left", "torque")] > usual
+    for side in ("left", "right"):
+        settings[("friction.coulomb", side, "torque")] = 0.0
+    cause.apply(settings, [1.0])
+    width = WIDTH_FACTOR * effect("friction.coulomb").parameters[0].prior_width
+    assert settings[("friction.coulomb", "right", "torque")] == pytest.approx(width)
+    cause.apply(none := {**settings, ("friction.coulomb", "left", "torque"): 0.0}, [-1.0])
+    assert none[("friction.coulomb", "left", "torque")] == 0.0
+
+
 def test_steps_are_lengthened_as_much_as_columns_are_too_steep() -> None:
     steepness = np.array([1.0, 1.25, 1.6])
     ratios = 2.0 - 1.0 / steepness  # of a parabola whose curvature is overestimated that many times

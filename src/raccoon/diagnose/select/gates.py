@@ -8,6 +8,7 @@ ALONE_GATE = 6.0
 FLOOR_GATE = 15.0
 """For what a real floor imitates in ways that no noise model holds: it differs by direction and by wheel."""
 SLOPE_GATE = 11.0
+"""A floor imitates it less well than it does those: the robot turns on it."""
 FLOOR_LIKE = ("friction.direction_dependent", "friction.coulomb@", "friction.viscous@")
 
 
