@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_afresh, fit_many
 from raccoon.diagnose.linear import Group
+from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
 from raccoon.diagnose.select.scan import scanned
 from raccoon.diagnose.select.sets import overlap
@@ -22,6 +23,8 @@ SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb", "fric
 TURN = ("imu.gyro_scale", "motor.back_emf_constant")
 """Turn rate over back-EMF = gyro scale r / (b K_E); the other twins are the gyro's."""
 FAMILIES = (SCALE, TURN)
+LAGS = (("imu.latency", "drive.wheel_slip"), ("actuation.latency", "bemf.filter_lag"))
+"""Causes that delay the same readings; the parameter of each is a time."""
 RELATIVES_STARTS = (-0.6, 0.6)
 STRAINED = 1.5
 """Standard deviations of robot.toml by which a base number is bent where something large is missing."""
@@ -71,12 +74,14 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     """True refits of the most promising causes, best evidence first, one a cause."""
     chosen = [(group.name, first_guess(search, group, mean)) for _, group, mean in candidates(search)]
     chosen.extend(_relatives(search, [name for name, _ in chosen]))
-    if not chosen:
+    named = [(name, search.fit.point.with_cause(name, u)) for name, u in chosen]
+    named.extend(_shared(search))
+    if not named:
         return []
-    starts = [search.fit.point.with_cause(name, u) for name, u in chosen]
+    starts = [start for _, start in named]
     fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4)
     best: dict[str, Fit] = {}
-    for (name, _), fit in zip(chosen, fits, strict=True):
+    for (name, _), fit in zip(named, fits, strict=True):
         if name not in best or fit.evidence > best[name].evidence:
             best[name] = fit
     for name in [each for each in best if jumps(search, each)]:
@@ -94,6 +99,26 @@ def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
     found = [each for each in found if each in search.problem.causes]
     found = [each for each in found if each not in search.fit.point.active]
     return [(name, np.array([u])) for name in found for u in RELATIVES_STARTS]
+
+
+def _shared(search: Search) -> list[tuple[str, Point]]:
+    """A lag that is on, half of it given to each other lag in the same reading.
+
+    Two lags d and e in a row act as one of d + e but for terms of the second order, so no straight line from
+    the one points to the two.
+    """
+    point, causes = search.fit.point, search.problem.causes
+    found = []
+    for family in LAGS:
+        for name in (each for each in point.active if each in family):
+            (own,) = causes[name].coordinates
+            half = 0.5 * point.active[name]
+            for other in family:
+                if other in causes and not any(overlap(other, each) for each in point.active):
+                    (coordinate,) = causes[other].coordinates
+                    u = half * own.value(1.0) / coordinate.value(1.0)
+                    found.append((other, point.with_cause(name, half).with_cause(other, u)))
+    return found
 
 
 def jumps(search: Search, name: str) -> bool:
