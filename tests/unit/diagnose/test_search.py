@@ -15,17 +15,18 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_point
+from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_at, fit_point
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.habits import problem_of, starting_settings
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR, base_coordinates, neutral_settings
-from raccoon.diagnose.linear import linearise
+from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
 from raccoon.diagnose.select.gates import ALONE_GATE, EVIDENCE_GATE, FLOOR_GATE, SLOPE_GATE, gate
-from raccoon.diagnose.select.outlook import MOST_OF_EVENT, estimated, lead, start_search
+from raccoon.diagnose.select.outlook import MOST_OF_EVENT, Search, estimated, lead, start_search
+from raccoon.diagnose.select.refits import shared_lags
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
@@ -131,6 +132,25 @@ def test_friction_is_found_where_robot_toml_has_none() -> None:
     assert settings[("friction.coulomb", "right", "torque")] == pytest.approx(width)
     cause.apply(none := {**settings, ("friction.coulomb", "left", "torque"): 0.0}, [-1.0])
     assert none[("friction.coulomb", "left", "torque")] == 0.0
+
+
+def test_half_of_a_lag_is_given_to_another_of_the_same_readings(problem: Problem) -> None:
+    point = problem.nominal().with_cause("imu.latency", np.array([0.8]))
+    only = replace(problem, causes={name: CAUSES[name] for name in ("imu.latency", "drive.wheel_slip")})
+    noise = white_noise(problem.features.floors, np.zeros(len(problem.features.time), np.intp))
+    still = np.zeros_like(problem.features.measured)
+    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), still, still)
+    linear = linearise(only, point, [])
+    table, plain = tabulate(linear, [], whitener, len(problem.base))
+    search = Search(
+        only, probes_for(only), fit_at(only, whitener, point), whitener, linear, table, plain
+    )  # fmt: skip
+    ((name, start),) = shared_lags(search)
+    assert name == "drive.wheel_slip"
+    seconds = only.settings(start)
+    whole = only.settings(point)[("imu.latency", None, "seconds")]
+    assert seconds[("imu.latency", None, "seconds")] == pytest.approx(whole / 2.0)
+    assert seconds[("drive.wheel_slip", "left", "time")] == pytest.approx(whole / 2.0)
 
 
 def test_steps_are_lengthened_as_much_as_columns_are_too_steep() -> None:

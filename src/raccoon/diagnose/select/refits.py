@@ -75,7 +75,7 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     chosen = [(group.name, first_guess(search, group, mean)) for _, group, mean in candidates(search)]
     chosen.extend(_relatives(search, [name for name, _ in chosen]))
     named = [(name, search.fit.point.with_cause(name, u)) for name, u in chosen]
-    named.extend(_shared(search))
+    named.extend(shared_lags(search))
     if not named:
         return []
     starts = [start for _, start in named]
@@ -101,7 +101,7 @@ def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
     return [(name, np.array([u])) for name in found for u in RELATIVES_STARTS]
 
 
-def _shared(search: Search) -> list[tuple[str, Point]]:
+def shared_lags(search: Search) -> list[tuple[str, Point]]:
     """A lag that is on, half of it given to each other lag in the same reading.
 
     Two lags d and e in a row act as one of d + e but for terms of the second order, so no straight line from
