@@ -32,6 +32,9 @@ SURE = 30.0
 """Log evidence, no event counting for much, from which a cause need not help on blocks left out."""
 PROBE_GATE = 14.0
 PROBE_LEAD = 1.3
+"""Times the evidence of the best cause, no event limited, from which a probe goes before it."""
+PROBE_FAR = 1.5
+"""The same for leads: a cause with a few large moments right, and the rest of the drive not, is none."""
 BESIDE_UNKNOWN = 0.33
 MOST_CAUSES = 10
 FAR_BENT = 2.5
@@ -52,7 +55,9 @@ def forward(search: Search) -> tuple[Search, bool]:
     reference_held_out = held_out_score(settled)
     probe = best_probe(search)
     known = refits[0][1].evidence - settled.evidence if refits else 0.0
-    if probe.lead > PROBE_GATE and probe.evidence > PROBE_LEAD * max(known, 0.0):
+    far_ahead = probe.evidence > PROBE_LEAD * max(known, 0.0)
+    far_ahead |= probe.lead > PROBE_FAR * max((gain for _, _, gain in ranked), default=0.0)
+    if probe.lead > PROBE_GATE and far_ahead:
         return _with_unknown(search, probe), True
     for name, fit, gain in ranked:
         if gain < _gate(search, name):
