@@ -47,7 +47,7 @@ NEGLIGIBLE = 0.0125
 """Most of that, as a part of the effect's width."""
 FORM_ERRORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
-    "bemf.offset": 0.5, "drive.wheel_eccentricity": 0.5, "drive.wheel_radius": 0.5, "drive.track_width": 0.5,
+    "bemf.offset": 0.5, "drive.wheel_eccentricity": 0.5, "drive.track_width": 0.5,
 }  # fmt: skip
 """Factors on both. No floor and no gear is as even as a model; a reading's own error is known exactly."""
 FORM_SHARE = 0.005

@@ -24,7 +24,7 @@ from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
-from raccoon.diagnose.select.gates import ALONE_GATE, EVIDENCE_GATE, FLOOR_GATE, SLOPE_GATE, gate
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, FLOOR_GATE, SLOPE_GATE, gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT, Search, estimated, lead, start_search
 from raccoon.diagnose.select.refits import shared_lags
 from raccoon.diagnose.select.visible import shows_from
@@ -69,11 +69,7 @@ def test_one_event_counts_for_little_and_many_for_much(problem: Problem) -> None
 def test_a_floor_must_be_beaten_by_more() -> None:
     assert gate("friction.coulomb@left") == FLOOR_GATE
     assert gate("friction.coulomb") == gate("imu.gyro_bias") == EVIDENCE_GATE < SLOPE_GATE < FLOOR_GATE
-    assert gate("drive.slope", alone=True) == gate("drive.slope") == SLOPE_GATE
-
-
-def test_the_only_cause_needs_less_than_one_beside_others() -> None:
-    assert gate("imu.gyro_bias", alone=True) == ALONE_GATE < gate("imu.gyro_bias")
+    assert gate("drive.slope") == SLOPE_GATE
 
 
 def test_a_variant_has_the_numbers_of_the_parameters_it_stands_for(problem: Problem) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 EVIDENCE_GATE = 8.0
-ALONE_GATE = 6.0
-"""For the only cause. Beside others, what their equations get wrong looks like one more."""
 FLOOR_GATE = 15.0
 """For what a real floor imitates in ways that no noise model holds: it differs by direction and by wheel."""
 SLOPE_GATE = 11.0
@@ -12,10 +10,10 @@ SLOPE_GATE = 11.0
 FLOOR_LIKE = ("friction.direction_dependent", "friction.coulomb@", "friction.viscous@")
 
 
-def gate(name: str, *, alone: bool = False) -> float:
-    """Log evidence from which a cause is named; alone: whether no other is."""
+def gate(name: str) -> float:
+    """Log evidence from which a cause is named."""
     if name.startswith(FLOOR_LIKE):
         return FLOOR_GATE
     if name == "drive.slope":
         return SLOPE_GATE
-    return ALONE_GATE if alone else EVIDENCE_GATE
+    return EVIDENCE_GATE

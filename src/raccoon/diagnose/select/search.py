@@ -80,8 +80,7 @@ def forward(search: Search) -> tuple[Search, bool]:
 
 def _gate(search: Search, name: str) -> float:
     """The gate; beside something unknown a cause must explain a fair part of what that explains."""
-    alone = set(search.fit.point.active) <= {name}
-    return max(gate(name, alone=alone), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
+    return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
 
 
 def _fails_held_out(search: Search, name: str, gain: float, held_out: float) -> bool:
