@@ -55,17 +55,19 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "motor.current_limit": (0.5, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),
 }
+# Longer steps where the response, seen closely, is a staircase: effects that shift the moment of something
+# by whole steps of a clock, or let wheels touch and part. A dead zone's is what readings scatter when they
+# cross it.
+_STEPS: Mapping[str, float] = {
+    "actuation.latency": 0.05,
+    "imu.latency": 0.05,
+    "drive.backlash": 0.05,
+    "bemf.dead_zone": 0.25,
+}
 
 
-ROUGH = ("actuation.latency", "imu.latency", "drive.backlash")
-"""Effects that shift the moment of something by whole steps of a clock, or let wheels touch and part: their
-response is a staircase seen closely."""
-ROUGH_STEP = 0.05
-"""Of them, so that several stairs are in it."""
 MOST_UNEVEN = 0.95
 """Friction that differs more by direction would push."""
-DEAD_ZONE_STEP = 0.25
-"""Of a dead zone's width, 20 counts: as much as readings scatter when they cross it."""
 
 
 def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
@@ -97,10 +99,7 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
     low = 0.0 if first.neutral == 0.0 and first.bounds.low == 0.0 else -math.inf
     guesses = tuple(((u,),) for u in _GUESSES.get(id, (0.5,)))
     coordinate = added(id, where, first.name, width, low=low)
-    if id == "bemf.dead_zone":
-        coordinate = replace(coordinate, step=DEAD_ZONE_STEP, jumps=True)
-    if id in ROUGH:
-        coordinate = replace(coordinate, step=ROUGH_STEP)
+    coordinate = replace(coordinate, step=_STEPS.get(id, coordinate.step), jumps=id == "bemf.dead_zone")
     return Cause(id, where, (coordinate,), guesses)
 
 

@@ -85,7 +85,7 @@ class _Track:
 
     def consider(self, problem: Problem, fit: Fit) -> None:
         if self.best is not None and fit.cost >= self.best.cost:
-            self._shorten()
+            self._shorten(problem)
             return
         reach = 1.0
         if self.best is not None:
@@ -96,15 +96,17 @@ class _Track:
         self.damping = max(self.damping / 5.0, 1e-6)
         self.trial, self.foretold = _step(problem, fit, self.damping)
         if reach > 1.0:
-            start = fit.point.vector()
-            far = start + reach * (self.trial.vector() - start)
-            self.trial = fit.point.moved(np.clip(far, *problem.limits(fit.point)))
+            self._scale_step(problem, reach)
         self.arrived |= self.foretold < SETTLED
 
-    def _shorten(self) -> None:
+    def _scale_step(self, problem: Problem, factor: float) -> None:
         assert self.best is not None
         start = self.best.point.vector()
-        self.trial = self.best.point.moved(start + SHORTER * (self.trial.vector() - start))
+        end = start + factor * (self.trial.vector() - start)
+        self.trial = self.best.point.moved(np.clip(end, *problem.limits(self.best.point)))
+
+    def _shorten(self, problem: Problem) -> None:
+        self._scale_step(problem, SHORTER)
         self.foretold *= 1.0 - (1.0 - SHORTER) ** 2
         self.damping = min(self.damping * 8.0, 1e6)
         self.arrived = self.foretold < ROUGH

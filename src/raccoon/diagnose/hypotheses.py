@@ -162,9 +162,9 @@ def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordi
         if number.std > 0.0:
             found.append(added(id, where, parameter, number.std, low=-inside, high=inside))
 
-    def times(id: str, where: str | None, number: Measured) -> None:  # noqa: A002
+    def times(id: str, where: str | None, number: Measured, parameter: str = "factor") -> None:  # noqa: A002
         if number.std > 0.0:
-            found.append(multiplied(id, where, number.std / number.value, low=-inside, high=inside))
+            found.append(multiplied(id, where, number.std / number.value, -inside, inside, parameter))
 
     plus("battery.open_circuit_voltage", None, "voltage", model.battery.open_circuit_voltage)
     plus("battery.internal_resistance", None, "resistance", model.battery.internal_resistance)
@@ -174,13 +174,10 @@ def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordi
         times("drive.wheel_radius", side, model.drive.wheel_radius)
         port = robot.drive.left if side == "left" else robot.drive.right
         plus("bemf.offset", side, "counts", robot.motor(port).bemf_offset or model.bemf.offset)
-    coulomb = model.friction.coulomb
-    if coulomb.std > 0.0 and coulomb.value > 0.0:
-        found.append(
-            multiplied("friction.coulomb", None, coulomb.std / coulomb.value, -inside, inside, "torque")
-        )
+    if model.friction.coulomb.value > 0.0:
+        times("friction.coulomb", None, model.friction.coulomb, "torque")
     else:
-        plus("friction.coulomb", None, "torque", coulomb)
+        plus("friction.coulomb", None, "torque", model.friction.coulomb)
     plus("friction.viscous", None, "coefficient", model.friction.viscous)
     plus("bemf.filter_lag", None, "time_constant", model.bemf.filter_time_constant)
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -40,7 +40,7 @@ class Linear:
     residual: Array
     own: Array
     groups: tuple[Group, ...]
-    acting: dict[str, Array] = field(default_factory=dict)
+    acting: dict[str, Array]
 
     @property
     def target(self) -> Array:

@@ -7,13 +7,14 @@ FLOOR_GATE = 15.0
 """For what a real floor imitates in ways that no noise model holds: it differs by direction and by wheel."""
 SLOPE_GATE = 11.0
 """A floor imitates it less well than it does those: the robot turns on it."""
-FLOOR_LIKE = ("friction.direction_dependent", "friction.coulomb@", "friction.viscous@")
+_GATES = {
+    "friction.direction_dependent": FLOOR_GATE,
+    "friction.coulomb@": FLOOR_GATE,
+    "friction.viscous@": FLOOR_GATE,
+    "drive.slope": SLOPE_GATE,
+}
 
 
 def gate(name: str) -> float:
     """Log evidence from which a cause is named."""
-    if name.startswith(FLOOR_LIKE):
-        return FLOOR_GATE
-    if name == "drive.slope":
-        return SLOPE_GATE
-    return EVIDENCE_GATE
+    return next((its for start, its in _GATES.items() if name.startswith(start)), EVIDENCE_GATE)
