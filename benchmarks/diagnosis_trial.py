@@ -48,6 +48,8 @@ LEADING = {
     "time", "counts", "rate", "rate_per_second", "limit", "duty", "time_constant", "gain", "amplitude",
 }  # fmt: skip
 """Parameters that are compared with the truth (not asymmetry and slope, which are pairs)."""
+COASTING = 1.0 / 150.0
+"""s, of the blind plant's wheels inside their backlash."""
 _ONE = {
     "voc": ("battery.open_circuit_voltage", "voltage"), "rint": ("battery.internal_resistance", "resistance"),
     "discharge": ("battery.discharge", "volts_per_coulomb"), "scrub": ("drive.turn_scrub", "torque"),
@@ -79,6 +81,7 @@ _FACTORS = {
 def true_settings(robot: Mapping[str, float]) -> Settings:
     """The blind plant's numbers as settings of the package's simulator."""
     settings = neutral_settings(RobotConfig())
+    _set(settings, "drive.backlash", "coasting", None, COASTING)
     for plant, value in robot.items():
         stem, _, side = plant.rpartition("_")
         if stem in _FACTORS:

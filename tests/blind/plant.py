@@ -136,7 +136,8 @@ def simulate(
     out = np.zeros((n, 9))
     w, z, angle = np.zeros(2), np.zeros(2), np.zeros(2)
     heat_fast, heat_slow = np.zeros(2), np.zeros(2)
-    roll, load_angle, torque, current = np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2)
+    roll, load, load_angle = np.zeros(2), np.zeros(2), np.zeros(2)
+    torque, current = np.zeros(2), np.zeros(2)
     window, filtered, position = np.zeros((2, 3)), np.zeros(2), np.zeros(2)
     reported = np.zeros(2)
     x = y = heading = charge = draw = 0.0
@@ -193,16 +194,19 @@ def simulate(
                 gain = mean - half if side == 0 else mean + half
                 w[side] += dt * gain
                 angle[side] += dt * w[side]
-                rolling = w[side] - slip * gain
+                slipped = slip * gain
                 if backlash > 0.0:
                     gap = angle[side] - load_angle[side]
                     push = max(abs(gap) - 0.5 * backlash, 0.0) * np.sign(gap)
-                    roll[side] += dt * CONTACT_RATE**2 * push
-                    slack = 2.0 * CONTACT_RATE * (roll[side] - w[side]) if push != 0.0 else 150.0 * roll[side]
-                    roll[side] -= dt * slack
-                    load_angle[side] += dt * roll[side]
+                    load[side] += dt * CONTACT_RATE**2 * push
+                    touches = push != 0.0
+                    damped = 2.0 * CONTACT_RATE * (load[side] - w[side]) if touches else 0.0
+                    load[side] -= dt * (damped + 150.0 * load[side])  # the floor brakes it always
+                    load_angle[side] += dt * load[side]
+                    slipped = slipped if touches else 0.0  # a free wheel does not push the floor
                 else:
-                    roll[side] = rolling
+                    load[side] = w[side]
+                roll[side] = load[side] - slipped
             rim_l = radius[0] * (1.0 + ecc[0] * np.sin(angle[0] + ecc_phase[0])) * roll[0]
             rim_r = radius[1] * (1.0 + ecc[1] * np.sin(angle[1] + ecc_phase[1])) * roll[1]
             rate = (rim_r - rim_l) / track

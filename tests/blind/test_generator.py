@@ -57,3 +57,12 @@ def test_every_hidden_cause_changes_the_recording(cause: str) -> None:
     assert any(
         not np.array_equal(clean.columns[each], damaged.columns[each], equal_nan=True) for each in names
     )
+
+
+def test_a_wheel_with_play_slips_as_well() -> None:
+    """Causes that act together must all be in the recording, or finding them would be luck."""
+    play = draw("drive.backlash", np.random.default_rng(1))
+    slip = draw("drive.wheel_slip", np.random.default_rng(2))
+    alone, both = (make(2, hidden, noise=QUIET, seconds=8.0) for hidden in ([play], [play, slip]))
+    gyro = [np.nan_to_num(each.columns["imu.gyro.z"]) for each in (alone, both)]
+    assert np.abs(gyro[1] - gyro[0]).max() > 0.1

@@ -41,6 +41,7 @@ SHAPE_RANGE = 1.6
 # Effects whose second parameter bends the curve: where the fits of that parameter start, and its width in the
 # logarithm.
 _SHAPES: Mapping[str, tuple[float, tuple[float, ...]]] = {
+    "drive.backlash": (1.0, (0.01,)),
     "friction.stiction": (0.7, (0.2, 0.5, 1.0)),
     "motor.heating": (0.7, (6.0, 18.0)),
 }
@@ -148,7 +149,12 @@ def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
         low=-SHAPE_RANGE,
         high=SHAPE_RANGE,
     )
-    guesses = tuple(((0.7, math.log(start / centre) / log_width),) for start in starts)
+    first, second = (replace(each, step=_STEPS.get(id, each.step)) for each in (first, second))
+    guesses = tuple(
+        ((size, math.log(start / centre) / log_width),)
+        for size in _GUESSES.get(id, (0.7,))
+        for start in starts
+    )
     return Cause(id, where, (first, second), guesses, joint)
 
 

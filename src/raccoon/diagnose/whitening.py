@@ -57,6 +57,8 @@ WORST = 2.5
 FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
 FEEBLE = 0.02
 """Variance, in units of the noise, below which a direction is left out: it would change nothing."""
+SHOWN = 0.003
+"""Part of a direction's variance that noise must make for other half seconds to foresee it."""
 
 
 def whitener_for(
@@ -200,10 +202,24 @@ def foreseen_error(gram: Array, white: Array, columns: Array, goal: Array, targe
         end = min(start + EVENT, bins)
         rows = slice(start * channels, end * channels)
         part = turned[:, rows]
-        pull = np.linalg.solve(np.eye(part.shape[1]) - part.T @ part, rest[rows])
+        pull = _pulled(np.eye(part.shape[1]) - part.T @ part, rest[rows])
         others = vectors @ (mean - part @ pull)
         error[start:end] = target[start:end] - np.tensordot(others, columns[:, start:end], axes=1)
     return error
+
+
+def _pulled(unforeseen: Array, rest: Array) -> Array:
+    """(1 - X_b C X_b')^-1 times the rest, where the other half seconds say anything.
+
+    A direction that only this half second shows is not foreseen by the others at all. A wheel that slips and
+    stops gives one: a reading jumps there if a number moves by next to nothing. Its rest tells no noise.
+    """
+    try:
+        np.linalg.cholesky(unforeseen - SHOWN * np.eye(len(rest)))
+    except np.linalg.LinAlgError:
+        shares, vectors = np.linalg.eigh(unforeseen)
+        return np.asarray(vectors @ ((vectors.T @ rest) / np.maximum(shares, SHOWN)), float)
+    return np.asarray(np.linalg.solve(unforeseen, rest), float)
 
 
 def _slow_directions(white: Array) -> tuple[Array, Array]:

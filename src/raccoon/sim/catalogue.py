@@ -112,7 +112,10 @@ _DRIVE = (
     Effect(
         "drive.backlash",
         "The gears have play: after a reversal the motor turns before the wheel does.",
-        (Parameter("angle", "rad", 0.0, Bounds(0.0, 1.0), 0.05),),
+        (
+            Parameter("angle", "rad", 0.0, Bounds(0.0, 1.0), 0.05),
+            Parameter("coasting", "s", None, Bounds(0.0, 1.0), 0.01, 0.0),
+        ),
         Place.SIDE,
     ),
     Effect(

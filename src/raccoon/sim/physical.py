@@ -83,6 +83,7 @@ def _chassis_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
     phase = sides.of("drive.wheel_eccentricity", "phase")
     return (
         *(0.5 * each for each in sides.of("drive.backlash", "angle")),
+        *sides.of("drive.backlash", "coasting"),
         *sides.of("drive.wheel_slip", "time"),
         value("drive.turn_scrub", "torque"),
         *(drive.wheel_radius.value * each for each in sides.of("drive.wheel_radius", "factor")),

@@ -15,6 +15,8 @@ class State(NamedTuple):
     acceleration_right: float
     play_left: float  # rad, where the gear is in its backlash
     play_right: float
+    wheel_left: float  # rad/s, behind the gear
+    wheel_right: float
     forward_speed: float  # m/s, of the robot
     yaw_rate: float  # rad/s
     wheel_cos_left: float  # of the wheel's angle since the start
@@ -81,6 +83,8 @@ class Plant(NamedTuple):
     quadratic_right: float
     half_play_left: float
     half_play_right: float
+    coasting_left: float  # s
+    coasting_right: float
     slip_left: float
     slip_right: float
     scrub: float

@@ -44,6 +44,17 @@ def test_noise_in_a_moment_in_which_everything_acts_is_not_swallowed() -> None:
     assert foreseen(columns, noise)[:EVENT].std() > 0.9
 
 
+def test_a_direction_that_one_moment_alone_shows_tells_no_noise() -> None:
+    """A reading that jumps in one bin as soon as a number moves: what others foresee of it is the prior."""
+    rng = np.random.default_rng(5)
+    columns = rng.standard_normal((5, BINS, CHANNELS))
+    columns[0] = 0.0
+    columns[0, 30, 0] = 900.0
+    noise = rng.standard_normal((BINS, CHANNELS))
+    error = foreseen(columns, noise + 0.4 * columns[0])
+    assert np.abs(error).max() < 5.0
+
+
 def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
     rng = np.random.default_rng(3)
     base = np.zeros((1, 400, CHANNELS))

@@ -16,6 +16,7 @@ from raccoon.sim.catalogue import CATALOGUE
 from raccoon.sim.chain import Chain, Noise
 from raccoon.sim.commands import Commands
 from raccoon.sim.effects import effect
+from raccoon.sim.equations import rolled
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout import Rollout, rollout
@@ -110,6 +111,41 @@ def test_backlash_loses_its_angle_once_a_reversal() -> None:
     assert lost[halfway] == pytest.approx(radius * 0.05, rel=1e-9)
     assert lost[last] == pytest.approx(-radius * 0.05, rel=1e-9)
     np.testing.assert_array_equal(plain["motor.0.bemf"], loose["motor.0.bemf"])
+
+
+def test_a_wheel_between_the_teeth_rolls_on_for_its_coasting_time() -> None:
+    """A motor that brakes by a rad/s2 leaves its wheel once that slows down less than it, at a * coasting;
+    from there the wheel rolls a * coasting^2 more, until the motor comes back through the gap."""
+    braking, coasting, h = 50.0, 0.02, 2e-5
+    speed, play, wheel, angle = (
+        8.0,
+        10.0,
+        8.0,
+        0.0,
+    )  # the gap is wide: the wheel does not reach its other side
+    for _ in range(round(0.3 / h)):
+        after = speed - braking * h
+        turned, rim, play, wheel, *_ = rolled(
+            speed, after, play, wheel, 10.0, coasting, 0.01, 1.0, 0.0, 1.0, 0.0, 0.0, h, 1 / h
+        )
+        speed, angle = after, angle + turned
+    apart = braking * coasting
+    pushed = (8.0**2 - apart**2) / (2 * braking) + 0.01 * (8.0 - apart)
+    assert angle == pytest.approx(pushed + apart * coasting, rel=2e-3)
+    assert rim == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("coasting", [0.0, 0.01])
+def test_a_wheel_between_the_teeth_pushes_no_floor(coasting: float) -> None:
+    duty = np.where(TIME < 1.5, 0.6, -0.6)
+    loose = with_effect("drive.backlash", angle=0.4, coasting=coasting)
+    plain, slipping = (
+        run(each, duty, duty) for each in (loose, loose.with_effect("drive.wheel_slip", time=0.005))
+    )
+    speed = np.diff(plain["truth.x"][0])
+    between = np.flatnonzero(np.abs(speed[300:340]) < 1e-9) + 300
+    assert len(between) > 3 or coasting
+    np.testing.assert_allclose(np.diff(slipping["truth.x"][0])[between], 0.0, atol=1e-9)
 
 
 def test_slip_costs_time_times_the_speed_reached() -> None:
