@@ -178,13 +178,15 @@ class Probed:
 def best_probe(search: Search) -> Probed:
     """The probe that explains most of what is left, moment by moment; see `lead`."""
     found = [Probed("", 0.0, 0.0)]
+    # A probe that frees bent base numbers gains on top of what it explains; no cause could be compared with it.
+    most_of_all = MOST_OF_EVENT * len(search.problem.features.time) / EVENT
     for gain, group, _ in screen(search):
         if group.name in search.problem.causes or group.name in search.unknown:
             continue
         if gain < LEAST_OF_PROBE or len(found) > PROBES_TRIED:
             break
         excess = _excess(search.problem, *_with_and_without(search, group))
-        found.append(Probed(group.name, gain, gain - excess))
+        found.append(Probed(group.name, gain, min(gain - excess, most_of_all)))
     most = max(each.lead for each in found)
     return max((each for each in found if each.lead >= NEARLY * most), key=lambda each: each.evidence)
 
