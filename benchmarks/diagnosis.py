@@ -23,9 +23,12 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from diagnosis_cases import ROWS, Case, cases
+from diagnosis_cases import ROWS, Case, cases, hidden_of, recording
 from diagnosis_table import print_table
-from diagnosis_trial import run
+from diagnosis_trial import cut, run
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.reports.pictures import error_figure
 
 
 def main() -> None:
@@ -37,6 +40,9 @@ def main() -> None:
     if args.results is not None and not known:
         _keep(args.results, {"seed": seed})
     wanted = [each for each in cases(args.cases.split(","), args.trials) if each.key not in done]
+    if args.picture is not None:
+        _draw(args.picture[0], seed, Path(args.picture[1]))
+        return
     print(
         f"seed {seed}, {args.trials} trials for each cause, {len(done)} done, {len(wanted)} to do", flush=True
     )
@@ -61,6 +67,12 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--minutes", type=float, default=1e6, help="begin no trial after this time")
     parser.add_argument("--report", action="store_true", help="run nothing, print what the file holds")
+    parser.add_argument(
+        "--picture",
+        nargs=2,
+        metavar=("KEY", "FILE"),
+        help="draw the error of one recording before and after, such as single/imu.latency/0",
+    )
     parser.add_argument("--verbose", action="store_true", help="a line for each trial")
     return parser.parse_args()
 
@@ -98,6 +110,19 @@ def _run(wanted: list[Case], seed: int, processes: int, until: float) -> Iterabl
                 return
             some = wanted[start : start + 2 * processes]
             yield from pool.map(run, some, [seed] * len(some))
+
+
+def _draw(key: str, seed: int, path: Path) -> None:
+    row, cause, index = key.split("/")
+    case = Case(row, cause, int(index))
+    rng = case.rng(seed)
+    hidden = hidden_of(case, rng)
+    columns = recording(case, hidden, rng).columns
+    said = diagnose(cut(columns, ROWS[row].seconds) if ROWS[row].tail else columns, RobotConfig())
+    error_figure(said).savefig(path, dpi=110)
+    print("hidden", {each.name: each.values for each in hidden})
+    for each in said.causes:
+        print("said", each.name, {name: (value.value, value.std) for name, value in each.parameters.items()})
 
 
 def _tell(result: dict[str, Any]) -> None:

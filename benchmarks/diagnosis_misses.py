@@ -1,0 +1,171 @@
+"""Why recordings went wrong: `python benchmarks/diagnosis_misses.py diagnosis.jsonl`.
+
+Takes a results file of benchmarks/diagnosis.py. Each recording of up to five causes that was not named
+exactly is made and searched once more, and the causes that are really in it are fitted from their true
+values, under the same noise and by the same measure that the search goes by:
+
+* search: they are ahead of what was said, so the search should have found them;
+* evidence: one of them adds less to the others than it needs to be named, so no search could name it;
+* form: each of them is worth its gate, and yet what was said is ahead. The robot is not what this package's
+  equations say, or chance made something else fit better.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import multiprocessing
+import os
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from itertools import islice, product
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis_cases import ROWS, Case, hidden_of, recording
+from diagnosis_table import exactly
+from diagnosis_trial import cut, true_settings
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.fit import Fit, fit_afresh, fit_point
+from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
+from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.select.gates import gate
+from raccoon.diagnose.select.joint import BETTER
+from raccoon.diagnose.select.outlook import lead
+from raccoon.diagnose.select.search import search_causes
+from raccoon.diagnose.unknown import probes_for
+
+Array = NDArray[np.float64]
+ROBOT = RobotConfig()
+ASKED = ("single", "two", "several", "small", "contest", "short")
+STARTS = 24
+ITERATIONS = 10
+
+
+def main() -> None:
+    """A line for each recording, then how many of each kind."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path)
+    parser.add_argument("--processes", type=int, default=1)
+    args = parser.parse_args()
+    lines = [json.loads(each) for each in args.results.read_text(encoding="utf-8").splitlines()]
+    seed = next(each["seed"] for each in lines if "key" not in each)
+    asked = [each for each in lines if each.get("row") in ASKED]
+    keys = [each["key"] for each in asked if not exactly(each)]
+    print(f"seed {seed}, {len(keys)} of {len(asked)} not named exactly", flush=True)
+    counts: Counter[tuple[str, str]] = Counter()
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(args.processes, mp_context=spawn) as pool:
+        for key, (why, told) in zip(keys, pool.map(_why, keys, [seed] * len(keys)), strict=False):
+            counts[(key.partition("/")[0], why)] += 1
+            print(f"{key:42s} {why:9s} {told}", flush=True)
+    _print(counts, Counter(each["row"] for each in asked))
+
+
+def _why(key: str, seed: int) -> tuple[str, str]:
+    """Which of the three, and the numbers behind it."""
+    row, cause, index = key.split("/")
+    case = Case(row, cause, int(index))
+    rng = case.rng(seed)
+    hidden = hidden_of(case, rng)
+    blind = recording(case, hidden, rng)
+    columns = cut(blind.columns, ROWS[row].seconds) if ROWS[row].tail else blind.columns
+    problem, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes())
+    search = search_causes(problem, probes_for(problem))
+    said = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
+    starts = _true_points(problem, [each.name for each in hidden], true_settings(blind.robot), said.point)
+    true = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
+    ahead = lead(problem, true, said) - _gates(true) + _gates(said)
+    spare = {}
+    for name in true.point.active:
+        less = fit_point(problem, search.whitener, true.point.without_cause(name), ITERATIONS)
+        spare[name] = lead(problem, true, less) - gate(name)
+    weakest = min(spare, key=lambda name: spare[name])
+    why = "search" if ahead > BETTER else "evidence" if spare[weakest] < 0.0 else "form"
+    names = ", ".join(said.point.active) or "nothing"
+    told = f"{', '.join(spare)} against {names}: {ahead:+.1f}; {weakest} {spare[weakest]:+.1f} from its gate"
+    return why, told
+
+
+def _gates(fit: Fit) -> float:
+    return sum(map(gate, fit.point.active))
+
+
+def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: Point) -> list[Point]:
+    """Where the truth is, and where it was said to be. A cause whose coordinates are no plain numbers starts
+    from its guesses instead."""
+    causes = [problem.causes[each] for each in names]
+    truth = _as_factor(truth) if "drive.inertia" in names else truth
+    taken = {key for cause in causes for each in cause.coordinates for key in each.settings}
+    base = [
+        0.0 if taken & set(each.settings) else float(np.clip(_u(each, truth, problem.neutral), -3.4, 3.4))
+        for each in problem.base
+    ]
+    each_from = [_starts(each, truth, problem.neutral) for each in causes]
+    for name, starts_of in zip(names, each_from, strict=True):
+        if name in said.active:
+            starts_of.append(said.active[name])
+    starts = islice(product(*each_from), STARTS)
+    return [Point(np.array(base), dict(zip(names, each, strict=True))) for each in starts]
+
+
+def _as_factor(truth: Settings) -> Settings:
+    """Both inertias, which are base numbers, as the one factor of the cause."""
+    both = [("inertia", None, kind) for kind in ("straight", "turn")]
+    factor = math.sqrt(math.prod(truth[each] for each in both))
+    return {**truth, ("drive.inertia", None, "factor"): factor} | {
+        each: truth[each] / factor for each in both
+    }
+
+
+def _starts(cause: Cause, truth: Settings, neutral: Settings) -> list[Array]:
+    if cause.joint is None and all(each.settings for each in cause.coordinates):
+        return [np.array([_u(each, truth, neutral) for each in cause.coordinates])]
+    shaped = [_of_shape(cause, each, truth) for each in cause.coordinates]
+    if all(each is not None for each in shaped):
+        return [np.array(shaped, float)]
+    guesses = [np.array(u) for variant in cause.variants for u in variant]
+    return guesses if cause.one_sided else [*guesses, *(-each for each in guesses)]
+
+
+def _of_shape(cause: Cause, coordinate: Coordinate, truth: Settings) -> float | None:
+    """The coordinate of a strength, or of a shape, which is counted in its logarithm; None for others."""
+    if coordinate.settings or coordinate.value(1.0) == 1.0:
+        return None
+    name = coordinate.name.rpartition(".")[2]
+    value = next(
+        truth[key] for key in truth if key[0] == cause.id and key[2] == name and cause.where in (None, key[1])
+    )
+    zero = coordinate.value(0.0)
+    if zero == 0.0:
+        return value / coordinate.value(1.0)
+    return math.log(max(value, 1e-9) / zero) / math.log(coordinate.value(1.0) / zero)
+
+
+def _u(coordinate: Coordinate, truth: Settings, neutral: Settings) -> float:
+    key = coordinate.settings[0]
+    if coordinate.factor and neutral[key] != 0.0:
+        return math.log(truth[key] / neutral[key]) / math.log(coordinate.value(1.0))
+    return (truth[key] - neutral[key]) / (coordinate.from_zero or coordinate.value(1.0))
+
+
+def _print(counts: Counter[tuple[str, str]], asked: dict[Any, int]) -> None:
+    kinds = ("search", "evidence", "form")
+    print("\n| row | recordings | not exactly | " + " | ".join(kinds) + " |\n|---|---|---|---|---|---|")
+    for row in (each for each in ASKED if each in asked):
+        found = [counts[(row, kind)] for kind in kinds]
+        print(f"| {row} | {asked[row]} | {sum(found)} | " + " | ".join(map(str, found)) + " |")
+
+
+if __name__ == "__main__":
+    main()
