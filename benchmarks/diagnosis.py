@@ -23,9 +23,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from diagnosis_cases import ROWS, Case, cases, hidden_of, recording
+from diagnosis_cases import ROWS, Case, cases, drawn
 from diagnosis_table import print_table
-from diagnosis_trial import cut, run
+from diagnosis_trial import run, shown
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.reports.pictures import error_figure
@@ -113,14 +113,11 @@ def _run(wanted: list[Case], seed: int, processes: int, until: float) -> Iterabl
 
 
 def _draw(key: str, seed: int, path: Path) -> None:
-    row, cause, index = key.split("/")
-    case = Case(row, cause, int(index))
-    rng = case.rng(seed)
-    hidden = hidden_of(case, rng)
-    columns = recording(case, hidden, rng).columns
-    said = diagnose(cut(columns, ROWS[row].seconds) if ROWS[row].tail else columns, RobotConfig())
+    case = Case.of(key)
+    blind = drawn(case, seed)
+    said = diagnose(shown(case, blind), RobotConfig())
     error_figure(said).savefig(path, dpi=110)
-    print("hidden", {each.name: each.values for each in hidden})
+    print("hidden", {each.name: each.values for each in blind.hidden})
     for each in said.causes:
         print("said", each.name, {name: (value.value, value.std) for name, value in each.parameters.items()})
 

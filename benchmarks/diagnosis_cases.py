@@ -36,6 +36,15 @@ class Case:
     def key(self) -> str:
         return f"{self.row}/{self.cause}/{self.index}"
 
+    @classmethod
+    def of(cls, key: str) -> Case:
+        """The trial of a key."""
+        row, _, rest = key.partition("/")
+        cause, _, index = rest.rpartition("/")
+        if row not in ROWS or cause not in ROWS[row].causes or not index.isdecimal():
+            sys.exit(f"{key}: allowed are ROW/CAUSE/NUMBER, such as single/imu.latency/0")
+        return cls(row, cause, int(index))
+
     def rng(self, seed: int) -> np.random.Generator:
         """Randomness of this trial alone: it does not depend on what else is run, or in which order."""
         return np.random.default_rng([seed, zlib.crc32(self.key.encode())])
@@ -124,6 +133,12 @@ def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:
         others = [each for each in _shuffled(rng) if each != case.cause]
         found += [draw(each, rng, float(rng.uniform(0.0, WORST_BACKGROUND))) for each in others]
     return found
+
+
+def drawn(case: Case, seed: int) -> Blind:
+    """A case's recording."""
+    rng = case.rng(seed)
+    return recording(case, hidden_of(case, rng), rng)
 
 
 def _twin(cause: str, rng: np.random.Generator) -> Hidden:

@@ -29,18 +29,18 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis_cases import ROWS, Case, hidden_of, recording
+from diagnosis_cases import Case, drawn
 from diagnosis_table import exactly
-from diagnosis_trial import cut, true_settings
+from diagnosis_trial import shown, true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import Fit, fit_afresh, fit_point
+from raccoon.diagnose.fit import fit_afresh, fit_point
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.joint import BETTER
+from raccoon.diagnose.select.joint import BETTER, net_lead
 from raccoon.diagnose.select.outlook import lead
 from raccoon.diagnose.select.search import search_causes
 from raccoon.diagnose.unknown import probes_for
@@ -66,7 +66,7 @@ def main() -> None:
     counts: Counter[tuple[str, str]] = Counter()
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(args.processes, mp_context=spawn) as pool:
-        for key, (why, told) in zip(keys, pool.map(_why, keys, [seed] * len(keys)), strict=False):
+        for key, (why, told) in zip(keys, pool.map(_why, keys, [seed] * len(keys)), strict=True):
             counts[(key.partition("/")[0], why)] += 1
             print(f"{key:42s} {why:9s} {told}", flush=True)
     _print(counts, Counter(each["row"] for each in asked))
@@ -74,18 +74,16 @@ def main() -> None:
 
 def _why(key: str, seed: int) -> tuple[str, str]:
     """Which of the three, and the numbers behind it."""
-    row, cause, index = key.split("/")
-    case = Case(row, cause, int(index))
-    rng = case.rng(seed)
-    hidden = hidden_of(case, rng)
-    blind = recording(case, hidden, rng)
-    columns = cut(blind.columns, ROWS[row].seconds) if ROWS[row].tail else blind.columns
-    problem, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes())
+    case = Case.of(key)
+    blind = drawn(case, seed)
+    problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
     search = search_causes(problem, probes_for(problem))
     said = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
-    starts = _true_points(problem, [each.name for each in hidden], true_settings(blind.robot), said.point)
+    starts = _true_points(
+        problem, [each.name for each in blind.hidden], true_settings(blind.robot), said.point
+    )
     true = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
-    ahead = lead(problem, true, said) - _gates(true) + _gates(said)
+    ahead = net_lead(search, true, said)
     spare = {}
     for name in true.point.active:
         less = fit_point(problem, search.whitener, true.point.without_cause(name), ITERATIONS)
@@ -97,10 +95,6 @@ def _why(key: str, seed: int) -> tuple[str, str]:
     return why, told
 
 
-def _gates(fit: Fit) -> float:
-    return sum(map(gate, fit.point.active))
-
-
 def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: Point) -> list[Point]:
     """Where the truth is, and where it was said to be. A cause whose coordinates are no plain numbers starts
     from its guesses instead."""
@@ -108,7 +102,9 @@ def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: 
     truth = _as_factor(truth) if "drive.inertia" in names else truth
     taken = {key for cause in causes for each in cause.coordinates for key in each.settings}
     base = [
-        0.0 if taken & set(each.settings) else float(np.clip(_u(each, truth, problem.neutral), -3.4, 3.4))
+        0.0
+        if taken & set(each.settings)
+        else float(np.clip(true_coordinate(each, truth, problem.neutral), -3.4, 3.4))
         for each in problem.base
     ]
     each_from = [_starts(each, truth, problem.neutral) for each in causes]
@@ -130,7 +126,7 @@ def _as_factor(truth: Settings) -> Settings:
 
 def _starts(cause: Cause, truth: Settings, neutral: Settings) -> list[Array]:
     if cause.joint is None and all(each.settings for each in cause.coordinates):
-        return [np.array([_u(each, truth, neutral) for each in cause.coordinates])]
+        return [np.array([true_coordinate(each, truth, neutral) for each in cause.coordinates])]
     shaped = [_of_shape(cause, each, truth) for each in cause.coordinates]
     if all(each is not None for each in shaped):
         return [np.array(shaped, float)]
@@ -150,13 +146,6 @@ def _of_shape(cause: Cause, coordinate: Coordinate, truth: Settings) -> float | 
     if zero == 0.0:
         return value / coordinate.value(1.0)
     return math.log(max(value, 1e-9) / zero) / math.log(coordinate.value(1.0) / zero)
-
-
-def _u(coordinate: Coordinate, truth: Settings, neutral: Settings) -> float:
-    key = coordinate.settings[0]
-    if coordinate.factor and neutral[key] != 0.0:
-        return math.log(truth[key] / neutral[key]) / math.log(coordinate.value(1.0))
-    return (truth[key] - neutral[key]) / (coordinate.from_zero or coordinate.value(1.0))
 
 
 def _print(counts: Counter[tuple[str, str]], asked: dict[Any, int]) -> None:

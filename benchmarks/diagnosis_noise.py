@@ -9,7 +9,6 @@ expected. Seeds are fresh in every run, and printed, unless one is given.
 from __future__ import annotations
 
 import argparse
-import math
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -19,12 +18,12 @@ from numpy.typing import NDArray
 
 import diagnosis_cases  # noqa: F401  puts tests/blind on the path
 from blind.generator import make
-from diagnosis_trial import true_settings
+from diagnosis_trial import true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.gain import held_out
 from raccoon.diagnose.habits import problem_of
-from raccoon.diagnose.hypotheses import Coordinate, Settings
+from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate
 from raccoon.diagnose.select.outlook import Search, best_probe, estimated, lead, start_search
@@ -73,7 +72,7 @@ def _deviations(search: Search, truth: Settings) -> dict[str, tuple[float, float
     deviation = np.sqrt(np.diag(np.linalg.inv(np.eye(len(fit.jacobian)) + fit.jacobian @ fit.jacobian.T)))
     found = {}
     for index, coordinate in enumerate(problem.base):
-        wrong = float(fit.point.base[index]) - _true(coordinate, truth, problem.neutral)
+        wrong = float(fit.point.base[index]) - true_coordinate(coordinate, truth, problem.neutral)
         side = (
             f" {coordinate.settings[0][1]}"
             if len(coordinate.settings) == 1 and coordinate.settings[0][1]
@@ -81,13 +80,6 @@ def _deviations(search: Search, truth: Settings) -> dict[str, tuple[float, float
         )
         found[f"{coordinate.name}{side}"] = (wrong / float(deviation[index]), wrong)
     return found
-
-
-def _true(coordinate: Coordinate, truth: Settings, neutral: Settings) -> float:
-    key = coordinate.settings[0]
-    if coordinate.factor:
-        return math.log(truth[key] / neutral[key]) / math.log(coordinate.value(1.0))
-    return (truth[key] - neutral[key]) / coordinate.value(1.0)
 
 
 def _print(off: list[dict[str, tuple[float, float]]], leads: dict[str, list[float]]) -> None:

@@ -17,13 +17,20 @@ from scipy.optimize import lsq_linear
 
 from blind.generator import Blind
 from blind.hidden import Hidden
-from blind.plant import NEUTRAL
+from blind.plant import COASTING_RATE, NEUTRAL
 from diagnosis_cases import ROWS, TWINS, Case, hidden_of, recording
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import advise, manoeuvre
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import INSIDE, WIDTH_FACTOR, Settings, base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import (
+    INSIDE,
+    WIDTH_FACTOR,
+    Coordinate,
+    Settings,
+    base_coordinates,
+    neutral_settings,
+)
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.result import Diagnosis
@@ -48,8 +55,6 @@ LEADING = {
     "time", "counts", "rate", "rate_per_second", "limit", "duty", "time_constant", "gain", "amplitude",
 }  # fmt: skip
 """Parameters that are compared with the truth (not asymmetry and slope, which are pairs)."""
-COASTING = 1.0 / 150.0
-"""s, of the blind plant's wheels inside their backlash."""
 _ONE = {
     "voc": ("battery.open_circuit_voltage", "voltage"), "rint": ("battery.internal_resistance", "resistance"),
     "discharge": ("battery.discharge", "volts_per_coulomb"), "scrub": ("drive.turn_scrub", "torque"),
@@ -81,7 +86,7 @@ _FACTORS = {
 def true_settings(robot: Mapping[str, float]) -> Settings:
     """The blind plant's numbers as settings of the package's simulator."""
     settings = neutral_settings(RobotConfig())
-    _set(settings, "drive.backlash", "coasting", None, COASTING)
+    _set(settings, "drive.backlash", "coasting", None, 1.0 / COASTING_RATE)
     for plant, value in robot.items():
         stem, _, side = plant.rpartition("_")
         if stem in _FACTORS:
@@ -96,6 +101,14 @@ def true_settings(robot: Mapping[str, float]) -> Settings:
     return settings
 
 
+def true_coordinate(coordinate: Coordinate, truth: Settings, neutral: Settings) -> float:
+    """Where the truth lies along a coordinate that moves plain numbers."""
+    key = coordinate.settings[0]
+    if coordinate.factor and neutral[key] != 0.0:
+        return math.log(truth[key] / neutral[key]) / math.log(coordinate.value(1.0))
+    return (truth[key] - neutral[key]) / (coordinate.from_zero or coordinate.value(1.0))
+
+
 def _set(settings: Settings, id_: str, name: str, side: str | None, value: float) -> None:
     places: tuple[str | None, ...] = SIDES if ("left" in {k[1] for k in settings if k[0] == id_}) else (None,)
     for place in places:
@@ -107,6 +120,12 @@ def cut(columns: Columns, seconds: float) -> dict[str, Array]:
     """The first part of a recording."""
     kept = columns["t"] < seconds
     return {name: column[kept] for name, column in columns.items()}
+
+
+def shown(case: Case, blind: Blind) -> Columns:
+    """What the diagnosis gets of a recording; the rest is what it is judged on."""
+    row = ROWS[case.row]
+    return cut(blind.columns, row.seconds) if row.tail else blind.columns
 
 
 class Unseen:
@@ -258,7 +277,7 @@ def run(case: Case, seed: int) -> dict[str, Any]:
         blind = _advised(advice.manoeuvre, hidden, rng)
     else:
         blind = recording(case, hidden, rng)
-    columns = cut(blind.columns, row.seconds) if row.tail else blind.columns
+    columns = shown(case, blind)
     begin = time.process_time()
     said = diagnose(columns, RobotConfig())
     seconds = time.process_time() - begin

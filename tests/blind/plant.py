@@ -24,6 +24,7 @@ COUNTS_PER_VOLT = 4096 / 3.3 * 2.2 / 9.0
 BRISTLE = 600.0
 BRISTLE_DAMPING = 0.4
 CONTACT_RATE = 900.0
+COASTING_RATE = 150.0
 
 NEUTRAL = {
     "voc": 6.8, "rint": 0.05, "discharge": 0.0,
@@ -201,7 +202,7 @@ def simulate(
                     load[side] += dt * CONTACT_RATE**2 * push
                     touches = push != 0.0
                     damped = 2.0 * CONTACT_RATE * (load[side] - w[side]) if touches else 0.0
-                    load[side] -= dt * (damped + 150.0 * load[side])  # the floor brakes it always
+                    load[side] -= dt * (damped + COASTING_RATE * load[side])  # the floor brakes it always
                     load_angle[side] += dt * load[side]
                     slipped = slipped if touches else 0.0  # a free wheel does not push the floor
                 else:

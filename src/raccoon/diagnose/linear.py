@@ -61,11 +61,10 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str]) -> Linear:
     less = [point.without_cause(name) for name in point.active]
     outputs = problem.predict([*points, *less])
     centre, without = outputs[0], outputs[len(points) :]
-    outputs = outputs[: len(points)]
     count = len(steps)
     own = (outputs[1 : count + 1] - centre) / steps[:, None, None]
     groups: dict[tuple[str, int], list[tuple[Array, tuple[float, ...]]]] = {}
-    for (name, index, u), output in zip(guesses, outputs[count + 1 :], strict=True):
+    for (name, index, u), output in zip(guesses, outputs[count + 1 : len(points)], strict=True):
         scale = float(np.hypot(u[0], u[1])) if _is_pair(problem, name) else u[0]
         groups.setdefault((name, index), []).append(((output - centre) / scale, u))
     return Linear(

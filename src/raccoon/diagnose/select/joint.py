@@ -55,21 +55,21 @@ def better_set(search: Search) -> Fit | None:
     settled = fit_point(problem, whitener, search.fit.point, 3)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, starts, base, 4)
-    fits.sort(key=lambda fit: -_lead(search, fit, settled))
-    hopeful = [each.point for each in fits[:POLISHED] if _lead(search, each, settled) > -HOPE]
+    fits.sort(key=lambda fit: -net_lead(search, fit, settled))
+    hopeful = [each.point for each in fits[:POLISHED] if net_lead(search, each, settled) > -HOPE]
     polished = [_needed(search, fit) for fit in fit_afresh(problem, whitener, hopeful, 4)]
-    best = max(polished, key=lambda fit: _lead(search, fit, settled), default=None)
-    return best if best is not None and _lead(search, best, settled) > BETTER else None
+    best = max(polished, key=lambda fit: net_lead(search, fit, settled), default=None)
+    return best if best is not None and net_lead(search, best, settled) > BETTER else None
 
 
 def explains_more(search: Search, other: Search) -> float:
     """Log evidence of what one search found over what another did, each less its gates, under the other's
     noise. Their simulators may differ."""
     fit = fit_at(search.problem, other.whitener, search.fit.point)
-    return _lead(other, fit, other.fit)
+    return net_lead(other, fit, other.fit)
 
 
-def _lead(search: Search, fit: Fit, settled: Fit) -> float:
+def net_lead(search: Search, fit: Fit, settled: Fit) -> float:
     """Log evidence of a fit over another, each less the gates of its causes."""
     gates = [sum(map(gate, each.point.active)) for each in (fit, settled)]
     return lead(search.problem, fit, settled) - gates[0] + gates[1]

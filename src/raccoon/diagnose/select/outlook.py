@@ -178,8 +178,7 @@ class Probed:
 def best_probe(search: Search) -> Probed:
     """The probe that explains most of what is left, moment by moment; see `lead`."""
     found = [Probed("", 0.0, 0.0)]
-    # A probe that frees bent base numbers gains on top of what it explains: no cause could be compared with
-    # it.
+    # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
     most_of_all = MOST_OF_EVENT * len(search.problem.features.time) / EVENT
     for gain, group, _ in screen(search):
         if group.name in search.problem.causes or group.name in search.unknown:
