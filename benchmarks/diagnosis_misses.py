@@ -8,6 +8,10 @@ values, under the same noise and by the same measure that the search goes by:
 * evidence: one of them adds less to the others than it needs to be named, so no search could name it;
 * form: each of them is worth its gate, and yet what was said is ahead. The robot is not what this package's
   equations say, or chance made something else fit better.
+
+Where everything is off at once, the question is how many of the causes could be named: all that act are
+fitted from their true values, and those that are not worth their gate beside the others are dropped, least
+worth first. Of the practically relevant ones, those that are left could be named.
 """
 
 from __future__ import annotations
@@ -31,7 +35,7 @@ from numpy.typing import NDArray
 
 from diagnosis_cases import Case, drawn
 from diagnosis_table import exactly
-from diagnosis_trial import shown, true_coordinate, true_settings
+from diagnosis_trial import RELEVANT, shown, true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.fit import fit_afresh, fit_point
@@ -48,8 +52,12 @@ from raccoon.diagnose.unknown import probes_for
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
 ASKED = ("single", "two", "several", "small", "contest", "short")
+MANY = "everything"
+ACTING = 0.03
+"""Change of the recording, in units of the noise, from which a cause takes part in the fit of all."""
 STARTS = 24
 ITERATIONS = 10
+PRUNING = 5
 
 
 def main() -> None:
@@ -69,7 +77,14 @@ def main() -> None:
         for key, (why, told) in zip(keys, pool.map(_why, keys, [seed] * len(keys)), strict=True):
             counts[(key.partition("/")[0], why)] += 1
             print(f"{key:42s} {why:9s} {told}", flush=True)
-    _print(counts, Counter(each["row"] for each in asked))
+        _print(counts, Counter(each["row"] for each in asked))
+        many = [each for each in lines if each.get("row") == MANY]
+        found = list(pool.map(_worth_naming, many, [seed] * len(many)))
+    relevant, could = sum(each[0] for each in found), sum(each[1] for each in found)
+    if relevant:
+        print(
+            f"\n{MANY}: of {relevant} relevant causes {could} ({100 * could / relevant:.1f} %) could be named"
+        )
 
 
 def _why(key: str, seed: int) -> tuple[str, str]:
@@ -93,6 +108,34 @@ def _why(key: str, seed: int) -> tuple[str, str]:
     names = ", ".join(said.point.active) or "nothing"
     told = f"{', '.join(spare)} against {names}: {ahead:+.1f}; {weakest} {spare[weakest]:+.1f} from its gate"
     return why, told
+
+
+def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int]:
+    """How many causes of a recording are relevant, and how many of them are worth their gate at the truth."""
+    case = Case.of(result["key"])
+    blind = drawn(case, seed)
+    problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
+    search = search_causes(problem, probes_for(problem))
+    acting = [
+        name
+        for name, size in result["alone"].items()
+        if max(size, result["beside"][name]) > ACTING and name in problem.causes
+    ]
+    bare = Point(search.fit.point.base)
+    starts = _true_points(problem, acting, true_settings(blind.robot), bare)[:2]
+    fit = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
+    while fit.point.active:
+        less = {
+            name: fit_point(problem, search.whitener, fit.point.without_cause(name), PRUNING)
+            for name in fit.point.active
+        }
+        spare = {name: lead(problem, fit, each) - gate(name) for name, each in less.items()}
+        weakest = min(spare, key=lambda name: spare[name])
+        if spare[weakest] >= 0.0:
+            break
+        fit = less[weakest]
+    relevant = [name for name, size in result["alone"].items() if size > RELEVANT]
+    return len(relevant), len(set(relevant) & set(fit.point.active))
 
 
 def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: Point) -> list[Point]:

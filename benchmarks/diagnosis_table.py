@@ -13,6 +13,7 @@ import numpy as np
 from diagnosis_trial import DECIDABLE, POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses import INSIDE, Coordinate, base_coordinates
+from raccoon.sim.effects import effect
 
 Result = dict[str, Any]
 
@@ -103,17 +104,20 @@ def _small(results: Sequence[Result]) -> str:
 
 def _ordinary(result: Result) -> bool:
     """Whether what is hidden is inside what robot.toml gives with a standard deviation, so no cause."""
+    measured = [each for each in (_away(result, name) for name in result["true"]) if each is not None]
+    return bool(measured) and measured[0] <= INSIDE
+
+
+def _away(result: Result, name: str) -> float | None:
+    """Standard deviations of robot.toml by which a hidden cause is off; None where it gives none."""
     widths = {setting: each for each in base_coordinates(RobotConfig()) for setting in each.settings}
-    for name, true in result["true"].items():
-        id_, _, where = name.partition("@")
-        for parameter, value in true.items():
-            kind = (
-                ("inertia", None, "straight") if id_ == "drive.inertia" else (id_, where or None, parameter)
-            )
-            found = widths.get(kind) or widths.get((id_, "left", parameter))
-            if found is not None:
-                return _deviations(found, value, result["nominal"][name][parameter]) <= INSIDE
-    return False
+    id_, _, where = name.partition("@")
+    for parameter, value in result["true"][name].items():
+        kind = ("inertia", None, "straight") if id_ == "drive.inertia" else (id_, where or None, parameter)
+        found = widths.get(kind) or widths.get((id_, "left", parameter))
+        if found is not None:
+            return _deviations(found, value, result["nominal"][name][parameter])
+    return None
 
 
 def _deviations(coordinate: Coordinate, value: float, nominal: float) -> float:
@@ -129,8 +133,12 @@ def announced(result: Result) -> bool:
         return True
     said = re.search(r"would show (from|below) about ([-+.\de]+)", reason)
     name = next(iter(result["hidden"]))
-    if said is None or not result["true"].get(name):
+    if said is None:
         return False
+    if not result["true"].get(name):  # a pair, such as a slope: its larger part, in widths, shows first
+        widths = {each.name: each.prior_width for each in effect(name.partition("@")[0]).parameters}
+        parts = [abs(each) / widths[part] for part, each in result["hidden"][name].items()]
+        return bool(max(parts) < float(said[2]) / next(iter(widths.values())))
     parameter, value = next(iter(result["true"][name].items()))
     if parameter == "limit":
         return bool(value > float(said[2]))
@@ -191,13 +199,19 @@ def _largest(results: Sequence[Result]) -> str:
 def _worst(results: Sequence[Result]) -> str:
     main = [each["causes"] and hit(each["causes"][0], [next(iter(each["hidden"]))]) for each in results]
     largest = [flag for flag, each in zip(main, results, strict=True) if _main_acts_most(each)]
-    acting = [[name for name, size in each["alone"].items() if size > PRACTICAL] for each in results]
-    wrong = [
-        bool(each["causes"]) and not hit(each["causes"][0], names)
-        for each, names in zip(results, acting, strict=True)
-    ]
+    wrong = [bool(each["causes"]) and not hit(each["causes"][0], _acting(each)) for each in results]
     first = f"main cause first {percent(map(bool, main))}, where it acts most {percent(map(bool, largest))}"
     return f"{first}, wrong {percent(wrong)}; {_many(results)}"
+
+
+def _acting(result: Result) -> list[str]:
+    """What is no wrong name in the worst case, where every effect of the catalogue is off by a little.
+
+    The main cause, what changes the recording, and what is really outside robot.toml.
+    """
+    names = [next(iter(result["hidden"]))]
+    names += [name for name, size in result["alone"].items() if size > PRACTICAL]
+    return names + [name for name in result["true"] if (_away(result, name) or 0.0) > INSIDE]
 
 
 def _main_acts_most(result: Result) -> bool:

@@ -10,6 +10,7 @@ from blind.hidden import draw, draw_unknown
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.experiment import manoeuvre
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
@@ -93,6 +94,14 @@ def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another(cause: str)
     assert [each.name for each in said.causes] in ([hidden.name], [])
     if cause == "imu.latency":
         assert said.causes
+
+
+def test_a_cause_of_a_few_large_moments_is_not_called_unknown() -> None:
+    """What reversals leave of it bends base numbers, so that everything between them is off as well."""
+    hidden = draw("motor.current_limit", np.random.default_rng(1))
+    said = diagnose(make(1, [hidden], drive=manoeuvre("spin")).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [hidden.name]
+    assert not said.unexplained.depends_on
 
 
 def test_the_parameter_lies_near_the_hidden_one() -> None:

@@ -6,14 +6,16 @@ The evidence that a manoeuvre would give for cause A beside what is refitted and
 
 d_A: the whitened change of the recording by a usual deviation; P takes away what base numbers and B absorb
 (T-optimal design after Atkinson and Fedorov 1975, with a linearised rival), and as in the search what a
-wandering floor and small deviations of everything else would hide. No half second counts for more than it
-would there.
+wandering floor, its pushes and small deviations of everything else would hide. B is the cause of the
+catalogue that leaves least, or also those that are asked for. Of a slope it is the evidence along that
+direction in which it shows least, of other causes with two numbers that of the first. No half second counts
+for more than it would in the search.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +25,32 @@ from raccoon.core.errors import ConfigError
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_settings
-from raccoon.diagnose.linear import linearise, slow_friction
+from raccoon.diagnose.linear import Group, linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
-from raccoon.diagnose.noise import EVENT, NoiseModel, white_noise
+from raccoon.diagnose.naming import TWINS
+from raccoon.diagnose.noise import CHANGING, EVENT, white_noise
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT
-from raccoon.diagnose.whitening import faint_parts
+from raccoon.diagnose.select.refits import SCALE
+from raccoon.diagnose.whitening import faint_parts, regimes_of
 from raccoon.sim.chain import Chain
 
 Array = NDArray[np.float64]
 
 RATE = 200
+ARROWS = ("drive.slope", "drive.wheel_eccentricity")
+"""Causes whose two numbers are one arrow, of which nobody knows where it points."""
 FLOOR_SHARE = 0.04
 """Of Coulomb friction, by which a floor's friction wanders."""
-TYPICAL_NOISE = {"bemf_left": 12.0, "bemf_right": 12.0, "gyro": 0.015, "battery": 0.03}
-"""Standard deviation of a bin on a moving robot, with the pushes of the floor in it."""
+PUSH_SHARE = 0.07
+"""Of Coulomb friction, with which floor and gear push a wheel."""
+PUSH_SECONDS = 0.15
+"""How long such a push lasts: several bins then tell one thing, which hides whatever is steady."""
+TYPICAL_NOISE = {"bemf_left": 4.0, "bemf_right": 4.0, "gyro": 0.008, "battery": 0.015}
+"""Standard deviation of a bin beside that, on a robot that drives steadily."""
+CHANGING_NOISE = 2.5
+"""How much larger it is where a wheel speeds up or brakes: no model follows that as well."""
 
 
 def _hold(left: float, right: float, seconds: float) -> Array:
@@ -132,17 +144,36 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     )  # fmt: skip
     linear = linearise(problem, problem.nominal(), list(every))
     white = _whitening(problem)
-    own, wanted = white(linear.own), [white(each.columns) for each in linear.groups if each.name == cause]
-    against = [white(each.columns) for each in linear.groups if each.name in chosen and each.name != cause]
-    off = {each.name: white(each.columns) for each in linear.groups if each.name not in chosen}
-    columns = np.vstack([own[:0], *off.values()])
-    names = [name for name, each in off.items() for _ in each]
-    noise = faint_parts(names, own, columns)[:, None] * columns
+    own = white(linear.own)
+    columns = [(each, white(each.columns)) for each in linear.groups]
+    wanted = [(abs(_strength(group) - size), each) for group, each in columns if group.name == cause]
+    against = [each for group, each in columns if group.name in chosen and group.name != cause]
+    off = [(group.name, each) for group, each in columns if group.name not in chosen]
+    small = np.vstack([own[:0], *(each for _, each in off)])
+    noise = faint_parts([name for name, each in off for _ in each], own, small)[:, None] * small
     floor = FLOOR_SHARE * white(slow_friction(problem, linear))
-    others = np.vstack([own, *against, noise, floor])
+    pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
+    hidden_by = np.vstack([own, *against, noise, floor, pushes])
+    rivals = [each for name, each in off if _another(name, cause)]
     rows = EVENT * len(log.channels)
-    evidence = max(_evidence(size * each, others, rows) for columns in wanted for each in columns)
+    nearest = min(away for away, _ in wanted)
+    every_part = cause.startswith(ARROWS)
+    like_it = [
+        column for away, each in wanted if away <= nearest for column in (each if every_part else each[:1])
+    ]
+    evidence = min(_evidence(size * column, hidden_by, rivals, rows) for column in like_it)
     return Advice(name, evidence, _reach(problem), len(duty) / RATE)
+
+
+def _strength(group: Group) -> float:
+    """Widths of the deviation at which a cause's columns were taken; a straight line's are those of any."""
+    return group.start[0] if group.start else 1.0
+
+
+def _another(name: str, cause: str) -> bool:
+    """Whether a cause is a rival: not the same at another place, and no twin that is one class with it."""
+    pair = {name.partition("@")[0], cause.partition("@")[0]}
+    return len(pair) == 2 and not any(pair <= twins for twins in (*TWINS, frozenset(SCALE)))
 
 
 def planned_log(duty: Array) -> Log:
@@ -154,17 +185,35 @@ def planned_log(duty: Array) -> Log:
 
 
 def _whitening(problem: Problem) -> Callable[[Array], Array]:
+    """Of the noise that a drive usually has, by what the wheels do in it as the nominal robot drives it."""
     features = problem.features
-    noise: NoiseModel = white_noise(features.floors, np.ones(len(features.time), np.intp))
+    expected = replace(features, measured=problem.predict([problem.nominal()])[0])
+    noise = white_noise(features.floors, regimes_of(replace(problem, features=expected)))
+    unmix = noise.unmix.copy()
+    unmix[CHANGING] /= CHANGING_NOISE
+    noise = replace(noise, unmix=unmix)
     return lambda columns: noise.whiten(columns).reshape(len(columns), -1)
 
 
-def _evidence(column: Array, others: Array, rows: int) -> float:
-    """||P d||^2 with unit priors on the others, of which no event of so many rows may give more than the
-    search lets it."""
-    gram = others @ others.T + np.eye(len(others))
-    left = column - np.linalg.solve(gram, others @ column) @ others
-    events = np.add.reduceat(left * column, np.arange(0, len(column), rows))
+def _evidence(column: Array, others: Array, rivals: Sequence[Array], rows: int) -> float:
+    """||P d||^2 with unit priors on the others and on that rival which leaves least, of which no event of so
+    many rows may give more than the search lets it."""
+    inverse = np.linalg.inv(others @ others.T + np.eye(len(others)))
+
+    def beside(columns: Array) -> Array:
+        return np.asarray(columns - (columns @ others.T) @ inverse @ others, float)
+
+    left = beside(column[None])[0]
+    found = [_limited(left * column, rows)]
+    for rival in rivals:
+        its = beside(rival)
+        share = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left)
+        found.append(_limited((left - share @ its) * column, rows))
+    return min(found)
+
+
+def _limited(products: Array, rows: int) -> float:
+    events = np.add.reduceat(products, np.arange(0, len(products), rows))
     return float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum())
 
 

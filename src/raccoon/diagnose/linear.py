@@ -15,8 +15,10 @@ from raccoon.diagnose.problem import Point, Problem, Whitener, neighbours
 Array = NDArray[np.float64]
 
 BLOCKS = 8
-FLOOR_GRID = 0.8
 FLOOR_SECONDS = 4.0
+"""Correlation time of friction that wanders with the floor."""
+GRID_PART = 0.2
+"""Distance of the knots of a wandering torque's course, of its correlation time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +90,17 @@ def _group(problem: Problem, name: str, found: list[tuple[Array, tuple[float, ..
     return Group(name, columns, found[0][1] if len(found) == 1 else (), one_sided)
 
 
-def slow_friction(problem: Problem, linear: Linear) -> Array:
-    """Columns of friction that wanders with the floor, of either wheel, for a wander of all of Coulomb
+def slow_friction(problem: Problem, linear: Linear, seconds: float = FLOOR_SECONDS) -> Array:
+    """Columns of a torque that wanders within `seconds`, at either wheel, for a wander of all of Coulomb
     friction.
 
     The robot forgets a torque within 0.1 s, so friction that changes over seconds acts as its constant
-    response times its course. The course is an Ornstein-Uhlenbeck process (4 s) on a grid of hats.
+    response times its course. The course is an Ornstein-Uhlenbeck process on a grid of hats.
     """
-    time = problem.features.time
-    knots = np.arange(time[0], time[-1] + FLOOR_GRID, FLOOR_GRID)
-    hats = np.maximum(0.0, 1.0 - np.abs(time[None, :] - knots[:, None]) / FLOOR_GRID)
-    course = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / FLOOR_SECONDS)).T @ hats
+    time, grid = problem.features.time, GRID_PART * seconds
+    knots = np.arange(time[0], time[-1] + grid, grid)
+    hats = np.maximum(0.0, 1.0 - np.abs(time[None, :] - knots[:, None]) / grid)
+    course = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / seconds)).T @ hats
     torque = problem.neutral[("friction.coulomb", "left", "torque")]
     responses = [coulomb_response(problem, linear, side) for side in ("left", "right")]
     columns = [course[:, :, None] * (torque * each)[None] for each in responses if each is not None]

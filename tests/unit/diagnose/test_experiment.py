@@ -35,6 +35,19 @@ def test_twins_cannot_be_told_apart_by_any_drive() -> None:
     assert against < 0.2 * alone
 
 
+def test_a_slope_is_shown_by_a_drive_that_meets_it_from_all_sides() -> None:
+    """Back and forth shows its part along the drive only; what lies across would stay unseen."""
+    slope = {each.manoeuvre: each.evidence for each in advise(ROBOT, "drive.slope")}
+    assert slope["spin"] > 30.0
+    assert slope["back and forth"] < 1.0
+
+
+def test_what_another_cause_imitates_in_a_drive_is_no_evidence() -> None:
+    """Straight on, friction that differs by direction is a constant torque, as a slope is."""
+    uneven = {each.manoeuvre: each.evidence for each in advise(ROBOT, "friction.direction_dependent")}
+    assert uneven["straight"] < 0.2 * uneven["creep"]
+
+
 def test_the_area_is_minded() -> None:
     assert all(each.reach <= 0.3 for each in advise(ROBOT, "friction.viscous", within=0.3))
 

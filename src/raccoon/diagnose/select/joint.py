@@ -34,7 +34,9 @@ HOPE = 60.0
 """Log evidence that a proposal may lack before that."""
 ALIKE = 0.3
 MOST_ALIKE = 5
-LEAST = 0.02
+LEAST = 0.002
+"""Where a one-sided cause starts in a fit of everything: off its bound, and yet too little to do anything. At
+ten times that, latencies that are not there had raised the misfit by 240, and no step led back."""
 GUESS = 0.4
 STRAIGHT = (
     "motor.armature_resistance@left", "motor.armature_resistance@right", "motor.back_emf_constant@left",

@@ -31,6 +31,9 @@ STRAINED = 1.5
 POLISHED = 3
 WORTH_POLISHING = 8.0
 """Log evidence that a refit must add to be refined."""
+OVERWHELMING = 300.0
+"""Log evidence, no event limited, from which one is refined whatever its lead: base numbers are then far off
+in all the moments that are not the few in which it acts."""
 CLOSE_ENOUGH = 0.35
 """Part of the best one's, from which a refit may still become the best."""
 
@@ -140,7 +143,12 @@ def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
     smooth = [name for name in fits if not jumps(search, name)]
     worth = sorted((name for name in smooth if leads[name] > WORTH_POLISHING), key=lambda name: -leads[name])
     worth = [name for name in worth[:POLISHED] if leads[name] > CLOSE_ENOUGH * leads[worth[0]]]
-    if not strained(search.fit) or len(worth) < 2:
+    if not strained(search.fit):
+        return fits
+    most = max(smooth, key=lambda name: fits[name].evidence, default=None)
+    if most and most not in worth and fits[most].evidence - search.fit.evidence > OVERWHELMING:
+        worth.append(most)
+    elif len(worth) < 2:
         return fits
     refined = fit_afresh(search.problem, search.whitener, [fits[name].point for name in worth], 3)
     better = {name: fit for name, fit in zip(worth, refined, strict=True) if fit.cost <= fits[name].cost}

@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 HELD_OUT_GATE = 2.0
 SURE = 30.0
 """Log evidence, no event counting for much, from which a cause need not help on blocks left out."""
+FORGIVEN = 0.4
+"""Part of its log evidence beyond the gate by which a cause may fall short there."""
 PROBE_GATE = 14.0
 PROBE_LEAD = 1.3
 """Times the evidence of the best cause, no event limited, from which a probe goes before it."""
@@ -86,7 +88,8 @@ def _gate(search: Search, name: str) -> float:
 def _fails_held_out(search: Search, name: str, gain: float, held_out: float) -> bool:
     """Whether a cause must help on blocks left out and does not. They are predicted by straight lines, which
     a large cause bends, and one that makes readings jump has none."""
-    return held_out < HELD_OUT_GATE and gain < SURE and not jumps(search, name)
+    wanted = HELD_OUT_GATE - FORGIVEN * max(gain - gate(name), 0.0)
+    return held_out < wanted and gain < SURE and not jumps(search, name)
 
 
 def ranking(
@@ -264,9 +267,25 @@ def grown(search: Search) -> Search:
     return search
 
 
+def known_after_all(search: Search) -> tuple[Search, bool]:
+    """The search without what was called unknown, where the causes that were found since explain it too."""
+    if not search.unknown or not search.fit.point.active:
+        return search, False
+    bare = look_around(search.problem, search.probes, search.fit.point, search.whitener)
+    again = fit_point(search.problem, bare.whitener, search.fit.point)
+    bare = look_around(search.problem, search.probes, again.point, bare.whitener)
+    if best_probe(bare).lead > PROBE_GATE:
+        return search, False
+    bare.rivals, bare.failed = search.rivals, search.failed
+    return bare, True
+
+
 def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
     """The whole search, from the nominal model to a set of causes that is stable in both directions."""
     search = grown(start_search(problem, probes))
+    search, known = known_after_all(search)
+    if known:
+        search = grown(search)
     search, replaced = simplified(search)
     if replaced:
         search, _ = forward(search)
