@@ -81,7 +81,7 @@ def test_a_floor_must_be_beaten_by_more() -> None:
         gate, ("friction.coulomb", "drive.slope", "friction.direction_dependent", "friction.coulomb@left")
     )
     assert usual == gate("imu.gyro_bias") == EVIDENCE_GATE
-    assert usual < slope < uneven < one_wheel
+    assert usual < slope < uneven < one_wheel == gate("friction.stiction@right")
     assert gate("bemf.scale") < gate("bemf.scale@right")
 
 

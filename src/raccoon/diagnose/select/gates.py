@@ -4,17 +4,16 @@ from __future__ import annotations
 
 EVIDENCE_GATE = 8.0
 FLOOR_GATE = 15.0
-"""For what a real floor imitates in ways that no noise model holds: it differs by direction and by wheel."""
+"""For what a real floor imitates in ways that no noise model holds: it differs by direction."""
 WHEEL_GATE = 20.0
-"""For friction of one wheel, which it imitates best: a patch under one side."""
+"""For what holds back one wheel only, which it imitates best: a patch under one side."""
 SLOPE_GATE = 11.0
 """A floor imitates it less well than it does those: the robot turns on it."""
 SCALE_GATE = 11.0
 """One reading's scale differs from the other's as wheels and motors do that are far out in robot.toml."""
+_ONE_WHEEL = ("friction.", "actuation.deadband")
 _GATES = {
     "friction.direction_dependent": FLOOR_GATE,
-    "friction.coulomb@": WHEEL_GATE,
-    "friction.viscous@": WHEEL_GATE,
     "drive.slope": SLOPE_GATE,
     "bemf.scale@": SCALE_GATE,
 }
@@ -22,4 +21,6 @@ _GATES = {
 
 def gate(name: str) -> float:
     """Log evidence from which a cause is named."""
+    if "@" in name and name.startswith(_ONE_WHEEL):
+        return WHEEL_GATE
     return next((its for start, its in _GATES.items() if name.startswith(start)), EVIDENCE_GATE)

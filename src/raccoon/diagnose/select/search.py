@@ -268,16 +268,16 @@ def grown(search: Search) -> Search:
 
 
 def known_after_all(search: Search) -> tuple[Search, bool]:
-    """The search without what was called unknown, where the causes that were found since explain it too."""
+    """The search without what was called unknown, where it is not the next step beside the causes that were
+    found since."""
     if not search.unknown or not search.fit.point.active:
         return search, False
     bare = look_around(search.problem, search.probes, search.fit.point, search.whitener)
     again = fit_point(search.problem, bare.whitener, search.fit.point)
     bare = look_around(search.problem, search.probes, again.point, bare.whitener)
-    if best_probe(bare).lead > PROBE_GATE:
-        return search, False
     bare.rivals, bare.failed = search.rivals, search.failed
-    return bare, True
+    following, _ = forward(bare)
+    return (search, False) if following.unknown else (following, True)
 
 
 def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
