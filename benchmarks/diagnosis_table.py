@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis_trial import DECIDABLE, POSSIBLE, RELEVANT, expected_class
+from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.experiment import DECIDES
 from raccoon.diagnose.hypotheses import INSIDE, Coordinate, base_coordinates
 from raccoon.sim.effects import effect
 
@@ -240,7 +241,7 @@ def _twins(results: Sequence[Result]) -> str:
 
 
 def _advised(results: Sequence[Result]) -> str:
-    decided = [each for each in results if each["predicted"] >= DECIDABLE]
+    decided = [each for each in results if each["predicted"] >= DECIDES]
     return f"named first {percent(map(first_right, decided))}, wrong {percent(map(_wrong, decided))}"
 
 

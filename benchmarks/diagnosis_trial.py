@@ -48,8 +48,6 @@ RELEVANT = 0.15
 """Contribution, in units of the noise, from which a hidden cause is practically relevant."""
 POSSIBLE = 1.02
 """Error of the nominal model, over that of the true one, from which there is something to gain."""
-DECIDABLE = 30.0
-"""Predicted evidence from which an advised drive must show its cause."""
 LEADING = {
     "factor", "voltage", "resistance", "volts_per_coulomb", "torque", "coefficient", "seconds", "angle",
     "time", "counts", "rate", "rate_per_second", "limit", "duty", "time_constant", "gain", "amplitude",

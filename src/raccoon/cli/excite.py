@@ -24,6 +24,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seconds", type=float, default=20.0, help="longest drive in s (default 20)")
     parser.add_argument("--simulate", action="store_true", help="drive the simulated robot")
     parser.add_argument(
+        "--model", type=Path, help="with --simulate: model.toml of the robot to drive, effects and all"
+    )
+    parser.add_argument(
         "--record", type=Path, help="recording to write; without it only the advice is printed"
     )
 
@@ -34,36 +37,48 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.core.errors import ConfigError
 
     robot = load_robot(args.robot)
+    if args.model is not None and not args.simulate:
+        raise ConfigError(f"--model {args.model}: only a simulated robot has one; add --simulate")
     if args.manoeuvre is None and args.cause is None:
         raise ConfigError("name a --manoeuvre, or a --cause to get the best one for it")
     chosen = args.manoeuvre or _advised(args, robot)
     if args.record is not None:
-        _drive(robot, chosen, args.record, args.simulate)
+        _drive(robot, chosen, args)
         print(f"{args.record}: recorded {chosen!r}")
     return 0
 
 
 def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
     from raccoon.core.errors import ConfigError
-    from raccoon.diagnose.experiment import advise
+    from raccoon.diagnose.experiment import DECIDES, advise
 
     advice = advise(robot, args.cause, args.rival, within=args.within, seconds=args.seconds)
     if not advice:
         raise ConfigError(f"no manoeuvre stays within {args.within} m and {args.seconds} s: allow more")
     for each in advice:
         reach = f"reach {each.reach:.2f} m, {each.seconds:.1f} s"
-        print(f"{each.manoeuvre:16s} evidence {each.evidence:10.1f}  {reach}")
-    if advice[0].evidence < 20.0:
-        print("None of them decides (20 is needed): the causes need a reference such as counted turns.")
+        nearest = f", least told from {each.nearest}" if each.nearest else ""
+        print(f"{each.manoeuvre:16s} evidence {each.evidence:7.1f}  {reach}{nearest}")
+    if advice[0].evidence < DECIDES:
+        print(
+            f"None of them decides ({DECIDES:.0f} is needed): drive it several times into one recording, or "
+            "give a reference such as counted turns."
+        )
     return advice[0].manoeuvre
 
 
-def _drive(robot: RobotConfig, name: str, path: Path, simulate: bool) -> None:
+def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     from dataclasses import replace
 
     from raccoon.diagnose.excitation import drive_and_record
     from raccoon.diagnose.experiment import manoeuvre
 
-    if simulate:
+    port = None
+    if args.simulate:
         robot = replace(robot, controller=replace(robot.controller, port="sim"))
-    drive_and_record(robot, manoeuvre(name), path)
+    if args.model is not None:
+        from raccoon.sim.model_file import load_model
+        from raccoon.sim.port import SimPort
+
+        port = SimPort(load_model(args.model), robot=robot, rate_hz=robot.controller.rate_hz)
+    drive_and_record(robot, manoeuvre(name), args.record, port)

@@ -41,13 +41,17 @@ def _outputs(robot: RobotConfig, signs: list[float], pair: NDArray[np.float64]) 
     return Outputs(duty=tuple(duty))
 
 
-def drive_and_record(robot: RobotConfig, duty: NDArray[np.float64], path: str | Path) -> None:
-    """Open the robot's port, drive, and keep a recording. Raises FileExistsError where there is one."""
+def drive_and_record(
+    robot: RobotConfig, duty: NDArray[np.float64], path: str | Path, port: Port | None = None
+) -> None:
+    """Drive and keep a recording. port: by default the one that robot.toml names is opened; either is closed
+    at the end. Raises FileExistsError where there is a recording.
+    """
     from raccoon.robot.opening import open_port
     from raccoon.trace.record import RecordingPort
 
-    port = RecordingPort(open_port(robot), path, config=robot)
+    recording = RecordingPort(open_port(robot) if port is None else port, path, config=robot)
     try:
-        drive(port, robot, duty)
+        drive(recording, robot, duty)
     finally:
-        port.close()
+        recording.close()

@@ -25,7 +25,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_settings
-from raccoon.diagnose.linear import Group, linearise, slow_friction
+from raccoon.diagnose.linear import Group, Linear, linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
 from raccoon.diagnose.naming import TWINS
 from raccoon.diagnose.noise import CHANGING, EVENT, white_noise
@@ -41,6 +41,8 @@ Array = NDArray[np.float64]
 RATE = 200
 ARROWS = ("drive.slope", "drive.wheel_eccentricity")
 """Causes whose two numbers are one arrow, of which nobody knows where it points."""
+DECIDES = 30.0
+"""Evidence from which a drive decides."""
 FLOOR_SHARE = 0.04
 """Of Coulomb friction, by which a floor's friction wanders."""
 PUSH_SHARE = 0.07
@@ -92,12 +94,16 @@ MANOEUVRES: Mapping[str, Callable[[], Array]] = {
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """A manoeuvre and the evidence that it is expected to give (20 and more decides)."""
+    """A manoeuvre and the evidence that it is expected to give.
+
+    reach: m, the farthest from its start. nearest: the rival that leaves least of it; empty where none does.
+    """
 
     manoeuvre: str
     evidence: float
     reach: float
     seconds: float
+    nearest: str
 
 
 def manoeuvre(name: str) -> Array:
@@ -144,25 +150,46 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     )  # fmt: skip
     linear = linearise(problem, problem.nominal(), list(every))
     white = _whitening(problem)
+    columns = [(group, white(group.columns)) for group in linear.groups]
+    hidden_by = _hiding(problem, linear, white, columns, cause, chosen)
+    off = [(group.name, each) for group, each in columns if group.name not in chosen]
+    rivals = [each for each in off if _another(each[0], cause)]
+    rows = EVENT * len(log.channels)
+    evidence, nearest = min(
+        _evidence(size * each, hidden_by, rivals, rows) for each in _wanted(columns, cause, size)
+    )
+    return Advice(name, evidence, _reach(problem), len(duty) / RATE, nearest)
+
+
+Columns = Sequence[tuple[Group, Array]]
+
+
+def _hiding(
+    problem: Problem,
+    linear: Linear,
+    white: Callable[[Array], Array],
+    columns: Columns,
+    cause: str,
+    chosen: Mapping[str, Cause],
+) -> Array:
+    """Whitened directions in which a recording may change without the cause: base numbers, the rivals that
+    were asked for, a little of every other effect, floor and gear."""
     own = white(linear.own)
-    columns = [(each, white(each.columns)) for each in linear.groups]
-    wanted = [(abs(_strength(group) - size), each) for group, each in columns if group.name == cause]
-    against = [each for group, each in columns if group.name in chosen and group.name != cause]
+    rivals = [each for group, each in columns if group.name in chosen and group.name != cause]
     off = [(group.name, each) for group, each in columns if group.name not in chosen]
     small = np.vstack([own[:0], *(each for _, each in off)])
-    noise = faint_parts([name for name, each in off for _ in each], own, small)[:, None] * small
+    inexact = faint_parts([name for name, each in off for _ in each], own, small)[:, None] * small
     floor = FLOOR_SHARE * white(slow_friction(problem, linear))
     pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
-    hidden_by = np.vstack([own, *against, noise, floor, pushes])
-    rivals = [each for name, each in off if _another(name, cause)]
-    rows = EVENT * len(log.channels)
-    nearest = min(away for away, _ in wanted)
-    every_part = cause.startswith(ARROWS)
-    like_it = [
-        column for away, each in wanted if away <= nearest for column in (each if every_part else each[:1])
-    ]
-    evidence = min(_evidence(size * column, hidden_by, rivals, rows) for column in like_it)
-    return Advice(name, evidence, _reach(problem), len(duty) / RATE)
+    return np.vstack([own, *rivals, inexact, floor, pushes])
+
+
+def _wanted(columns: Columns, cause: str, size: float) -> list[Array]:
+    """Columns of the cause at about that size: the first, or every part of an arrow."""
+    own = [(abs(_strength(group) - size), each) for group, each in columns if group.name == cause]
+    nearest = min(away for away, _ in own)
+    parts = None if cause.startswith(ARROWS) else 1
+    return [column for away, each in own if away <= nearest for column in each[:parts]]
 
 
 def _strength(group: Group) -> float:
@@ -195,26 +222,28 @@ def _whitening(problem: Problem) -> Callable[[Array], Array]:
     return lambda columns: noise.whiten(columns).reshape(len(columns), -1)
 
 
-def _evidence(column: Array, others: Array, rivals: Sequence[Array], rows: int) -> float:
+def _evidence(
+    column: Array, others: Array, rivals: Sequence[tuple[str, Array]], rows: int
+) -> tuple[float, str]:
     """||P d||^2 with unit priors on the others and on that rival which leaves least, of which no event of so
-    many rows may give more than the search lets it."""
+    many rows may give more than the search lets it; and the rival."""
     inverse = np.linalg.inv(others @ others.T + np.eye(len(others)))
 
     def beside(columns: Array) -> Array:
         return np.asarray(columns - (columns @ others.T) @ inverse @ others, float)
 
     left = beside(column[None])[0]
-    found = [_limited(left * column, rows)]
-    for rival in rivals:
+    found = [(_limited(left * column, rows), "")]
+    for name, rival in rivals:
         its = beside(rival)
         share = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left)
-        found.append(_limited((left - share @ its) * column, rows))
+        found.append((_limited((left - share @ its) * column, rows), name))
     return min(found)
 
 
 def _limited(products: Array, rows: int) -> float:
     events = np.add.reduceat(products, np.arange(0, len(products), rows))
-    return float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum())
+    return max(float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum()), 0.0)
 
 
 def _reach(problem: Problem) -> float:
