@@ -8,7 +8,7 @@ it. A *cause* is an effect of the catalogue at one place, with the width of an u
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from raccoon.core.config import Measured, RobotConfig
@@ -96,6 +96,11 @@ class Cause:
             return
         for coordinate, value in zip(self.coordinates, u, strict=True):
             coordinate.apply(settings, value)
+
+
+def by_name(table: Mapping[str, float], name: str, otherwise: float) -> float:
+    """The number of the first entry with which a cause's name begins."""
+    return next((number for start, number in table.items() if name.startswith(start)), otherwise)
 
 
 def places(id: str, where: str | None) -> tuple[str | None, ...]:  # noqa: A002

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import Cause, Setting, Settings, places
 from raccoon.diagnose.log import Log
@@ -20,17 +21,6 @@ from raccoon.sim.effects import effect
 
 Array = NDArray[np.float64]
 
-FORM_ERROR = 0.07
-"""Share of a deviation that an effect's equation, which is never quite the robot's, may be off by."""
-FORM_ERRORS = {
-    "battery.open_circuit_voltage": 0.01, "actuation.latency": 0.01, "drive.wheel_eccentricity": 0.01,
-    "imu.gyro_drift": 0.01, "battery.": 0.02, "bemf.filter_lag": 0.02, "bemf.offset": 0.02,
-    "imu.gyro_bias": 0.02, "actuation.deadband": 0.03, "imu.latency": 0.04, "bemf.scale": 0.05,
-    "drive.wheel_slip": 0.05, "drive.turn_scrub": 0.05, "motor.armature_resistance": 0.07, "motor.": 0.1,
-    "friction.stiction": 0.1, "friction.quadratic": 0.1, "drive.inertia": 0.1, "drive.track_width": 0.1,
-    "drive.wheel_radius": 0.15,
-}  # fmt: skip
-"""The same where it was found to be less or more on a robot of other equations (docs/diagnosis.md)."""
 TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
 b."""
@@ -118,11 +108,6 @@ def parameters(search: Search, cause: Cause, covariance: Array) -> dict[str, Par
         std = math.sqrt(max(float(slope @ covariance @ slope), 0.0) + form**2)
         found[each.name] = ParameterResult(value, std, each.unit, float(nominal))
     return found
-
-
-def form_error(id_: str) -> float:
-    """Share of a deviation by which an effect's form is off, one standard deviation."""
-    return next((its for start, its in FORM_ERRORS.items() if id_.startswith(start)), FORM_ERROR)
 
 
 def _number(settings: Settings, key: Setting) -> float:

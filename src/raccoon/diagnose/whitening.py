@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.forms import form_factor
 from raccoon.diagnose.linear import Group, Linear, slow_friction
 from raccoon.diagnose.log import WHEELS
 from raccoon.diagnose.noise import (
@@ -44,12 +45,7 @@ CHANGE = 0.03
 FAINT = 0.006
 """Error, in units of the noise, that any model has in the direction of any effect: no evidence of it."""
 NEGLIGIBLE = 0.0125
-"""Most of that, as a part of the effect's width."""
-FORM_ERRORS = {
-    "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
-    "bemf.offset": 0.5, "drive.wheel_eccentricity": 0.5, "drive.track_width": 0.5,
-}  # fmt: skip
-"""Factors on both. No floor and no gear is as even as a model; a reading's own error is known exactly."""
+"""Most of that, as a part of the effect's width. Both are multiplied by the effect's `form_factor`."""
 FORM_SHARE = 0.005
 """Of the response to a cause, its error of form in the direction of any other effect."""
 WORST = 2.5
@@ -107,7 +103,7 @@ def whitener_for(
 
 def _acting(linear: Linear, noise: NoiseModel) -> float:
     """Root mean square of the whitened response to the causes that are on and have a form to be wrong in."""
-    inexact = [each for name, each in linear.acting.items() if _form_error(name) >= 1.0]
+    inexact = [each for name, each in linear.acting.items() if form_factor(name) >= 1.0]
     return math.sqrt(sum(float((noise.whiten(each) ** 2).mean()) for each in inexact))
 
 
@@ -123,12 +119,8 @@ def faint_parts(names: Sequence[str], base: Array, columns: Array, acting: float
     cross = rows @ plain.T
     absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
     rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / size)
-    form = np.array([_form_error(name) for name in names])
+    form = np.array([form_factor(name) for name in names])
     return np.asarray(form * worse * np.minimum(NEGLIGIBLE, FAINT / rms), float)
-
-
-def _form_error(name: str) -> float:
-    return next((factor for start, factor in FORM_ERRORS.items() if name.startswith(start)), 1.0)
 
 
 def _less_at_jumps(problem: Problem, linear: Linear, noise: NoiseModel) -> NoiseModel:

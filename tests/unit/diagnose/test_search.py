@@ -16,12 +16,12 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_at, fit_point
+from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.habits import problem_of, starting_settings
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR, base_coordinates, neutral_settings
 from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
-from raccoon.diagnose.naming import form_error
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from raccoon.diagnose.hypotheses import by_name
+
 EVIDENCE_GATE = 8.0
 FLOOR_GATE = 15.0
 """For what a real floor imitates in ways that no noise model holds: it differs by direction."""
@@ -23,4 +25,4 @@ def gate(name: str) -> float:
     """Log evidence from which a cause is named."""
     if "@" in name and name.startswith(_ONE_WHEEL):
         return WHEEL_GATE
-    return next((its for start, its in _GATES.items() if name.startswith(start)), EVIDENCE_GATE)
+    return by_name(_GATES, name, EVIDENCE_GATE)
