@@ -51,19 +51,17 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "imu.latency": (0.5, 1.2),
     "drive.backlash": (0.1, 0.5, 1.0),
     "drive.wheel_slip": (0.15, 0.5, 1.5),
-    "bemf.dead_zone": (1.0, 2.0, 3.0, 4.0),
+    "bemf.dead_zone": (0.3, 1.0, 2.0, 4.0),
     "actuation.deadband": (0.15, 0.5, 1.5),
     "motor.current_limit": (0.5, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),
 }
 # Longer steps where the response, seen closely, is a staircase: effects that shift the moment of something
-# by whole steps of a clock, or let wheels touch and part. A dead zone's is what readings scatter when they
-# cross it.
+# by whole steps of a clock, or let wheels touch and part.
 _STEPS: Mapping[str, float] = {
     "actuation.latency": 0.05,
     "imu.latency": 0.05,
     "drive.backlash": 0.05,
-    "bemf.dead_zone": 0.25,
 }
 
 
@@ -100,7 +98,7 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
     low = 0.0 if first.neutral == 0.0 and first.bounds.low == 0.0 else -math.inf
     guesses = tuple(((u,),) for u in _GUESSES.get(id, (0.5,)))
     coordinate = added(id, where, first.name, width, low=low)
-    coordinate = replace(coordinate, step=_STEPS.get(id, coordinate.step), jumps=id == "bemf.dead_zone")
+    coordinate = replace(coordinate, step=_STEPS.get(id, coordinate.step))
     return Cause(id, where, (coordinate,), guesses)
 
 

@@ -145,7 +145,7 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     habits = Habits(Chain.firmware(), brake=False)
     every = {each.name: each for each in drive_causes()}
     problem = Problem(
-        Features.of(log), PlantRollout(log, robot, habits), robot, neutral_settings(robot),
+        Features.of(log), PlantRollout(log, robot, habits, plain=True), robot, neutral_settings(robot),
         base_coordinates(robot), every,
     )  # fmt: skip
     linear = linearise(problem, problem.nominal(), list(every))

@@ -32,7 +32,6 @@ class Coordinate:
     from_zero: what u = 1 adds instead to a setting of 0, which no factor moves.
     step: in u, over which columns are taken. Small: where wheels break loose the response has kinks, and
     columns over longer steps do not add up to nothing along directions in which nothing changes.
-    jumps: whether readings jump where it acts, so that a column is also how uncertain they are there.
     """
 
     name: str
@@ -42,7 +41,6 @@ class Coordinate:
     low: float = -math.inf
     high: float = math.inf
     step: float = 0.001
-    jumps: bool = False
     from_zero: float = 0.0
 
     def apply(self, settings: Settings, u: float) -> None:

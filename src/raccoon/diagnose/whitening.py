@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +84,6 @@ def whitener_for(
     for _ in range(1 if before is not None else 2):
         rest, wander = _unexplained(noise, every, slow, linear.target)
         noise = fit_noise(rest, ORDER, floors, regimes)
-    noise = _less_at_jumps(problem, linear, noise)
     own = noise.whiten(linear.own[: len(problem.base)])
     last = {each.name: place for place, each in enumerate(linear.groups)}
     places = [place for place, each in enumerate(linear.groups) for _ in each.columns]
@@ -121,18 +119,6 @@ def faint_parts(names: Sequence[str], base: Array, columns: Array, acting: float
     rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / size)
     form = np.array([form_factor(name) for name in names])
     return np.asarray(form * worse * np.minimum(NEGLIGIBLE, FAINT / rms), float)
-
-
-def _less_at_jumps(problem: Problem, linear: Linear, noise: NoiseModel) -> NoiseModel:
-    """Bins in which readings jump count as little as the jump is uncertain: by a step of its coordinate."""
-    steps = problem.steps(linear.point)
-    coordinates = [each for name in linear.point.active for each in problem.causes[name].coordinates]
-    jumps = [len(problem.base) + index for index, each in enumerate(coordinates) if each.jumps]
-    if not jumps:
-        return noise
-    spread = noise.whiten(linear.own[jumps] * steps[jumps, None, None])
-    size = (spread**2).mean(axis=2).sum(axis=0)
-    return replace(noise, weights=noise.weights / np.sqrt(1.0 + size))
 
 
 def regimes_of(problem: Problem) -> NDArray[np.intp]:

@@ -13,6 +13,7 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_at, fit_point
@@ -24,7 +25,7 @@ from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, parameters_of
+from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, heard, parameters_of
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
 from raccoon.diagnose.select.joint import _all_straight
 from raccoon.diagnose.select.outlook import (
@@ -165,13 +166,38 @@ def test_half_of_a_lag_is_given_to_another_of_the_same_readings(problem: Problem
     assert seconds[("drive.wheel_slip", "left", "time")] == pytest.approx(whole / 2.0)
 
 
-def test_the_surer_a_cause_the_more_it_may_fall_short_on_blocks_left_out(problem: Problem) -> None:
+def test_the_surer_a_cause_the_more_it_may_fall_short_on_blocks_left_out() -> None:
     """Blocks are foreseen by straight lines: a friction 20 % off, worth 25, was dropped for -0.4 there."""
-    search = search_at(problem, problem.nominal())
-    assert _fails_held_out(search, "friction.coulomb", EVIDENCE_GATE + 1.0, -0.4)
-    assert not _fails_held_out(search, "friction.coulomb", 25.0, -0.4)
-    assert _fails_held_out(search, "friction.coulomb", 25.0, -20.0)
-    assert not _fails_held_out(search, "friction.coulomb", SURE, -20.0)
+    assert _fails_held_out("friction.coulomb", EVIDENCE_GATE + 1.0, -0.4)
+    assert not _fails_held_out("friction.coulomb", 25.0, -0.4)
+    assert _fails_held_out("friction.coulomb", 25.0, -20.0)
+    assert not _fails_held_out("friction.coulomb", SURE, -20.0)
+
+
+def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -> None:
+    samples = np.array([[3.0, 14.0, -14.0, 14.0, -5.0, 7.0]])
+    measured = np.array([0.0, 0.0, 0.0, 12.0, -2.0, np.nan])
+    (none,) = heard(samples, np.array([[0.0]]), measured)
+    np.testing.assert_array_equal(none, samples[0])
+    (zone,) = heard(samples, np.array([[10.0]]), measured)
+    np.testing.assert_array_equal(zone, [0.0, 4.0, -4.0, 14.0, -13.0, 7.0])
+
+
+@pytest.mark.parametrize("width", [0.5, 8.0, 13.0, 14.0, 20.0, 60.0])
+def test_nothing_jumps_over_the_width_of_a_zone(width: float) -> None:
+    rng = np.random.default_rng(2)
+    samples, measured = 40.0 * rng.standard_normal((1, 500)), 40.0 * rng.standard_normal(500)
+    measured[np.abs(measured) < 13.5] = 0.0
+    before, after = (heard(samples, np.array([[width + each]]), measured) for each in (-1e-6, 1e-6))
+    assert np.abs(after - before).max() <= 2.1e-6
+
+
+def test_a_small_dead_zone_is_found_though_wheels_stop_a_moment_early_or_late() -> None:
+    hidden = draw("bemf.dead_zone", np.random.default_rng(1), size=0.3)
+    said = diagnose(make(1, [hidden], seconds=25.0).columns, ROBOT)
+    assert [each.name for each in said.causes] == [hidden.name]
+    found = said.causes[0].parameters["counts"]
+    assert found.value == pytest.approx(hidden.values["counts"], abs=2.0 * found.std)
 
 
 def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() -> None:

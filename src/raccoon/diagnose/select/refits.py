@@ -11,7 +11,6 @@ from raccoon.diagnose.fit import Fit, fit_afresh, fit_many
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
-from raccoon.diagnose.select.scan import scanned
 from raccoon.diagnose.select.sets import overlap
 
 Array = NDArray[np.float64]
@@ -87,8 +86,6 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     for (name, _), fit in zip(named, fits, strict=True):
         if name not in best or fit.evidence > best[name].evidence:
             best[name] = fit
-    for name in [each for each in best if jumps(search, each)]:
-        best[name] = scanned(search, name)
     best = _polished(search, best)
     return sorted(best.items(), key=lambda each: -each[1].evidence)
 
@@ -124,11 +121,6 @@ def shared_lags(search: Search) -> list[tuple[str, Point]]:
     return found
 
 
-def jumps(search: Search, name: str) -> bool:
-    """Whether readings jump where a cause acts: no straight line says then what another size would do."""
-    return any(each.jumps for each in search.problem.causes[name].coordinates)
-
-
 def strained(fit: Fit, deviations: float = STRAINED) -> bool:
     """Whether a base number is bent by more than that many standard deviations of robot.toml."""
     return bool((np.abs(fit.point.base) > deviations).any())
@@ -140,12 +132,11 @@ def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
     The columns of base numbers are those of the point before; a cause that relieves them changes them.
     """
     leads = {name: lead(search.problem, fit, search.fit) for name, fit in fits.items()}
-    smooth = [name for name in fits if not jumps(search, name)]
-    worth = sorted((name for name in smooth if leads[name] > WORTH_POLISHING), key=lambda name: -leads[name])
+    worth = sorted((name for name in fits if leads[name] > WORTH_POLISHING), key=lambda name: -leads[name])
     worth = [name for name in worth[:POLISHED] if leads[name] > CLOSE_ENOUGH * leads[worth[0]]]
     if not strained(search.fit):
         return fits
-    most = max(smooth, key=lambda name: fits[name].evidence, default=None)
+    most = max(fits, key=lambda name: fits[name].evidence, default=None)
     if most and most not in worth and fits[most].evidence - search.fit.evidence > OVERWHELMING:
         worth.append(most)
     elif len(worth) < 2:

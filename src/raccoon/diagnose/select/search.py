@@ -23,7 +23,7 @@ from raccoon.diagnose.select.outlook import (
     look_around,
     start_search,
 )
-from raccoon.diagnose.select.refits import SCALE, jumps, refit_candidates, strained
+from raccoon.diagnose.select.refits import SCALE, refit_candidates, strained
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def forward(search: Search) -> tuple[Search, bool]:
             search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
             continue
         held_out = held_out_score(fit) - reference_held_out
-        if _fails_held_out(search, name, gain, held_out):
+        if _fails_held_out(name, gain, held_out):
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
         rivals = [
@@ -85,11 +85,11 @@ def _gate(search: Search, name: str) -> float:
     return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
 
 
-def _fails_held_out(search: Search, name: str, gain: float, held_out: float) -> bool:
+def _fails_held_out(name: str, gain: float, held_out: float) -> bool:
     """Whether a cause must help on blocks left out and does not. They are predicted by straight lines, which
-    a large cause bends, and one that makes readings jump has none."""
+    a large cause bends."""
     wanted = HELD_OUT_GATE - FORGIVEN * max(gain - gate(name), 0.0)
-    return held_out < wanted and gain < SURE and not jumps(search, name)
+    return held_out < wanted and gain < SURE
 
 
 def ranking(
@@ -129,7 +129,7 @@ def backward(search: Search) -> tuple[Search, bool]:
         dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = reference_held_out - held_out_score(dropped)
-        fails = _fails_held_out(search, name, search.gains[name], search.held_out[name])
+        fails = _fails_held_out(name, search.gains[name], search.held_out[name])
         if search.gains[name] < _gate(search, name) or fails:
             search.failed[name] = "others explain it better together"
             return _accepted_less(search, name, dropped), True
