@@ -61,6 +61,9 @@ def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConf
 
 
 LONGEST_STEP = 0.001
+LEAST_ZONE = 2.0
+"""Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below two can be
+told from it."""
 COLUMNS = {
     "bemf_left": "motor.{left}.bemf",
     "bemf_right": "motor.{right}.bemf",
@@ -160,6 +163,7 @@ def heard(samples: Array, zones: Array, measured: Array) -> Array:
     simulated: thresholding the simulated reading itself cost a true zone of 14 counts 31 units of log
     evidence, where this gives it 95. A reading that is missing (NaN) says nothing.
     """
+    zones = np.where(zones < LEAST_ZONE, 0.0, zones)
     size = np.abs(samples)
     outside = np.sign(samples) * np.maximum(size - zones, 0.0)
     louder = samples + np.sign(measured) * np.maximum(zones - np.abs(measured), 0.0)

@@ -183,6 +183,11 @@ def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -
     np.testing.assert_array_equal(zone, [0.0, 4.0, -4.0, 14.0, -13.0, 7.0])
 
 
+def test_whole_counts_are_no_dead_zone() -> None:
+    samples, measured = np.array([[0.6, -0.9]]), np.array([0.0, 0.0])
+    np.testing.assert_array_equal(heard(samples, np.array([[1.0]]), measured), samples)
+
+
 @pytest.mark.parametrize("width", [0.5, 8.0, 13.0, 14.0, 20.0, 60.0])
 def test_nothing_jumps_over_the_width_of_a_zone(width: float) -> None:
     rng = np.random.default_rng(2)
