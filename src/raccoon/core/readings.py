@@ -187,8 +187,7 @@ class Outputs:
     duty: -1..1 per motor port, before any wiring sign. brake: short the motor where its duty is 0.
     servo_us: pulse in microseconds (600..2400), None switches the servo off.
 
-    Raises ValueError for a duty that is not a number in -1..1, a pulse outside its range, and a port too few
-    or too many.
+    Raises ValueError for a duty that is not a number in -1..1 or a pulse outside its range.
     """
 
     duty: tuple[float, ...] = (0.0,) * MOTOR_PORTS
@@ -196,12 +195,6 @@ class Outputs:
     servo_us: tuple[int | None, ...] = (None,) * SERVO_PORTS
 
     def __post_init__(self) -> None:
-        if not len(self.duty) == len(self.brake) == MOTOR_PORTS:
-            raise ValueError(
-                f"duty for {len(self.duty)} and brake for {len(self.brake)} motors: there are {MOTOR_PORTS}"
-            )
-        if len(self.servo_us) != SERVO_PORTS:
-            raise ValueError(f"pulses for {len(self.servo_us)} servos: there are {SERVO_PORTS}")
         for port, duty in enumerate(self.duty):
             if not -1.0 <= duty <= 1.0:
                 raise ValueError(f"duty of motor {port} is {duty}: allowed are numbers from -1 to 1")

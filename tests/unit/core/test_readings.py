@@ -20,16 +20,6 @@ def test_impossible_pulse_is_refused() -> None:
         Outputs(servo_us=(None, 2500, None, None))
 
 
-def test_a_port_too_few_is_refused_and_counted() -> None:
-    """A motor that is left out would keep its last command."""
-    with pytest.raises(ValueError, match=r"duty for 2 and brake for 4 motors: there are 4"):
-        Outputs(duty=(0.1, 0.1))
-    with pytest.raises(ValueError, match=r"brake for 5"):
-        Outputs(brake=(True,) * 5)
-    with pytest.raises(ValueError, match=r"pulses for 3 servos: there are 4"):
-        Outputs(servo_us=(None, None, 1500))
-
-
 def test_stop_is_everything_off() -> None:
     assert STOP.duty == (0.0,) * 4
     assert STOP.servo_us == (None,) * 4
