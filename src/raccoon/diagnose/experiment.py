@@ -134,7 +134,8 @@ def advise(
         if name not in known:
             raise ConfigError(f"cause {name!r}: there is none of that name; see raccoon effects")
     chosen = {name: known[name] for name in (cause, *rivals)}
-    found = [_advice(robot, name, cause, chosen, size) for name in MANOEUVRES]
+    moving = [name for name in MANOEUVRES if manoeuvre(name).any()]  # no diagnosis is made of a still robot
+    found = [_advice(robot, name, cause, chosen, size) for name in moving]
     allowed = [each for each in found if each.reach <= within and each.seconds <= seconds]
     return sorted(allowed, key=lambda each: -each.evidence)
 
