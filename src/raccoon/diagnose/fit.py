@@ -33,13 +33,16 @@ class Fit:
 
     @classmethod
     def of(cls, problem: Problem, point: Point, white: Array, jacobian: Array) -> Fit:
-        """With its cost, and what is free."""
+        """With its cost, and what is free. A simulation that gives no numbers costs more than any other."""
         vector = point.vector()
-        return cls(point, white, jacobian, float(white @ white + vector @ vector), unbound(problem, point))
+        cost = float(white @ white + vector @ vector)
+        return cls(point, white, jacobian, cost if np.isfinite(cost) else np.inf, unbound(problem, point))
 
     @property
     def evidence(self) -> float:
         """Log evidence, comparable between fits under the same whitener."""
+        if not (np.isfinite(self.cost) and np.isfinite(self.jacobian).all()):
+            return -np.inf
         gram = self.jacobian @ self.jacobian.T
         _, logdet = np.linalg.slogdet(np.eye(len(gram)) + gram)
         return float(-0.5 * self.cost - 0.5 * logdet)
@@ -86,6 +89,9 @@ class _Track:
     def consider(self, problem: Problem, fit: Fit) -> None:
         if self.best is not None and fit.cost >= self.best.cost:
             self._shorten(problem)
+            return
+        if not (np.isfinite(fit.cost) and np.isfinite(fit.jacobian).all()):
+            self.best, self.arrived = fit if self.best is None else self.best, True
             return
         reach = 1.0
         if self.best is not None:

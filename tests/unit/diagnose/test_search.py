@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +17,11 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_at, fit_point
+from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_afresh, fit_at, fit_point
 from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.habits import problem_of, starting_settings
-from raccoon.diagnose.hypotheses import WIDTH_FACTOR, base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Settings, base_coordinates, neutral_settings
 from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
@@ -376,3 +377,28 @@ def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
     assert held(usual).surprise == pytest.approx(1.0, abs=0.05)
     assert held(event).surprise == pytest.approx(1.0, abs=0.1)
     assert held(1.6 * usual).surprise == pytest.approx(1.6, abs=0.1)
+
+
+def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Problem) -> None:
+    """Far from everything a set of causes may simulate to nonsense; its start is given up, not the search."""
+    truth = problem.nominal().with_cause("drive.inertia", np.array([0.4]))
+    measured = problem.predict([truth])[0]
+    sound = problem.rollout
+
+    def broken(variants: Sequence[Settings]) -> np.ndarray:
+        samples = sound(variants)
+        for place, each in enumerate(variants):
+            if each[("actuation.latency", None, "seconds")] > 0.0:
+                samples[place] = np.nan
+        return samples
+
+    features = replace(problem.features, measured=measured)
+    problem = replace(problem, features=features, rollout=broken)
+    noise = white_noise(features.floors, np.zeros(len(measured), np.intp))
+    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), measured, np.zeros_like(measured))
+    inertia = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
+    starts = [inertia.with_cause("actuation.latency", np.array([0.5])), inertia]
+    lost, found = fit_afresh(problem, whitener, starts, 6)
+    assert lost.cost == np.inf
+    assert lost.evidence == -np.inf
+    assert found.point.active["drive.inertia"][0] == pytest.approx(0.4, abs=0.1)
