@@ -26,7 +26,7 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from itertools import islice, product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -38,16 +38,19 @@ from diagnosis_table import exactly
 from diagnosis_trial import RELEVANT, shown, true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import fit_afresh, fit_point
+from raccoon.diagnose.fit import Fit, fit_afresh, fit_point
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import BETTER, net_lead
-from raccoon.diagnose.select.outlook import lead
+from raccoon.diagnose.select.outlook import Search, lead
 from raccoon.diagnose.select.search import search_causes
 from raccoon.diagnose.unknown import probes_for
+
+if TYPE_CHECKING:
+    from blind.generator import Blind
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
@@ -89,33 +92,44 @@ def main() -> None:
 
 def _why(key: str, seed: int) -> tuple[str, str]:
     """Which of the three, and the numbers behind it."""
-    case = Case.of(key)
-    blind = drawn(case, seed)
-    problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
-    search = search_causes(problem, probes_for(problem))
+    blind, search = _searched(key, seed)
+    problem = search.problem
     said = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
     starts = _true_points(
         problem, [each.name for each in blind.hidden], true_settings(blind.robot), said.point
     )
     true = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
     ahead = net_lead(search, true, said)
-    spare = {}
-    for name in true.point.active:
-        less = fit_point(problem, search.whitener, true.point.without_cause(name), ITERATIONS)
-        spare[name] = lead(problem, true, less) - gate(name)
-    weakest = min(spare, key=lambda name: spare[name])
-    why = "search" if ahead > BETTER else "evidence" if spare[weakest] < 0.0 else "form"
+    weakest, spare, _ = _weakest(search, true, ITERATIONS)
+    why = "search" if ahead > BETTER else "evidence" if spare < 0.0 else "form"
     names = ", ".join(said.point.active) or "nothing"
-    told = f"{', '.join(spare)} against {names}: {ahead:+.1f}; {weakest} {spare[weakest]:+.1f} from its gate"
+    causes = ", ".join(true.point.active)
+    told = f"{causes} against {names}: {ahead:+.1f}; {weakest} {spare:+.1f} from its gate"
     return why, told
+
+
+def _searched(key: str, seed: int) -> tuple[Blind, Search]:
+    """A recording, and what the search makes of it."""
+    case = Case.of(key)
+    blind = drawn(case, seed)
+    problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
+    return blind, search_causes(problem, probes_for(problem))
+
+
+def _weakest(search: Search, fit: Fit, iterations: int) -> tuple[str, float, Fit]:
+    """The cause that is least worth its gate, by how much it is, and the fit without it."""
+    problem = search.problem
+    found = []
+    for name in fit.point.active:
+        less = fit_point(problem, search.whitener, fit.point.without_cause(name), iterations)
+        found.append((name, lead(problem, fit, less) - gate(name), less))
+    return min(found, key=lambda each: each[1])
 
 
 def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int]:
     """How many causes of a recording are relevant, and how many of them are worth their gate at the truth."""
-    case = Case.of(result["key"])
-    blind = drawn(case, seed)
-    problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
-    search = search_causes(problem, probes_for(problem))
+    blind, search = _searched(result["key"], seed)
+    problem = search.problem
     acting = [
         name
         for name, size in result["alone"].items()
@@ -125,15 +139,10 @@ def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int]:
     starts = _true_points(problem, acting, true_settings(blind.robot), bare)[:2]
     fit = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
     while fit.point.active:
-        less = {
-            name: fit_point(problem, search.whitener, fit.point.without_cause(name), PRUNING)
-            for name in fit.point.active
-        }
-        spare = {name: lead(problem, fit, each) - gate(name) for name, each in less.items()}
-        weakest = min(spare, key=lambda name: spare[name])
-        if spare[weakest] >= 0.0:
+        _, spare, less = _weakest(search, fit, PRUNING)
+        if spare >= 0.0:
             break
-        fit = less[weakest]
+        fit = less
     relevant = [name for name, size in result["alone"].items() if size > RELEVANT]
     return len(relevant), len(set(relevant) & set(fit.point.active))
 

@@ -61,7 +61,7 @@ def _leads(search: Search) -> dict[str, float]:
     """The largest lead of causes with the usual gate, of those with the floor's, and of probes."""
     found = {"any cause": 0.0, "what a floor imitates": 0.0, "probe": best_probe(search).lead}
     for name, fit in refit_candidates(search):
-        kind = "what a floor imitates" if gate(name) == FLOOR_GATE else "any cause"
+        kind = "what a floor imitates" if gate(name) >= FLOOR_GATE else "any cause"
         found[kind] = max(found[kind], lead(search.problem, fit, search.fit))
     return found
 

@@ -133,18 +133,27 @@ def advise(
     for name in (cause, *rivals):
         if name not in known:
             raise ConfigError(f"cause {name!r}: there is none of that name; see raccoon effects")
-    chosen = {name: known[name] for name in (cause, *rivals)}
-    moving = [name for name in MANOEUVRES if manoeuvre(name).any()]  # no diagnosis is made of a still robot
-    found = [_advice(robot, name, cause, chosen, size) for name in moving]
+    drives = {name: make() for name, make in MANOEUVRES.items()}
+    moving = {
+        name: duty for name, duty in drives.items() if duty.any()
+    }  # no diagnosis is made of a still robot
+    found = [_advice(robot, name, duty, known, (cause, *rivals), size) for name, duty in moving.items()]
     allowed = [each for each in found if each.reach <= within and each.seconds <= seconds]
     return sorted(allowed, key=lambda each: -each.evidence)
 
 
-def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Cause], size: float) -> Advice:
-    duty = manoeuvre(name)
+def _advice(
+    robot: RobotConfig,
+    name: str,
+    duty: Array,
+    every: Mapping[str, Cause],
+    chosen: tuple[str, ...],
+    size: float,
+) -> Advice:
+    """chosen: the cause, then the rivals that were asked for."""
+    cause = chosen[0]
     log = planned_log(duty)
     habits = Habits(Chain.firmware(), brake=False)
-    every = {each.name: each for each in drive_causes()}
     problem = Problem(
         Features.of(log), PlantRollout(log, robot, habits, plain=True), robot, neutral_settings(robot),
         base_coordinates(robot), every,
@@ -152,8 +161,9 @@ def _advice(robot: RobotConfig, name: str, cause: str, chosen: Mapping[str, Caus
     linear = linearise(problem, problem.nominal(), list(every))
     white = _whitening(problem)
     columns = [(group, white(group.columns)) for group in linear.groups]
-    hidden_by = _hiding(problem, linear, white, columns, cause, chosen)
     off = [(group.name, each) for group, each in columns if group.name not in chosen]
+    asked = [each for group, each in columns if group.name in chosen[1:] and group.name != cause]
+    hidden_by = np.vstack([*_hiding(problem, linear, white, off), *asked])
     rivals = [each for each in off if _another(each[0], cause)]
     rows = EVENT * len(log.channels)
     evidence, nearest = min(
@@ -169,20 +179,16 @@ def _hiding(
     problem: Problem,
     linear: Linear,
     white: Callable[[Array], Array],
-    columns: Columns,
-    cause: str,
-    chosen: Mapping[str, Cause],
-) -> Array:
-    """Whitened directions in which a recording may change without the cause: base numbers, the rivals that
-    were asked for, a little of every other effect, floor and gear."""
+    off: Sequence[tuple[str, Array]],
+) -> tuple[Array, ...]:
+    """Whitened directions in which a recording may change without the cause: base numbers, a little of every
+    effect that is `off`, floor and gear."""
     own = white(linear.own)
-    rivals = [each for group, each in columns if group.name in chosen and group.name != cause]
-    off = [(group.name, each) for group, each in columns if group.name not in chosen]
     small = np.vstack([own[:0], *(each for _, each in off)])
     inexact = faint_parts([name for name, each in off for _ in each], own, small)[:, None] * small
     floor = FLOOR_SHARE * white(slow_friction(problem, linear))
     pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
-    return np.vstack([own, *rivals, inexact, floor, pushes])
+    return own, inexact, floor, pushes
 
 
 def _wanted(columns: Columns, cause: str, size: float) -> list[Array]:

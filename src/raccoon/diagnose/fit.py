@@ -39,9 +39,14 @@ class Fit:
         return cls(point, white, jacobian, cost if np.isfinite(cost) else np.inf, unbound(problem, point))
 
     @property
+    def sound(self) -> bool:
+        """Whether the simulation gave numbers, at the point and a step away from it."""
+        return bool(np.isfinite(self.cost) and np.isfinite(self.jacobian).all())
+
+    @property
     def evidence(self) -> float:
         """Log evidence, comparable between fits under the same whitener."""
-        if not (np.isfinite(self.cost) and np.isfinite(self.jacobian).all()):
+        if not self.sound:
             return -np.inf
         gram = self.jacobian @ self.jacobian.T
         _, logdet = np.linalg.slogdet(np.eye(len(gram)) + gram)
@@ -90,8 +95,8 @@ class _Track:
         if self.best is not None and fit.cost >= self.best.cost:
             self._shorten(problem)
             return
-        if not (np.isfinite(fit.cost) and np.isfinite(fit.jacobian).all()):
-            self.best, self.arrived = fit if self.best is None else self.best, True
+        if not fit.sound:
+            self.best, self.arrived = self.best or fit, True
             return
         reach = 1.0
         if self.best is not None:

@@ -14,8 +14,9 @@ from raccoon.diagnose.hypotheses import Settings, neutral_settings
 from raccoon.diagnose.log import Log
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import SIDES, Parameters
+from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, sample_slots, wiring_signs
+from raccoon.sim.quantities import Plant
 from raccoon.sim.rollout import Lanes, rollout
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ LONGEST_STEP = 0.001
 LEAST_ZONE = 2.0
 """Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below two can be
 told from it."""
+_ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")]
 COLUMNS = {
     "bemf_left": "motor.{left}.bemf",
     "bemf_right": "motor.{right}.bemf",
@@ -124,10 +126,12 @@ class PlantRollout:
         """Packed by hand, since `Lanes.of` asks for one robot.toml and the inertias differ."""
         chain = self._habits.chain
         first = parameters_of(variants[0], self._neutral, self._robot, chain)
-        plain = [_without_zone(each) for each in variants] if self._heard else variants
-        robots = [cast(Parameters, Variant(self._turned(each), chain, each)) for each in plain]
+        robots = [cast(Parameters, Variant(self._turned(each), chain, each)) for each in variants]
+        plant = np.array([plant_numbers(each) for each in robots])
+        if self._heard:
+            plant[:, _ZONES] = 0.0
         return Lanes(
-            plant=np.array([plant_numbers(each) for each in robots]),
+            plant=plant,
             gyro=np.array([_gyro(each, first) for each in variants]),
             signs=wiring_signs(first),
             ports=(self._robot.drive.left, self._robot.drive.right),
@@ -147,11 +151,6 @@ def _readings(log: Log) -> dict[int, tuple[str, Array]]:
         for index, each in enumerate(log.channels)
         if each.role.startswith("bemf_")
     }
-
-
-def _without_zone(settings: Settings) -> Settings:
-    none: Settings = {("bemf.dead_zone", side, "counts"): 0.0 for side in SIDES}
-    return {**settings, **none}
 
 
 def heard(samples: Array, zones: Array, measured: Array) -> Array:

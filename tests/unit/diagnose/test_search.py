@@ -61,6 +61,13 @@ def problem() -> Problem:
     return Problem(features, rollout, ROBOT, neutral_settings(ROBOT), base_coordinates(ROBOT), causes)
 
 
+def plain_whitener(problem: Problem) -> Whitener:
+    """Noise without memory, of the readings' floors."""
+    noise = white_noise(problem.features.floors, np.zeros(len(problem.features.time), np.intp))
+    still = np.zeros_like(problem.features.measured)
+    return Whitener(noise, np.zeros((0, 0)), np.zeros(0), still, still)
+
+
 def fit_of(problem: Problem, white: np.ndarray) -> Fit:
     base = len(problem.base)
     none = np.zeros((base, white.size))
@@ -100,8 +107,7 @@ def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:
     truth = problem.nominal().with_cause("drive.inertia", np.array([-0.8]))
     measured = problem.predict([truth])[0]
     problem = replace(problem, features=replace(problem.features, measured=measured))
-    noise = white_noise(problem.features.floors, np.zeros(len(measured), np.intp))
-    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), measured, np.zeros_like(measured))
+    whitener = plain_whitener(problem)
     start = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
     fit = fit_point(problem, whitener, start)
     assert fit.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
@@ -146,9 +152,7 @@ def test_friction_is_found_where_robot_toml_has_none() -> None:
 
 
 def search_at(problem: Problem, point: Point) -> Search:
-    noise = white_noise(problem.features.floors, np.zeros(len(problem.features.time), np.intp))
-    still = np.zeros_like(problem.features.measured)
-    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), still, still)
+    whitener = plain_whitener(problem)
     linear = linearise(problem, point, [])
     table, plain = tabulate(linear, [], whitener, len(problem.base))
     return Search(
@@ -394,8 +398,7 @@ def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Prob
 
     features = replace(problem.features, measured=measured)
     problem = replace(problem, features=features, rollout=broken)
-    noise = white_noise(features.floors, np.zeros(len(measured), np.intp))
-    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), measured, np.zeros_like(measured))
+    whitener = plain_whitener(problem)
     inertia = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
     starts = [inertia.with_cause("actuation.latency", np.array([0.5])), inertia]
     lost, found = fit_afresh(problem, whitener, starts, 6)

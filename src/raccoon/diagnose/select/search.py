@@ -109,9 +109,13 @@ def ranking(
 def _with_unknown(search: Search, probe: Probed) -> Search:
     """Start again with the probe's curve as part of the noise: causes must earn their place beside it."""
     unknown = {**search.unknown, probe.name: probe.lead}
-    bare = Point(search.fit.point.base)
-    following = look_around(search.problem, search.probes, bare, search.whitener, unknown)
-    again = fit_point(search.problem, following.whitener, bare)
+    return _under(search, unknown, Point(search.fit.point.base))
+
+
+def _under(search: Search, unknown: dict[str, float], point: Point) -> Search:
+    """A point fitted anew, and seen from, with the curves of these probes as noise."""
+    following = look_around(search.problem, search.probes, point, search.whitener, unknown)
+    again = fit_point(search.problem, following.whitener, point)
     return look_around(search.problem, search.probes, again.point, following.whitener, unknown)
 
 
@@ -272,9 +276,7 @@ def known_after_all(search: Search) -> tuple[Search, bool]:
     found since."""
     if not search.unknown or not search.fit.point.active:
         return search, False
-    bare = look_around(search.problem, search.probes, search.fit.point, search.whitener)
-    again = fit_point(search.problem, bare.whitener, search.fit.point)
-    bare = look_around(search.problem, search.probes, again.point, bare.whitener)
+    bare = _under(search, {}, search.fit.point)
     bare.rivals, bare.failed = search.rivals, search.failed
     following, _ = forward(bare)
     return (search, False) if following.unknown else (following, True)
