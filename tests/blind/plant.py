@@ -157,6 +157,7 @@ def simulate(
         out[k, 6], out[k, 7], out[k, 8] = x, y, heading
         steps = max(int((cycle_times[k + 1] - cycle_times[k]) / STEP + 0.5), 1)
         dt = (cycle_times[k + 1] - cycle_times[k]) / steps
+        follows = 1.0 - np.exp(-dt / max(slip, 1e-9))  # creep: a tyre pushes as much as it turns too fast
         for step in range(steps):
             now = cycle_times[k] + step * dt
             while pointer + 1 < n and cycle_times[pointer + 1] <= now - latency:
@@ -195,7 +196,6 @@ def simulate(
                 gain = mean - half if side == 0 else mean + half
                 w[side] += dt * gain
                 angle[side] += dt * w[side]
-                slipped = slip * gain
                 if backlash > 0.0:
                     gap = angle[side] - load_angle[side]
                     push = max(abs(gap) - 0.5 * backlash, 0.0) * np.sign(gap)
@@ -204,10 +204,9 @@ def simulate(
                     damped = 2.0 * CONTACT_RATE * (load[side] - w[side]) if touches else 0.0
                     load[side] -= dt * (damped + COASTING_RATE * load[side])  # the floor brakes it always
                     load_angle[side] += dt * load[side]
-                    slipped = slipped if touches else 0.0  # a free wheel does not push the floor
                 else:
                     load[side] = w[side]
-                roll[side] = load[side] - slipped
+                roll[side] += follows * (load[side] - roll[side])
             rim_l = radius[0] * (1.0 + ecc[0] * np.sin(angle[0] + ecc_phase[0])) * roll[0]
             rim_r = radius[1] * (1.0 + ecc[1] * np.sin(angle[1] + ecc_phase[1])) * roll[1]
             rate = (rim_r - rim_l) / track

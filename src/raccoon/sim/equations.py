@@ -188,14 +188,15 @@ def moved(
     s: State, p: Plant, u: Command, c: Circuit, left: float, right: float, h: float, per_h: float
 ) -> State:
     """Pose, wheels, battery and windings after a step to the wheel speeds `left` and `right`."""
-    way_left, rim_left, play_left, wheel_left, cos_left, sin_left, gain_left = rolled(
-        s.speed_left, left, s.play_left, s.wheel_left, p.half_play_left, p.coasting_left, p.slip_left,
-        s.wheel_cos_left, s.wheel_sin_left, p.radius_left, p.runout_cos_left, p.runout_sin_left, h, per_h,
+    way_left, rim_left, play_left, wheel_left, rolling_left, cos_left, sin_left = rolled(
+        s.speed_left, left, s.play_left, s.wheel_left, s.rolling_left, p.half_play_left, p.coasting_left,
+        p.slip_left, s.wheel_cos_left, s.wheel_sin_left, p.radius_left, p.runout_cos_left, p.runout_sin_left,
+        h, per_h,
     )  # fmt: skip
-    way_right, rim_right, play_right, wheel_right, cos_right, sin_right, gain_right = rolled(
-        s.speed_right, right, s.play_right, s.wheel_right, p.half_play_right, p.coasting_right, p.slip_right,
-        s.wheel_cos_right, s.wheel_sin_right, p.radius_right, p.runout_cos_right, p.runout_sin_right, h,
-        per_h,
+    way_right, rim_right, play_right, wheel_right, rolling_right, cos_right, sin_right = rolled(
+        s.speed_right, right, s.play_right, s.wheel_right, s.rolling_right, p.half_play_right,
+        p.coasting_right, p.slip_right, s.wheel_cos_right, s.wheel_sin_right, p.radius_right,
+        p.runout_cos_right, p.runout_sin_right, h, per_h,
     )  # fmt: skip
     angle = (way_right - way_left) * p.per_track
     heading_cos, heading_sin = rotated(s.heading_cos, s.heading_sin, angle)
@@ -210,8 +211,9 @@ def moved(
     current_left = c.wire_left * (u.left * bus - p.back_emf_left * middle_left) + c.held_left
     current_right = c.wire_right * (u.right * bus - p.back_emf_right * middle_right) + c.held_right
     return State(
-        s.time + h, left, right, gain_left, gain_right, play_left, play_right,
-        wheel_left, wheel_right,
+        s.time + h, left, right,
+        slope_of(s.speed_left, left, per_h), slope_of(s.speed_right, right, per_h),
+        play_left, play_right, wheel_left, wheel_right, rolling_left, rolling_right,
         0.5 * (rim_left + rim_right), (rim_right - rim_left) * p.per_track,
         cos_left, sin_left, cos_right, sin_right,
         s.x + chord * (s.heading_cos + heading_cos), s.y + chord * (s.heading_sin + heading_sin),
@@ -226,30 +228,42 @@ def moved(
     )  # fmt: skip
 
 
+def slope_of(before: float, after: float, per_h: float) -> float:
+    """Acceleration that may be expected to go on; a wheel that stopped within the step gives none."""
+    return (after - before) * per_h if after != 0.0 else 0.0
+
+
 def rolled(
-    before: float, after: float, play: float, wheel: float, half_play: float, coasting: float, slip: float,
-    cosine: float, sine: float, radius: float, runout_cos: float, runout_sin: float, h: float, per_h: float,
+    before: float, after: float, play: float, wheel: float, rolling: float, half_play: float, coasting: float,
+    slip: float, cosine: float, sine: float, radius: float, runout_cos: float, runout_sin: float, h: float,
+    per_h: float,
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
-    """One wheel in a step: way (m), rim speed (m/s), play, speed behind the gear, cosine and sine of its
-    angle, acceleration of the motor."""
+    """One wheel in a step: way (m), rim speed (m/s), play, speed behind the gear, rolling speed, cosine and
+    sine of its angle."""
     turn = 0.5 * h * (before + after)
-    # A wheel that stops within a step gives no slope that would hold in the next one.
-    gain = (after - before) * per_h if after != 0.0 else 0.0
     # Between the teeth a wheel rolls on alone. `free`: the part of the step in which it does.
     alone = wheel * (coasting / (coasting + h))
     ahead = turn - 0.5 * h * (wheel + alone)
     taken = 0.0
     taken = within(play + ahead, half_play) - play  # effect: drive.backlash
     free = taken / (ahead if ahead != 0.0 else 1.0)
-    driven_part = 1.0 - free
     turn -= taken
-    wheel = after + free * (alone - after)
     cosine, sine = rotated(cosine, sine, turn)
-    rim = wheel
-    turn -= slip * driven_part * (after - before)  # effect: drive.wheel_slip
-    rim -= slip * driven_part * gain  # effect: drive.wheel_slip
+    behind = after + free * (alone - after)
+    follows = behind
+    follows = lagging(rolling, wheel, behind, slip, h, per_h)  # effect: drive.wheel_slip
+    turn -= slip * (follows - rolling)  # effect: drive.wheel_slip
     radius *= 1.0 + runout_cos * cosine + runout_sin * sine  # effect: drive.wheel_eccentricity
-    return radius * turn, radius * rim, play + taken, wheel, cosine, sine, gain
+    return radius * turn, radius * follows, play + taken, behind, follows, cosine, sine
+
+
+def lagging(rolling: float, before: float, after: float, lag: float, h: float, per_h: float) -> float:
+    """Where lag * rolling' = speed - rolling leads in a step in which the speed goes straight from `before`
+    to `after`; exact but for the part that stays, an exponential that is 0 for no lag."""
+    behind = lag * (after - before) * per_h
+    squared = lag * lag
+    stays = squared / (squared + h * (lag + 0.5 * h))
+    return after - behind + stays * (rolling - before + behind)
 
 
 def warmed(heat: float, current: float, share: float) -> float:

@@ -17,6 +17,8 @@ class State(NamedTuple):
     play_right: float
     wheel_left: float  # rad/s, behind the gear
     wheel_right: float
+    rolling_left: float  # rad/s, of the floor under the wheel, which slips
+    rolling_right: float
     forward_speed: float  # m/s, of the robot
     yaw_rate: float  # rad/s
     wheel_cos_left: float  # of the wheel's angle since the start
