@@ -67,7 +67,19 @@ def _write(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
 
         save_html(diagnosis, args.html, title=name)
     if args.save_model is not None:
-        if diagnosis.model is None:
-            print(f"{args.save_model}: not written: this kind of recording gives no model of a robot")
-        else:
-            diagnosis.model.save(args.save_model)
+        _save_model(args.save_model, diagnosis, name)
+
+
+def _save_model(path: Path, diagnosis: Diagnosis, name: str) -> None:
+    from dataclasses import replace
+    from datetime import date
+
+    from raccoon import __version__
+    from raccoon.sim.provenance import Provenance
+
+    if diagnosis.model is None:
+        print(f"{path}: not written: this kind of recording gives no model of a robot")
+        return
+    today = date.today().isoformat()
+    provenance = Provenance(name, f"raccoon diagnose {__version__}", today, str(diagnosis.verdict))
+    replace(diagnosis.model, provenance=provenance).save(path)

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.extend import extended
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.habits import drive_problem, problem_of
-from raccoon.diagnose.hypotheses import Cause, neutral_settings
+from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Unexplained, Verdict
-from raccoon.diagnose.rollout import Habits, parameters_of
+from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import pruned, search_causes
@@ -130,11 +131,8 @@ def _nothing_to_see(begin: float) -> Diagnosis:
 
 
 def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Diagnosis:
-    problem = search.problem
     causes = named_causes(search, judged)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
-    settings = problem.settings(search.fit.point)
-    model = parameters_of(settings, neutral_settings(problem.robot), problem.robot, habits.chain)
     left = judged.left
     verdict = _verdict(bool(causes), bool(depends_on), left, judged.surprise)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
@@ -146,7 +144,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         Unexplained(0.0 if verdict is Verdict.ADEQUATE else left, depends_on),
         suggestions(search, causes, log),
         time.perf_counter() - begin,
-        replace(model, robot=replace(model.robot, motors=problem.robot.motors)),
+        extended(search, causes, habits.chain),
         log.notes,
         curves=_curves(log, judged),
     )

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions
-from raccoon.diagnose.hypotheses import Cause, Setting, Settings, places
+from raccoon.diagnose.hypotheses import Cause, places
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
-from raccoon.diagnose.select.outlook import Search, blocks_of
+from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.search import CLOSE
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
+from raccoon.diagnose.spread import Spread
 from raccoon.sim.effects import effect
-
-Array = NDArray[np.float64]
 
 TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
@@ -40,14 +35,14 @@ NEEDS = {
 
 def named_causes(search: Search, judged: HeldOut) -> tuple[CauseResult, ...]:
     """The causes of the final set, those first that change most; see `gain.contributions`."""
-    covariance = coordinate_covariance(search)
+    spread = Spread.of(search)
     after = judged.overall(judged.after)
     sizes = contributions(search)
     names = sorted(sizes, key=lambda name: -sizes[name])
     found = []
     for rank, name in enumerate(names, start=1):
         cause = search.problem.causes[name]
-        values = parameters(search, cause, covariance)
+        values = parameters(search, cause, spread)
         gain = Gain(judged.overall(judged.without[name]), after, judged.share(name))
         rivals = confounded(search, cause)
         found.append(
@@ -59,64 +54,18 @@ def named_causes(search: Search, judged: HeldOut) -> tuple[CauseResult, ...]:
     return tuple(found)
 
 
-def coordinate_covariance(search: Search) -> Array:
-    """Covariance of all coordinates: the curvature's, widened where blocks of time disagree more than it
-    says.
-
-    Sandwich estimate H^-1 (sum_b g_b g_b') H^-1 of White (1982) over blocks; with few blocks it is noisy, so
-    only its mean ratio to the curvature's variance is used, and only where it is above 1.
-    """
-    fit = search.fit
-    columns = fit.jacobian
-    hessian = columns @ columns.T + np.eye(len(columns))
-    inverse = np.asarray(np.linalg.inv(hessian), float)
-    free = np.flatnonzero(fit.free)
-    mean, _, _ = _total(search).solve()
-    scores = np.stack([each.projection - each.matrix @ mean for each in blocks_of(fit)])
-    spread = inverse[np.ix_(free, free)] @ (scores.T @ scores) @ inverse[np.ix_(free, free)]
-    ratio = float(np.mean(np.diag(spread) / np.diag(inverse)[free]))
-    return inverse * max(1.0, ratio)
-
-
-def _total(search: Search) -> Gram:
-    blocks = blocks_of(search.fit)
-    total = blocks[0]
-    for each in blocks[1:]:
-        total = total + each
-    return total
-
-
-def parameters(search: Search, cause: Cause, covariance: Array) -> dict[str, ParameterResult]:
-    """The effect's parameters at the fit; standard deviations by the chain rule through every coordinate."""
-    problem, point = search.problem, search.fit.point
-    vector = point.vector()
-    here = problem.settings(point)
-    moved = []
-    for index in range(len(vector)):
-        step = np.zeros(len(vector))
-        step[index] = 1e-4
-        moved.append(problem.settings(point.moved(vector + step)))
+def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, ParameterResult]:
+    """The effect's parameters at the fit, with what the form of any model is off by."""
     place = places(cause.id, cause.where)[0]
     found = {}
     for each in effect(cause.id).parameters:
         key = (cause.id, place, each.name)
-        value = _number(here, key)
-        slope = np.array([(_number(other, key) - value) / 1e-4 for other in moved])
-        slope = np.where(np.isfinite(slope), slope, 0.0)
-        nominal = problem.neutral[key]
+        value = spread.number(key)
+        nominal = search.problem.neutral[key]
         form = form_error(cause.id) * abs(value - nominal if math.isfinite(nominal) else value)
-        std = math.sqrt(max(float(slope @ covariance @ slope), 0.0) + form**2)
+        std = math.hypot(spread.std(key), form)
         found[each.name] = ParameterResult(value, std, each.unit, float(nominal))
     return found
-
-
-def _number(settings: Settings, key: Setting) -> float:
-    """A setting; an inertia with what robot.toml leaves open of it, which is counted apart."""
-    value = float(settings[key])
-    if key[0] != "drive.inertia":
-        return value
-    open_ = settings[("inertia", None, "straight")] * settings[("inertia", None, "turn")]
-    return value * math.sqrt(open_)
 
 
 def confounded(search: Search, cause: Cause) -> tuple[str, ...]:

@@ -4,6 +4,9 @@
 id = "drive.wheel_radius"
 where = "left"
 parameters = { factor = 1.02 }
+
+A diagnosis adds where the numbers come from: `std`, `source` and `probability` of each effect, and the table
+`[provenance]` of the whole.
 """
 
 from __future__ import annotations
@@ -19,9 +22,10 @@ from typing import Any
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
-from raccoon.core.schema import Measured, refuse_unknown
+from raccoon.core.schema import Measured, refuse_unknown, section
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.provenance import UNKNOWN, Origin, Provenance
 
 
 def load_model(path: str | Path) -> Parameters:
@@ -40,13 +44,14 @@ def parse_model(table: Mapping[str, Any]) -> Parameters:
     rest = dict(table)
     chain = rest.pop("chain", {})
     effects = rest.pop("effect", [])
+    provenance = section(Provenance, rest.pop("provenance", {}), "provenance")
     known = tuple(each.name for each in fields(Chain))
     if not isinstance(chain, Mapping):
         raise ConfigError(f"chain = {chain!r}: it must be a table")
     refuse_unknown(chain, known, "chain")
     if not (isinstance(effects, list) and all(isinstance(each, Mapping) for each in effects)):
         raise ConfigError("effect: write [[effect]], one for each effect")
-    parameters = Parameters(robot=parse_robot(rest), chain=Chain(**chain))
+    parameters = Parameters(robot=parse_robot(rest), chain=Chain(**chain), provenance=provenance)
     for number, entry in enumerate(effects, start=1):
         try:
             parameters = _with_entry(parameters, entry)
@@ -56,7 +61,8 @@ def parse_model(table: Mapping[str, Any]) -> Parameters:
 
 
 def _with_entry(parameters: Parameters, entry: Mapping[str, Any]) -> Parameters:
-    refuse_unknown(entry, ("id", "where", "parameters"), "")
+    known = tuple(each.name for each in fields(Origin))
+    refuse_unknown(entry, ("id", "where", "parameters", *known), "")
     if not isinstance(entry.get("id"), str):
         raise ConfigError('it has no id: write id = "..."')
     values = entry.get("parameters", {})
@@ -65,8 +71,12 @@ def _with_entry(parameters: Parameters, entry: Mapping[str, Any]) -> Parameters:
     for name, value in values.items():
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ConfigError(f"{entry['id']}: {name} = {value!r}: it must be a number")
-    where = entry.get("where")
-    return parameters.with_effect(entry["id"], None if where is None else str(where), **values)
+    where = None if "where" not in entry else str(entry["where"])
+    parameters = parameters.with_effect(entry["id"], where, **values)
+    origin = {name: entry[name] for name in known if name in entry}
+    if origin:
+        parameters = parameters.with_origin(entry["id"], where, section(Origin, origin, entry["id"]))
+    return parameters
 
 
 def save_model(parameters: Parameters, path: str | Path) -> None:
@@ -77,15 +87,18 @@ def save_model(parameters: Parameters, path: str | Path) -> None:
 def model_text(parameters: Parameters) -> str:
     """The text of a `model.toml`."""
     lines = [f"name = {_shown(parameters.robot.name)}"]
-    for name, section in _sections(parameters.robot):
-        lines += ["", f"[{name}]", *_entries(section)]
+    for name, part in _sections(parameters.robot):
+        lines += ["", f"[{name}]", *_entries(part)]
     lines += ["", "[chain]", *_entries(parameters.chain)]
+    if parameters.provenance != UNKNOWN:
+        lines += ["", "[provenance]", *_entries(parameters.provenance)]
     for (effect, where), values in parameters.effects.items():
         lines += ["", "[[effect]]", f"id = {_shown(effect)}"]
         if where is not None:
             lines.append(f"where = {_shown(where)}")
-        inside = ", ".join(f"{name} = {_shown(value)}" for name, value in values.items())
-        lines.append(f"parameters = {{ {inside} }}")
+        lines.append(f"parameters = {_shown(values)}")
+        if (effect, where) in parameters.origins:
+            lines += _entries(parameters.origins[(effect, where)])
     return "\n".join(lines) + "\n"
 
 

@@ -10,6 +10,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.sim.chain import Chain
 from raccoon.sim.effects import Effect, Place, effect
+from raccoon.sim.provenance import UNKNOWN, Origin, Provenance
 
 SIDES = ("left", "right")
 Key = tuple[str, str | None]
@@ -21,12 +22,15 @@ class Parameters:
     """Immutable; every change gives a new one. Can be pickled, for runs in other processes.
 
     robot: ports, wiring and the nominal model. effects: what is switched on, by id and place. chain: how
-    the controller makes words of the back-EMF.
+    the controller makes words of the back-EMF. origins and provenance: where numbers come from; robots are
+    equal whose numbers are. An effect that is changed loses its origin.
     """
 
     robot: RobotConfig = field(default_factory=RobotConfig)
     effects: Mapping[Key, Mapping[str, float]] = field(default_factory=dict)
     chain: Chain = field(default_factory=Chain)
+    origins: Mapping[Key, Origin] = field(default_factory=dict, compare=False)
+    provenance: Provenance = field(default=UNKNOWN, compare=False)
 
     @classmethod
     def from_robot(cls, config: RobotConfig) -> Parameters:
@@ -61,8 +65,23 @@ class Parameters:
         kept = {
             key: value for key, value in self.effects.items() if key[0] != id or (place and key[1] != place)
         }
+        origins = {key: each for key, each in self.origins.items() if key in kept and key != (id, place)}
         kept[(id, place)] = {**start, **before, **checked}
-        return replace(self, effects=kept)
+        return replace(self, effects=kept, origins=origins)
+
+    def with_origin(self, id: str, where: str | None, origin: Origin) -> Parameters:  # noqa: A002
+        """Say where the numbers of an effect that is on come from.
+
+        Raises ConfigError for one that is off, and for the deviation of a parameter that it does not have.
+        """
+        key = (id, self._place(effect(id), where))
+        if key not in self.effects:
+            raise ConfigError(
+                f"{id}: it is not switched on at {where or 'both sides'}: its numbers have no origin"
+            )
+        for name in origin.std:
+            effect(id).parameter(name)
+        return replace(self, origins={**self.origins, key: origin})
 
     def without_effect(self, id: str, where: str | None = None) -> Parameters:  # noqa: A002
         """The effect back at its neutral value; with `where=None` everywhere."""
@@ -70,7 +89,8 @@ class Parameters:
         kept = {
             key: value for key, value in self.effects.items() if key[0] != id or (place and key[1] != place)
         }
-        return replace(self, effects=kept)
+        origins = {key: each for key, each in self.origins.items() if key in kept}
+        return replace(self, effects=kept, origins=origins)
 
     def with_chain(self, chain: Chain) -> Parameters:
         """The same robot behind another sensor chain."""

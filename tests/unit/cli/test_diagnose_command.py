@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import tomllib
+from datetime import date
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import raccoon
 from blind.generator import make
 from raccoon.cli.main import main
 from unit.diagnose.axes import motor
@@ -38,6 +41,18 @@ def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "Dry friction of 0.00" in said
     assert "not written" in said
     assert not model.exists()
+
+
+def test_the_model_says_what_it_was_made_from(drive: Columns, tmp_path: Path) -> None:
+    path, model = written(tmp_path / "run.csv", drive), tmp_path / "model.toml"
+    assert main(["diagnose", str(path), "--save-model", str(model)]) == 0
+    table = tomllib.loads(model.read_text())
+    assert table["provenance"]["recording"] == "run.csv"
+    assert table["provenance"]["by"] == f"raccoon diagnose {raccoon.__version__}"
+    assert table["provenance"]["verdict"] == "adequate"
+    assert date.fromisoformat(table["provenance"]["date"])
+    assert all(each["std"].keys() <= each["parameters"].keys() and each["std"] for each in table["effect"])
+    assert main(["diagnose", str(path), "--model", str(model)]) == 0
 
 
 def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -45,6 +45,15 @@ def test_a_fault_that_was_rehearsed_is_found(
     assert "30 ms late" in said
 
 
+def test_a_robot_with_tophats_drives_a_model_that_names_none(robot_toml: Path, tmp_path: Path) -> None:
+    robot_toml.write_text(ROBOT_TOML + "[tophat.front]\nanalog = 0\n")
+    model, run = tmp_path / "model.toml", tmp_path / "run.jsonl.gz"
+    model.write_text('[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.2 }\n')
+    command = ["excite", "--robot", str(robot_toml), "--manoeuvre", "steps", "--simulate"]
+    assert main([*command, "--model", str(model), "--record", str(run)]) == 0
+    assert run.exists()
+
+
 def test_a_model_of_a_real_robot_is_refused(
     robot_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,8 +18,10 @@ from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.rollout import parameters_of
 from raccoon.sim.chain import Chain
+from raccoon.sim.commands import Commands
 from raccoon.sim.effects import all_effects
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.rollout import rollout
 
 ROBOT = RobotConfig()
 
@@ -58,6 +60,40 @@ def test_the_model_has_the_cause_and_survives_its_file(sagging: Diagnosis, tmp_p
     again = Parameters.from_model_file(tmp_path / "model.toml")
     found = sagging.causes[0].parameters["resistance"].value
     assert again.value("battery.internal_resistance", "resistance") == pytest.approx(found)
+
+
+def test_the_model_says_how_sure_each_number_is_and_why_it_is_there(sagging: Diagnosis) -> None:
+    assert sagging.model is not None
+    (cause,) = sagging.causes
+    origins = sagging.model.origins
+    assert set(origins) == set(sagging.model.effects)
+    named = origins[("battery.internal_resistance", None)]
+    assert named.std == {"resistance": cause.parameters["resistance"].std}
+    assert cause.explanation in named.source
+    assert named.probability == cause.probability
+    refitted = origins[("motor.back_emf_constant", "left")]
+    assert 0.0 < refitted.std["factor"] < ROBOT.model.left.back_emf_constant.std / 1.08
+    assert "robot.toml" in refitted.source
+    drive, nominal = sagging.model.robot.model.drive, ROBOT.model.drive
+    assert 0.0 < drive.inertia_straight.std < nominal.inertia_straight.std
+
+
+def test_a_gap_that_no_sample_tells_from_a_wider_one_is_not_as_unsure_as_before() -> None:
+    """Without slip a wheel forgets when it met the tooth, so only samples inside the gap tell its width."""
+    robot = Parameters.from_robot(ROBOT).with_effect("drive.backlash", angle=0.06, coasting=0.006)
+    duty = np.where(np.arange(2400) * 0.005 % 1.0 < 0.5, 0.5, -0.5)
+    time = np.arange(len(duty)) * 0.005
+    out = rollout(robot, Commands.of_wheels(time, -duty, duty), longest_step=0.001)
+    rng = np.random.default_rng(5)
+    columns = {"t": time, "motor.0.duty": -duty, "motor.1.duty": duty}
+    noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.005, "battery.voltage": 0.01}
+    for name, sd in noise.items():
+        columns[name] = out[name][0] + sd * rng.standard_normal(len(time))
+    (cause,) = diagnose(columns, ROBOT).causes
+    angle = cause.parameters["angle"]
+    assert cause.id == "drive.backlash"
+    assert angle.std < 0.025  # the prior's is 0.1
+    assert abs(angle.value - 0.06) < 2.0 * angle.std
 
 
 def test_every_drive_effect_is_a_cause_with_a_sentence_and_a_manoeuvre() -> None:

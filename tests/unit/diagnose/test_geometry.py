@@ -55,6 +55,8 @@ def test_radius_and_track_are_found_on_runs_that_were_not_fitted() -> None:
     assert factors["drive.wheel_radius"] == pytest.approx(0.98, abs=0.002)
     assert factors["drive.track_width"] == pytest.approx(1.02, abs=0.003)
     assert found.channels[0].rmse_after < 0.1 * found.channels[0].rmse_before
+    assert found.model is not None
+    assert found.model.value("drive.track_width", "factor") == factors["drive.track_width"]
     assert "not identifiable" in next(each.reason for each in found.rejected if each.id == "friction.*")
 
 

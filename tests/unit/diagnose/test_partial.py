@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
 from raccoon.diagnose.recordings.truth import with_reference
 from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
+from raccoon.sim.parameters import Parameters
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]
@@ -95,6 +98,15 @@ def test_a_reference_decides_between_the_twins() -> None:
     (cause,) = with_reference(twin("imu.gyro_scale", 0.93), spinning(track=1.07), ROBOT).causes
     assert (cause.id, cause.confounded_with) == ("drive.track_width", ())
     assert cause.parameters["factor"].value == pytest.approx(1.07, abs=0.01)
+
+
+def test_the_model_has_the_twin_that_the_reference_chose() -> None:
+    before = twin("drive.track_width", 0.93)
+    model = Parameters.from_robot(ROBOT).with_effect("drive.track_width", factor=0.93)
+    found = with_reference(replace(before, model=model), spinning(gyro=1.07), ROBOT).model
+    assert found is not None
+    assert list(found.effects) == [("imu.gyro_scale", None)]
+    assert found.value("imu.gyro_scale", "factor") == pytest.approx(1.07, abs=0.005)
 
 
 def test_without_a_reference_they_stay_a_class() -> None:

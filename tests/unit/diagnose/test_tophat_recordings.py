@@ -59,6 +59,21 @@ def test_one_cause_is_named_with_its_number(
     assert found.verdict is Verdict.EXPLAINED
 
 
+@pytest.mark.parametrize("changes", [{"offset": 150.0}, {"factor": 0.85}, {"height": 0.023}])
+def test_with_the_better_model_the_same_tophat_is_as_assumed(changes: dict[str, float]) -> None:
+    found = diagnose_recording(lines(3, **changes), ROBOT)
+    assert found.model is not None
+    (cause,) = found.causes
+    assert found.model.origins[(cause.id, "2")].probability == cause.probability
+    again = diagnose_recording(lines(4, **changes), ROBOT, model=found.model)
+    assert again.verdict is Verdict.ADEQUATE
+    assert again.causes == ()
+
+
+def test_a_tophat_that_robot_toml_does_not_name_gives_no_model() -> None:
+    assert diagnose_recording(lines(3, offset=150.0), RobotConfig()).model is None
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_a_tophat_as_assumed_is_adequate(seed: int) -> None:
     found = diagnose_recording(lines(seed), ROBOT)

@@ -12,6 +12,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.sim.chain import Chain
 from raccoon.sim.model_file import parse_model
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.provenance import Origin, Provenance
 from raccoon.sim.world import World
 
 TABLES = Path(__file__).resolve().parents[3] / "examples" / "tables"
@@ -33,6 +34,29 @@ def test_a_model_survives_the_way_to_disk_and_back(tmp_path: Path) -> None:
     model.save(tmp_path / "model.toml")
     assert Parameters.from_model_file(tmp_path / "model.toml") == model
     assert [each.name for each in tmp_path.iterdir()] == ["model.toml"]
+
+
+def test_a_model_keeps_where_its_numbers_come_from(tmp_path: Path) -> None:
+    origin = Origin({"angle": 0.004}, "named: the gears have play.", 0.97)
+    model = replace(
+        Parameters()
+        .with_effect("drive.backlash", "left", angle=0.06)
+        .with_effect("drive.inertia", factor=1.1),
+        provenance=Provenance("run.csv", "raccoon diagnose", "2026-03-01", "explained"),
+    ).with_origin("drive.backlash", "left", origin)
+    model.save(tmp_path / "model.toml")
+    again = Parameters.from_model_file(tmp_path / "model.toml")
+    assert again.origins == {("drive.backlash", "left"): origin}
+    assert again.provenance == model.provenance
+
+
+def test_an_effect_that_is_changed_loses_its_origin() -> None:
+    model = Parameters().with_effect("drive.inertia", factor=1.1).with_effect("drive.turn_scrub", torque=0.1)
+    model = model.with_origin("drive.inertia", None, Origin({"factor": 0.01}))
+    model = model.with_origin("drive.turn_scrub", None, Origin({"torque": 0.01}))
+    assert list(model.with_effect("drive.inertia", factor=1.2).origins) == [("drive.turn_scrub", None)]
+    assert list(model.without_effect("drive.turn_scrub").origins) == [("drive.inertia", None)]
+    assert model.with_effect("drive.inertia", factor=1.1) == model  # equal robots, however found
 
 
 def test_a_model_of_every_section_that_a_robot_may_have_survives(tmp_path: Path) -> None:
@@ -76,6 +100,19 @@ def test_nominal_values_are_those_of_the_robot() -> None:
         ),
         ('[[effect]]\nid = "drive.inertia"\nparameters = { factor = "x" }', "must be a number"),
         ("[[effect]]\n", "no id"),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.1 }\nstd = { mass = 0.1 }',
+            "no parameter mass; allowed are factor",
+        ),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.1 }\nstd = { factor = -0.1 }',
+            r"drive\.inertia\.std\.factor = -0\.1: allowed are numbers from 0",
+        ),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.1 }\nprobability = 97',
+            "probability = 97: allowed are numbers from 0 to 1",
+        ),
+        ('[provenance]\nfile = "run.csv"', r"provenance\.file: there is no such key"),
         ("[chain]\nmedain = true", r"chain\.medain"),
         ("[model.motor]\narmature_resistance = -1.0", "armature_resistance = -1"),
         ("[model.drive]\ntrack_width = 0.0", "track_width = 0"),

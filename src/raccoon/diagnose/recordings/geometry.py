@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import DriveModel, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.extend import with_causes
 from raccoon.diagnose.reports.wording import MANOEUVRES
 from raccoon.diagnose.result import (
     CauseResult,
@@ -27,6 +28,7 @@ from raccoon.diagnose.result import (
 )
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive, path
+from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -155,7 +157,7 @@ def _judged(fit: _Fitted, begin: float) -> Diagnosis:
         Unexplained(float(np.clip(after.position**2 / max(before.position**2, 1e-300), 0.0, 1.0))),
         (),
         time.perf_counter() - begin,
-        None,
+        with_causes(Parameters.from_robot(fit.robot), results),
         (f"{len(fit.fitted)} runs fitted, {len(fit.unseen)} others to judge on",),
         _identified(fit),
         (),

@@ -14,6 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.extend import with_causes
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
@@ -164,6 +165,7 @@ def _drive(
         verdict=_WITH_MORE.get(found.verdict, found.verdict) if more else found.verdict,
         channels=found.channels + tophats.channels,
         causes=found.causes + more,
+        model=None if found.model is None else with_causes(found.model, more),
         rejected=found.rejected + tophats.rejected,
         curves=found.curves + tophats.curves,
         seconds=found.seconds + tophats.seconds,

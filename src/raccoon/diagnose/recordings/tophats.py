@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.extend import with_causes
 from raccoon.diagnose.recordings.tophat_fit import SAME_UNIT, WIDTHS, LevelFit, Nominal, level_fits, predicted
 from raccoon.diagnose.recordings.tophat_levels import Levels, levels_of
 from raccoon.diagnose.recordings.tophat_words import (
@@ -65,17 +66,12 @@ def diagnose_tophats(
     ]
     causes = [cause for each in parts for cause in each.causes]
     causes.sort(key=lambda each: each.gain.heldout_rmse_after - each.gain.heldout_rmse_before)
+    ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(causes, start=1))
     channels = tuple(each.channel for each in parts if each.channel is not None)
     return Diagnosis(
         _verdict(bool(channels), bool(causes), any(each.unknown for each in parts)),
         channels,
-        tuple(
-            CauseResult(
-                each.id, each.where, rank + 1, each.parameters, each.gain, each.probability,
-                each.confounded_with, each.explanation,
-            )
-            for rank, each in enumerate(causes)
-        ),
+        ranked,
         tuple(rejected for each in parts for rejected in each.rejected),
         Unexplained(
             float(np.mean([each.rest for each in parts])) if parts else 1.0,
@@ -83,12 +79,12 @@ def diagnose_tophats(
         ),
         tuple(dict.fromkeys(text for each in parts for text in each.advice)),
         clock.perf_counter() - begin,
-        None,
+        with_causes(model or Parameters.from_robot(robot), ranked) if robot.tophats else None,
         tuple(note for each in parts for note in each.notes),
         {name: value for each in parts for name, value in each.identified.items()},
         (),
         tuple(curve for each in parts for curve in each.curves),
-    )  # fmt: skip
+    )
 
 
 def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:

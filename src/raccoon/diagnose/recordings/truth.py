@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.extend import with_causes
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult
 from raccoon.estimate.drive_calibration.columns import manoeuvre
@@ -53,7 +54,11 @@ def with_reference(
     }
     clear = [id_ for id_, each in factors.items() if each.clear > CLEAR]
     causes = tuple(_decided(each, factors, clear) for each in found.causes)
-    return replace(found, causes=causes, identified={**found.identified, **identified})
+    model = found.model
+    for wrong, right in zip(found.causes, causes, strict=True):
+        if model is not None and right.id != wrong.id:
+            model = with_causes(model.without_effect(wrong.id), [right])
+    return replace(found, causes=causes, model=model, identified={**found.identified, **identified})
 
 
 def _decided(cause: CauseResult, factors: Mapping[str, _Factor], clear: list[str]) -> CauseResult:

@@ -1,0 +1,111 @@
+"""How sure the numbers of a fit are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.hypotheses import Setting, Settings
+from raccoon.diagnose.select.outlook import Search, blocks_of
+
+Array = NDArray[np.float64]
+
+STEP = 1e-4
+STAIRCASE = 0.05
+"""Steps of coordinates whose misfit, seen closely, is a staircase: a gap that is crossed between two samples
+of the gyro may be a little wider, and no reading changes."""
+FLAT = 3.0
+"""Norm of such a column below which the step from the fit tells nothing."""
+AWAY = (0.01, 0.02, 0.035, 0.06, 0.1, 0.18, 0.3, 0.55, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Settings at a fit, a step along each coordinate from it, and the covariance of the coordinates."""
+
+    here: Settings
+    moved: tuple[Settings, ...]
+    covariance: Array
+
+    @classmethod
+    def of(cls, search: Search) -> Spread:
+        """Of where a search ended."""
+        problem, point = search.problem, search.fit.point
+        vector = point.vector()
+        steps = STEP * np.eye(len(vector))
+        moved = tuple(problem.settings(point.moved(vector + step)) for step in steps)
+        return cls(problem.settings(point), moved, coordinate_covariance(search))
+
+    def number(self, key: Setting) -> float:
+        """A setting at the fit; an inertia with what robot.toml leaves open of it."""
+        return _number(self.here, key)
+
+    def std(self, key: Setting) -> float:
+        """Its standard deviation, by the chain rule through every coordinate; 0 for one that was not
+        fitted."""
+        value = self.number(key)
+        slope = np.array([(_number(other, key) - value) / STEP for other in self.moved])
+        slope = np.where(np.isfinite(slope), slope, 0.0)
+        return math.sqrt(max(float(slope @ self.covariance @ slope), 0.0))
+
+
+def coordinate_covariance(search: Search) -> Array:
+    """Covariance of all coordinates: the curvature's, widened where blocks of time disagree more than it
+    says.
+
+    Sandwich estimate H^-1 (sum_b g_b g_b') H^-1 of White (1982) over blocks; with few blocks it is noisy, so
+    only its mean ratio to the curvature's variance is used, and only where it is above 1.
+    """
+    fit = search.fit
+    columns = fit.jacobian
+    hessian = columns @ columns.T + np.eye(len(columns)) + np.diag(_from_afar(search))
+    inverse = np.asarray(np.linalg.inv(hessian), float)
+    free = np.flatnonzero(fit.free)
+    mean, _, _ = _total(search).solve()
+    scores = np.stack([each.projection - each.matrix @ mean for each in blocks_of(fit)])
+    spread = inverse[np.ix_(free, free)] @ (scores.T @ scores) @ inverse[np.ix_(free, free)]
+    ratio = float(np.mean(np.diag(spread) / np.diag(inverse)[free]))
+    return inverse * max(1.0, ratio)
+
+
+def _from_afar(search: Search) -> Array:
+    """Curvature of coordinates on a flat stair, (coordinates,): from how far they can go either way before
+    the misfit rises by 1, as it does at one standard deviation."""
+    problem, fit = search.problem, search.fit
+    vector = fit.point.vector()
+    norms = np.linalg.norm(fit.jacobian, axis=1)
+    curvature = np.zeros(len(vector))
+    for index in np.flatnonzero((problem.steps(fit.point) >= STAIRCASE) & (norms < FLAT)):
+        ways = []
+        for sign in (-1.0, 1.0):
+            moved = np.repeat(vector[None], len(AWAY), axis=0)
+            moved[:, index] += sign * np.array(AWAY)
+            moved = np.clip(moved, *problem.limits(fit.point))
+            white = search.whitener(
+                problem.features.measured - problem.predict([fit.point.moved(each) for each in moved])
+            )
+            rise = (white**2).sum(axis=1) + (moved**2).sum(axis=1) - fit.cost
+            ways.append(next((away for away, each in zip(AWAY, rise, strict=True) if each > 1.0), AWAY[-1]))
+        curvature[index] = max(1.0 / float(np.mean(ways)) ** 2 - norms[index] ** 2, 0.0)
+    return curvature
+
+
+def _total(search: Search) -> Gram:
+    blocks = blocks_of(search.fit)
+    total = blocks[0]
+    for each in blocks[1:]:
+        total = total + each
+    return total
+
+
+def _number(settings: Settings, key: Setting) -> float:
+    """A setting; an inertia with what robot.toml leaves open of it, which is counted apart."""
+    value = float(settings[key])
+    if key[0] != "drive.inertia":
+        return value
+    open_ = settings[("inertia", None, "straight")] * settings[("inertia", None, "turn")]
+    return value * math.sqrt(open_)
