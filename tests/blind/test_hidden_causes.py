@@ -126,9 +126,19 @@ def test_structural_twins_are_reported_as_a_class() -> None:
     assert any("full turns" in each for each in said.suggested_manoeuvres)
 
 
-def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on() -> None:
+def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on_and_its_course() -> None:
     for kind, covariate in (("gyro_speed", "gyro over speed"), ("payload", "time (inertia)")):
         hidden = draw_unknown(kind, np.random.default_rng(1))
         said = diagnose(make(1, [hidden], seconds=40.0).columns, RobotConfig())
         assert said.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
         assert covariate in said.unexplained.depends_on
+        shape = next(each for each in said.shapes if each.depends_on == covariate)
+        if kind == "payload":  # falls on the robot 15 s after the start
+            early, late = shape.values[shape.over < 14.0], shape.values[shape.over > 16.0]
+            assert np.abs(early).max() < 5.0
+            assert late == pytest.approx(np.full(len(late), 100.0 * hidden.values[kind]), rel=0.1)
+        else:
+            forward = 0.0345 * np.abs(shape.over)
+            slope, _ = np.polyfit(forward, shape.values, 1)
+            assert slope == pytest.approx(hidden.values[kind], rel=0.2)
+        assert said.to_dict()["shapes"][0]["over"] == shape.over.tolist()

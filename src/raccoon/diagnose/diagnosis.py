@@ -25,6 +25,7 @@ from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import pruned, search_causes
+from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.unknown import PREFIX, probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
@@ -147,6 +148,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         extended(search, causes, habits.chain),
         log.notes,
         curves=_curves(log, judged),
+        shapes=shapes_of(search),
     )
 
 

@@ -104,6 +104,40 @@ class Unexplained:
 
 
 @dataclass(frozen=True, slots=True)
+class Shape:
+    """What something does that no cause describes: a quantity (in unit) over what it depends on, in the order
+    of that, with standard deviations. Arrays (points,)."""
+
+    depends_on: str
+    quantity: str
+    unit: str
+    over: Array
+    over_unit: str
+    values: Array
+    stds: Array
+
+    @property
+    def size(self) -> ParameterResult:
+        """From its lowest to its highest."""
+        low, high = int(np.argmin(self.values)), int(np.argmax(self.values))
+        std = math.hypot(self.stds[low], self.stds[high])
+        return ParameterResult(float(self.values[high] - self.values[low]), std, self.unit, 0.0)
+
+    @property
+    def highest(self) -> float:
+        """Where it is highest, in over_unit."""
+        return float(self.over[int(np.argmax(self.values))])
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain types."""
+        return {
+            "depends_on": self.depends_on, "quantity": self.quantity, "unit": self.unit,
+            "over_unit": self.over_unit, "size": {"value": self.size.value, "std": self.size.std},
+            **{name: getattr(self, name).tolist() for name in ("over", "values", "stds")},
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
 class SensorFault:
     """A sensor that is broken or tells less than it seems to. channel: its column. fault: one word, such as
     dead, stale or repeats. text: one sentence."""
@@ -129,7 +163,8 @@ class Curve:
 class Diagnosis:
     """Everything found in one recording. model: the simulation with the causes in it (not part of the
     JSON). identified: numbers that were measured without being a cause, by name. sensor_faults: what is
-    wrong with the reading instead of the robot. curves: measured against simulated, for pictures."""
+    wrong with the reading instead of the robot. curves: measured against simulated, for pictures. shapes: of
+    what no cause describes."""
 
     verdict: Verdict
     channels: tuple[ChannelResult, ...]
@@ -143,11 +178,12 @@ class Diagnosis:
     identified: Mapping[str, ParameterResult] = field(default_factory=dict)
     sensor_faults: tuple[SensorFault, ...] = ()
     curves: tuple[Curve, ...] = field(default=(), compare=False)
+    shapes: tuple[Shape, ...] = field(default=(), compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """The contract's JSON as plain types; numbers that are not finite become None.
 
-        identified, sensor_faults and notes are in it where there are any.
+        identified, sensor_faults, shapes and notes are in it where there are any.
         """
         keys = ("channels", "causes", "rejected")
         return {
@@ -163,6 +199,7 @@ class Diagnosis:
         extras = {
             "identified": {name: _plain(asdict(each)) for name, each in self.identified.items()},
             "sensor_faults": [asdict(each) for each in self.sensor_faults],
+            "shapes": [_plain(each.to_dict()) for each in self.shapes],
             "notes": list(self.notes),
         }
         return {key: value for key, value in extras.items() if value}

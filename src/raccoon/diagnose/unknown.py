@@ -10,6 +10,7 @@ that reading's own noise, and so explain it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -24,12 +25,38 @@ from raccoon.diagnose.problem import Problem
 Array = NDArray[np.float64]
 
 PREFIX = "unknown: "
+INERTIA = "drive.inertia"
+INERTIA_SHARE = "inertia beyond robot.toml's"
 TORQUE = 0.03
 GYRO = 0.02
 BATTERY = 0.02
 HARMONICS = 6
-_TorqueCurves = tuple[str, int | None, bool, Array]
-"""Covariate, wheel or None for both, whether it is a friction, curves (count, bins)."""
+RATE = "rad/s of the wheels"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Probe(Group):
+    """A free curve over what something may depend on. quantity, unit: what the curve is. over (bins,), in
+    over_unit: what it runs along. curves (count, bins): what one unit of each column is of the quantity
+    (of an inertia the logarithm of its factor)."""
+
+    quantity: str
+    unit: str
+    over: Array
+    over_unit: str
+    curves: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Torque:
+    """A torque over a covariate. wheel: None for both. friction: whether it opposes the motion."""
+
+    name: str
+    wheel: int | None
+    friction: bool
+    curves: Array
+    over: Array
+    over_unit: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,22 +107,23 @@ def _wheel_speed(problem: Problem, readings: Array) -> Array | None:
     return np.column_stack(columns) if len(columns) == 2 else None
 
 
-def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Group]]:
+def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
     """The probes of a recording; their curves are fixed, their responses follow the working point."""
     motion = motion_of(problem)
     if motion is None:
         return lambda _: ()
     curves = _torque_curves(motion)
-    sensors = _sensor_groups(problem.features, motion)
+    sensors = _sensor_probes(problem.features, motion)
 
-    def probes(linear: Linear) -> Sequence[Group]:
-        speed = _wheel_speed(problem, problem.features.measured - linear.residual)
-        assert speed is not None  # a motion was found
-        every = [*curves, ("speed", None, True, _hats(np.abs(speed).mean(axis=1), 6))]
+    def probes(linear: Linear) -> Sequence[Probe]:
+        wheels = _wheel_speed(problem, problem.features.measured - linear.residual)
+        assert wheels is not None  # a motion was found
+        speed = np.abs(wheels).mean(axis=1)
+        every = [*curves, _Torque("speed", None, True, _hats(speed, 6), speed, RATE)]
         return [
-            *_torque_groups(problem, linear, motion, every),
-            *_inertia_groups(linear, motion),
-            *_gyro_over_speed(problem.features, speed.mean(axis=1)),
+            *_torque_probes(problem, linear, motion, every),
+            *_inertia_probes(problem, linear, motion),
+            *_gyro_over_speed(problem.features, wheels.mean(axis=1)),
             *sensors,
         ]
 
@@ -122,30 +150,45 @@ def _waves(angle: Array, harmonics: int) -> Array:
     return np.concatenate([np.sin(orders), np.cos(orders)])
 
 
-def _torque_curves(motion: Motion) -> list[_TorqueCurves]:
-    found: list[_TorqueCurves] = []
+def _torque_curves(motion: Motion) -> list[_Torque]:
+    found: list[_Torque] = []
     for wheel, side in enumerate(("left", "right")):
-        found.append((f"wheel angle {side}", wheel, False, _waves(motion.angle[:, wheel], HARMONICS)))
+        angle = motion.angle[:, wheel]
+        found.append(
+            _Torque(f"wheel angle {side}", wheel, False, _waves(angle, HARMONICS), _turned(angle), "rad")
+        )
     for name, along in (("x", motion.x), ("y", motion.y)):
         count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
-        found.append((f"position {name}", None, True, _hats(along, count) - 1.0 / count))
-    found.append(("heading", None, False, _waves(motion.heading, 3)))
+        found.append(_Torque(f"position {name}", None, True, _hats(along, count) - 1.0 / count, along, "m"))
+    heading = motion.heading
+    found.append(_Torque("heading", None, False, _waves(heading, 3), _turned(heading), "rad"))
     return found
 
 
-def _torque_groups(
-    problem: Problem, linear: Linear, motion: Motion, curves: Sequence[_TorqueCurves]
-) -> list[Group]:
+def _turned(angle: Array) -> Array:
+    """The angle within one turn."""
+    return np.asarray(np.mod(angle, 2.0 * np.pi), float)
+
+
+def _torque_probes(
+    problem: Problem, linear: Linear, motion: Motion, torques: Sequence[_Torque]
+) -> list[Probe]:
     responses = _torque_responses(problem, linear)
     if responses is None:
         return []
     found = []
-    for name, wheel, friction, curve in curves:
-        total = np.zeros((len(curve), *linear.residual.shape))
-        for each in (0, 1) if wheel is None else (wheel,):
-            course = curve if friction else -curve * np.sign(motion.speed[:, each])
-            total += course[:, :, None] * responses[each][None]
-        found.append(Group(PREFIX + name, TORQUE * total))
+    for each in torques:
+        total = np.zeros((len(each.curves), *linear.residual.shape))
+        for wheel in (0, 1) if each.wheel is None else (each.wheel,):
+            course = each.curves if each.friction else -each.curves * np.sign(motion.speed[:, wheel])
+            total += course[:, :, None] * responses[wheel][None]
+        kind = "friction of each wheel" if each.friction else "torque forward"
+        found.append(
+            Probe(
+                PREFIX + each.name, TORQUE * total, quantity=kind, unit="N m", over=each.over,
+                over_unit=each.over_unit, curves=TORQUE * each.curves,
+            )
+        )  # fmt: skip
     return found
 
 
@@ -155,31 +198,47 @@ def _torque_responses(problem: Problem, linear: Linear) -> tuple[Array, Array] |
     return None if left is None or right is None else (left, right)
 
 
-def _inertia_groups(linear: Linear, motion: Motion) -> list[Group]:
-    group = next((each for each in linear.groups if each.name == "drive.inertia"), None)
+def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Probe]:
+    group = next((each for each in linear.groups if each.name == INERTIA), None)
     if group is None:
         return []
     share = (motion.time - motion.time[0]) / max(motion.time[-1] - motion.time[0], 1e-9)
     steps = np.stack([(share >= edge).astype(float) for edge in np.arange(0.0, 1.0, 0.125)])
-    return [Group(PREFIX + "time (inertia)", steps[:, :, None] * group.columns[0][None])]
+    (coordinate,) = problem.causes[INERTIA].coordinates
+    width = math.log(coordinate.value(1.0))
+    return [
+        Probe(
+            PREFIX + "time (inertia)", steps[:, :, None] * group.columns[0][None], quantity=INERTIA_SHARE,
+            unit="%", over=motion.time, over_unit="s", curves=width * steps,
+        )
+    ]  # fmt: skip
 
 
-def _gyro_over_speed(features: Features, forward: Array) -> list[Group]:
-    return _sensor_group(features, "gyro", "gyro over speed", GYRO * _hats(forward, 6))
+def _gyro_over_speed(features: Features, forward: Array) -> list[Probe]:
+    curves = GYRO * _hats(forward, 6)
+    return _sensor_probe(features, "gyro", "gyro over speed", curves, forward, RATE)
 
 
-def _sensor_groups(features: Features, motion: Motion) -> list[Group]:
+def _sensor_probes(features: Features, motion: Motion) -> list[Probe]:
     over_time = _bent(_hats(motion.time, 8), motion.time)
     return [
-        *_sensor_group(features, "gyro", "gyro over time", GYRO * over_time),
-        *_sensor_group(features, "battery", "battery over time", BATTERY * over_time),
+        *_sensor_probe(features, "gyro", "gyro over time", GYRO * over_time, motion.time, "s"),
+        *_sensor_probe(features, "battery", "battery over time", BATTERY * over_time, motion.time, "s"),
     ]
 
 
-def _sensor_group(features: Features, role: str, covariate: str, curves: Array) -> list[Group]:
+def _sensor_probe(
+    features: Features, role: str, name: str, curves: Array, over: Array, over_unit: str
+) -> list[Probe]:
     """Curves (count, bins) added to a sensor, if there is one."""
     if role not in features.roles:
         return []
     columns = np.zeros((len(curves), *features.measured.shape))
     columns[:, :, features.roles.index(role)] = curves
-    return [Group(PREFIX + covariate, columns)]
+    unit = {"gyro": "rad/s", "battery": "V"}[role]
+    return [
+        Probe(
+            PREFIX + name, columns, quantity=f"error of the {role}'s reading", unit=unit, over=over,
+            over_unit=over_unit, curves=curves,
+        )
+    ]  # fmt: skip

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from raccoon.diagnose.reports.html import page, save_html
-from raccoon.diagnose.reports.terminal import terminal_report
+from raccoon.diagnose.reports.terminal import shape_text, terminal_report
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -15,6 +17,7 @@ from raccoon.diagnose.result import (
     ParameterResult,
     Rejected,
     SensorFault,
+    Shape,
     Unexplained,
     Verdict,
 )
@@ -41,7 +44,30 @@ FOUND = Diagnosis(
     {"battery resistance": ParameterResult(0.12, 0.01, "ohm", 0.0)},
     (SensorFault("motor.1.current", "dead", "motor.1.current shows <no> current"),),
     (Curve("motor.0.bemf", "counts", TIME, np.sin(TIME), 0.8 * np.sin(TIME), np.sin(TIME)),),
+    (
+        Shape(
+            "gyro over speed", "error of the gyro's reading", "rad/s", TIME, "rad/s of the wheels",
+            0.02 * np.maximum(TIME - 4.0, 0.0), np.full(len(TIME), 0.001),
+        ),
+    ),
+)  # fmt: skip
+
+
+def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
+    (shape,) = FOUND.shapes
+    assert shape.size.value == pytest.approx(0.02)
+    assert shape.size.std == pytest.approx(0.001 * np.sqrt(2.0))
+    assert shape_text(shape) == (
+        "error of the gyro's reading varies by 0.02 +- 0.0014 rad/s over the speed, "
+        "highest at 5 rad/s of the wheels"
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.12, "12 % of"), (0.001, "small here and depends on: heading")]
 )
+def test_a_share_of_nothing_is_not_said_to_be_left(share: float, said: str) -> None:
+    assert said in terminal_report(replace(FOUND, unexplained=Unexplained(share, ("heading",))))
 
 
 def test_the_terminal_says_cause_number_evidence_refusals_and_what_to_do() -> None:
@@ -59,11 +85,12 @@ def test_the_terminal_says_cause_number_evidence_refusals_and_what_to_do() -> No
 def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_path: Path) -> None:
     save_html(FOUND, tmp_path / "out.html", "run <1>")
     text = (tmp_path / "out.html").read_text()
-    assert text.count("data:image/png;base64,") == 3
+    assert text.count("data:image/png;base64,") == 4
     assert "run &lt;1&gt;" in text
     assert "shows &lt;no&gt; current" in text
     for part in (
         "The K_E of the left motor is 4.1 % lower than assumed.", "<b>To do:</b> Calibrate the left motor.",
+        "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
         "cannot tell it from bemf.scale@left", "What was considered and not named",
         "explains nothing that is left",
         "What this recording cannot show", "ten counted full turns", "a note",

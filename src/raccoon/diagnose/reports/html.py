@@ -8,8 +8,16 @@ from typing import Any
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
-from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png
-from raccoon.diagnose.reports.terminal import UNKNOWABLE, VERDICTS, reasons, terminal_report, with_deviation
+from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
+from raccoon.diagnose.reports.terminal import (
+    UNKNOWABLE,
+    VERDICTS,
+    left_text,
+    reasons,
+    shape_text,
+    terminal_report,
+    with_deviation,
+)
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_CURVES = 6
@@ -34,6 +42,8 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         todo=[_todo(each) for each in diagnosis.causes],
         errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
         evidence=png(cause_figure(diagnosis)) if diagnosis.causes else None,
+        left=left_text(diagnosis.unexplained),
+        shapes=[(shape_text(each), png(shape_figure(each))) for each in diagnosis.shapes],
         curves=[(each, png(curve_figure(each))) for each in diagnosis.curves[:MOST_CURVES]],
         refused={reason: ids for reason, ids in why.items() if not reason.startswith(UNKNOWABLE)},
         hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from raccoon.diagnose.result import Curve, Diagnosis
+from raccoon.diagnose.reports.terminal import along
+from raccoon.diagnose.result import Curve, Diagnosis, Shape
 
 BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#555555"
 MOST_POINTS = 4000
@@ -52,7 +53,7 @@ def error_figure(diagnosis: Diagnosis) -> Any:
     axes.invert_yaxis()
     axes.margins(x=0.12)
     axes.set_xlabel("error on unseen data / noise")
-    axes.legend(fontsize=9, frameon=False)
+    axes.legend(fontsize=9, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     _plain(axes)
     return figure
 
@@ -73,7 +74,21 @@ def cause_figure(diagnosis: Diagnosis) -> Any:
     axes.set_ylim(len(causes) - 0.5, -0.5)
     axes.set_xlim(left=0.0)
     axes.set_xlabel("error on unseen data / noise")
-    axes.legend(fontsize=9, frameon=False)
+    axes.legend(fontsize=9, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
+    _plain(axes)
+    return figure
+
+
+def shape_figure(shape: Shape) -> Any:
+    """What no cause describes, over what it depends on, with two standard deviations."""
+    figure = _figure(8.0, 2.6)
+    axes = figure.subplots()
+    low, high = shape.values - 2.0 * shape.stds, shape.values + 2.0 * shape.stds
+    axes.fill_between(shape.over, low, high, color=AFTER, alpha=0.2, linewidth=0.0)
+    axes.plot(shape.over, shape.values, color=AFTER, linewidth=1.6)
+    axes.axhline(0.0, color="0.7", linewidth=0.8)
+    axes.set_xlabel(f"{along(shape)}, {shape.over_unit}")
+    axes.set_ylabel(f"{shape.quantity}, {shape.unit}", fontsize=9)
     _plain(axes)
     return figure
 

@@ -6,7 +6,15 @@ import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
-from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult, Rejected, Verdict
+from raccoon.diagnose.result import (
+    CauseResult,
+    Diagnosis,
+    ParameterResult,
+    Rejected,
+    Shape,
+    Unexplained,
+    Verdict,
+)
 
 VERDICTS: Mapping[Verdict, str] = {
     Verdict.EXPLAINED: "The simulation is wrong, and this is why:",
@@ -30,8 +38,9 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     for cause in diagnosis.causes:
         yield from _cause(cause)
     if diagnosis.unexplained.depends_on:
-        share = f"{100 * diagnosis.unexplained.share:.0f} % of the error's power is left; "
-        yield f"  ? {share}it depends on: {', '.join(diagnosis.unexplained.depends_on)}."
+        yield f"  ? {left_text(diagnosis.unexplained)}: {', '.join(diagnosis.unexplained.depends_on)}."
+    for shape in diagnosis.shapes:
+        yield f"       {shape_text(shape)}"
     for fault in diagnosis.sensor_faults:
         yield f"  ! Sensor: {fault.text}."
     yield from _identified(diagnosis.identified)
@@ -53,6 +62,25 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     for text in diagnosis.notes:
         yield f"Note: {text}" if text.endswith("?") else f"Note: {text}."
     yield f"({diagnosis.seconds:.1f} s)"
+
+
+def left_text(unexplained: Unexplained) -> str:
+    """How much no cause describes, where that is much on data that was not fitted."""
+    share = round(100 * unexplained.share)
+    if share == 0:
+        return "What no cause describes is small here and depends on"
+    return f"{share} % of the error's power is left; it depends on"
+
+
+def shape_text(shape: Shape) -> str:
+    """What varies, by how much, and where it is most."""
+    most = f"highest at {shape.highest:.3g} {shape.over_unit}"
+    return f"{shape.quantity} varies by {number_text(shape.size)} over the {along(shape)}, {most}"
+
+
+def along(shape: Shape) -> str:
+    """What the curve runs over, in a word or two."""
+    return shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
 
 
 def reasons(rejected: tuple[Rejected, ...]) -> dict[str, list[str]]:
