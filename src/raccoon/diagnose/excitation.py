@@ -50,7 +50,12 @@ def drive_and_record(
     from raccoon.robot.opening import open_port
     from raccoon.trace.record import RecordingPort
 
-    recording = RecordingPort(open_port(robot) if port is None else port, path, config=robot)
+    opened = open_port(robot) if port is None else port
+    try:
+        recording = RecordingPort(opened, path, config=robot)
+    except BaseException:
+        opened.close()
+        raise
     try:
         drive(recording, robot, duty)
     finally:

@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import HardwareError
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.excitation import drive_and_record
 from raccoon.diagnose.experiment import manoeuvre
 from raccoon.diagnose.reports.html import save_html
 from raccoon.diagnose.result import Verdict
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
 from raccoon.trace.loading import load_run
 
 ROBOT = RobotConfig()
@@ -25,6 +28,17 @@ def test_a_manoeuvre_is_driven_in_the_simulator_and_recorded(tmp_path: Path) -> 
     assert columns["t"][-1] - columns["t"][0] == pytest.approx(1.0, abs=0.02)
     assert np.nanmax(columns["motor.1.duty"]) == pytest.approx(0.8)
     assert np.nanmax(columns["motor.1.bemf"]) > 500.0
+
+
+def test_where_there_is_a_recording_already_the_port_is_closed_again(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl.gz"
+    path.write_bytes(b"kept")
+    port = SimPort(Parameters.from_robot(ROBOT))
+    with pytest.raises(FileExistsError):
+        drive_and_record(ROBOT, manoeuvre("spin")[:20], path, port)
+    with pytest.raises(HardwareError, match="closed"):
+        port.read()
+    assert path.read_bytes() == b"kept"
 
 
 def test_a_recording_of_the_own_simulator_is_adequate_and_reported(tmp_path: Path) -> None:
