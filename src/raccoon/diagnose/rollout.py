@@ -108,8 +108,8 @@ class PlantRollout:
         samples = np.stack([run[name] for name in self._names], axis=1)
         for index, (side, measured) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
-            if zones.any():
-                samples[:, index] = heard(samples[:, index], zones[:, None], measured)
+            deaf = np.flatnonzero(zones >= LEAST_ZONE)
+            samples[deaf, index] = heard(samples[deaf, index], zones[deaf, None], measured)
         return samples
 
     def path(self, settings: Settings) -> tuple[Array, Array]:
