@@ -24,6 +24,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--holdout", type=Path, nargs="+", default=[], help="other recordings of this robot to judge on"
     )
+    parser.add_argument(
+        "--causes", type=Path, help="Python file with effects of your own, a list CAUSES of OwnEffect"
+    )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
     parser.add_argument(
         "--workers",

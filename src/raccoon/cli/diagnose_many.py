@@ -29,6 +29,7 @@ class Job:
     model: Path | None
     holdout: Path | None
     truth_free: bool
+    causes: Path | None = None
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
@@ -48,6 +49,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 def diagnose_job(job: Job) -> Diagnosis:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
     from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.diagnose.own import load_own
     from raccoon.diagnose.recordings.kinds import diagnose_recording
     from raccoon.trace.loading import load_run
 
@@ -68,6 +70,7 @@ def diagnose_job(job: Job) -> Diagnosis:
         truth_free=job.truth_free,
         device=recording.device,
         problems=recording.problems,
+        own=() if job.causes is None else load_own(job.causes),
     )
 
 
@@ -154,7 +157,8 @@ def job_of(args: argparse.Namespace, path: Path) -> Job:
 
     if len(args.holdout) > 1:
         raise ConfigError(f"--holdout: {len(args.holdout)} files: one recording is judged on one other")
-    return Job(path, args.robot, args.model, args.holdout[0] if args.holdout else None, args.truth_free)
+    other = args.holdout[0] if args.holdout else None
+    return Job(path, args.robot, args.model, other, args.truth_free, args.causes)
 
 
 def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Diagnosis | str]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from operator import mul
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from raccoon.diagnose.hypotheses import (
     neutral_settings,
     places,
 )
+from raccoon.diagnose.own import OwnEffect
 from raccoon.sim.effects import Place, all_effects, effect
 from raccoon.sim.parameters import SIDES
 
@@ -173,3 +176,18 @@ def drive_causes() -> tuple[Cause, ...]:
         if entry.place is Place.SIDE:
             found.extend(_cause(entry.id, side) for side in SIDES)
     return tuple(found)
+
+
+def own_cause(own: OwnEffect) -> Cause:
+    """A team's own effect as a cause; all of its parameters count from their neutral values."""
+    coordinates = []
+    for each in own.parameters:
+        width, neutral = WIDTH_FACTOR * each.prior_width, float(each.neutral or 0.0)
+        low, high = ((bound - neutral) / width for bound in (each.bounds.low, each.bounds.high))
+        add = partial(mul, width)
+        coordinates.append(
+            Coordinate(f"{own.id}.{each.name}", ((own.id, None, each.name),), add, False, low, high)
+        )
+    starts = 0.5 * np.eye(len(coordinates))
+    points = tuple(tuple(map(float, row)) for row in starts)
+    return Cause(own.id, None, tuple(coordinates), (points,), own=own)

@@ -58,8 +58,8 @@ def diagnose(
     columns: the recording by names of the CSV format, NaN where a sensor had nothing new. robot: ports and
     nominal model; its standard deviations are how far each number may be off without being a cause. holdout:
     another recording of the same robot to judge on. causes: hypotheses to consider, by default the whole
-    catalogue of drives; add your own with `hypotheses.Cause`. model: a simulation to start from, with effects
-    that are already known, instead of the nominal one.
+    catalogue of drives; `own` says how to add your own. model: a simulation to start from, with effects that
+    are already known, instead of the nominal one.
 
     Raises TraceError for a recording that cannot be used: empty, too short, time that does not advance,
     columns in wrong units, no commands, another robot's ports.
@@ -146,10 +146,16 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         suggestions(search, causes, log),
         time.perf_counter() - begin,
         extended(search, causes, habits.chain),
-        log.notes,
+        (*log.notes, *_not_in_model(search)),
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
+
+
+def _not_in_model(search: Search) -> tuple[str, ...]:
+    """What the simulator cannot be told in a model.toml."""
+    own = [name for name in search.fit.point.active if search.problem.causes[name].own is not None]
+    return tuple(f"{name} is Python of yours: a model.toml does not hold it" for name in own)
 
 
 def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:

@@ -37,11 +37,15 @@ def drive_problem(
     log: Log, robot: RobotConfig, causes: Sequence[Cause], habits: Habits, model: Parameters | None
 ) -> Problem:
     """The problem of a drive under a controller's habits."""
+    own = [each.own for each in causes if each.own is not None]
+    settings = starting_settings(robot, model)
+    for each in own:
+        settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
         Features.of(log),
-        PlantRollout(log, robot, habits),
+        PlantRollout(log, robot, habits, own=own),
         robot,
-        starting_settings(robot, model),
+        settings,
         base_coordinates(robot),
         {each.name: each for each in causes},
     )

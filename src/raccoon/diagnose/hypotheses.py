@@ -12,7 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from raccoon.core.config import Measured, RobotConfig
-from raccoon.sim.effects import Place, all_effects, effect
+from raccoon.diagnose.own import OwnEffect
+from raccoon.sim.effects import Effect, Place, all_effects, effect
 from raccoon.sim.parameters import SIDES, nominal
 
 Setting = tuple[str, str | None, str]
@@ -63,7 +64,8 @@ class Cause:
     """An effect of the catalogue at one place.
 
     variants: for each starting guess the points (one u for each coordinate) whose secants from 0 give its
-    columns. replaces: parameters that are set outright (an inverse limit, a phase) instead of added to.
+    columns. replaces: parameters that are set outright (an inverse limit, a phase) instead of added to. own:
+    an effect that the catalogue does not have.
     """
 
     id: str
@@ -71,6 +73,17 @@ class Cause:
     coordinates: tuple[Coordinate, ...]
     variants: tuple[Points, ...]
     joint: Callable[[Settings, Sequence[float]], None] | None = None
+    own: OwnEffect | None = None
+
+    @property
+    def effect(self) -> Effect:
+        """Its entry in the catalogue, or a team's own."""
+        return effect(self.id) if self.own is None else self.own
+
+    @property
+    def places(self) -> tuple[str | None, ...]:
+        """The plant's places that it moves."""
+        return (None,) if self.own is not None else places(self.id, self.where)
 
     @property
     def name(self) -> str:

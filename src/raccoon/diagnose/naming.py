@@ -6,15 +6,15 @@ import math
 
 from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions
-from raccoon.diagnose.hypotheses import Cause, places
+from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
+from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.search import CLOSE
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.diagnose.spread import Spread
-from raccoon.sim.effects import effect
 
 TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
@@ -48,18 +48,23 @@ def named_causes(search: Search, judged: HeldOut) -> tuple[CauseResult, ...]:
         found.append(
             CauseResult(
                 cause.id, cause.where, rank, values, gain, probability(search, name, rivals), rivals,
-                explanation(cause.id, cause.where, values),
+                _told(cause, values),
             )
         )  # fmt: skip
     return tuple(found)
 
 
+def _told(cause: Cause, values: dict[str, ParameterResult]) -> str:
+    if cause.own is not None:
+        return cause.own.told({name: each.value for name, each in values.items()})
+    return explanation(cause.id, cause.where, values)
+
+
 def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, ParameterResult]:
     """The effect's parameters at the fit, with what the form of any model is off by."""
-    place = places(cause.id, cause.where)[0]
     found = {}
-    for each in effect(cause.id).parameters:
-        key = (cause.id, place, each.name)
+    for each in cause.effect.parameters:
+        key = (cause.id, cause.places[0], each.name)
         value = spread.number(key)
         nominal = search.problem.neutral[key]
         form = form_error(cause.id) * abs(value - nominal if math.isfinite(nominal) else value)
@@ -102,16 +107,19 @@ def rejections(search: Search, log: Log) -> tuple[Rejected, ...]:
 
 
 def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
+    cause = next(each for each in search.problem.causes.values() if each.id == id_)
+    parameter = cause.effect.parameters[0]
     for role, ids in NEEDS.items():
         missing = log.channel(role) is None
         if missing and id_ in ids:
             return f"not identifiable: there is no {role} reading in this recording"
+    shows = shows_from(parameter, visible, gate(id_))
     if visible < VISIBLE:
-        return f"not visible in this recording: a usual deviation would not show{shows_from(id_, visible)}"
+        return f"not visible in this recording: a usual deviation would not show{shows}"
     for name, reason in search.failed.items():
         if name.partition("@")[0] == id_:
-            return f"{reason}{shows_from(id_, visible)}"
-    return f"explains nothing that is left{shows_from(id_, visible)}"
+            return f"{reason}{shows}"
+    return f"explains nothing that is left{shows}"
 
 
 def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.hypotheses import Settings, neutral_settings
 from raccoon.diagnose.log import Log
+from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
@@ -31,10 +32,11 @@ class Rollout(Protocol):
 
 
 def parameters_of(settings: Settings, neutral: Settings, robot: RobotConfig, chain: Chain) -> Parameters:
-    """The simulator's parameters with everything switched on that differs from neutral."""
+    """The simulator's parameters with everything switched on that differs from neutral; effects of a team's
+    own are none of the simulator's."""
     effects: dict[tuple[str, str | None], dict[str, float]] = {}
     for (id_, place, name), value in settings.items():
-        if id_ != "inertia" and value != neutral[(id_, place, name)]:
+        if id_ != "inertia" and value != neutral.get((id_, place, name), value):
             effects.setdefault((id_, place), {})[name] = value
     straight = settings[("inertia", None, "straight")]
     turn = settings[("inertia", None, "turn")]
@@ -89,27 +91,65 @@ class PlantRollout:
 
     A dead zone of the readings acts where the log's readings are silent; see `heard`. plain: it acts where
     the simulated ones are small, as in the simulator: for a log that holds no readings yet, and to judge what
-    a simulator would say.
+    a simulator would say. own: effects that are Python instead of terms of the plant.
     """
 
-    def __init__(self, log: Log, robot: RobotConfig, habits: Habits, plain: bool = False) -> None:
+    def __init__(
+        self,
+        log: Log,
+        robot: RobotConfig,
+        habits: Habits,
+        plain: bool = False,
+        own: Sequence[OwnEffect] = (),
+    ) -> None:
         self._robot = replace(robot, motors={})  # the log's signs of wiring are already taken away
         self._habits = habits
         self._neutral = neutral_settings(robot)
         ports = {"left": robot.drive.left, "right": robot.drive.right}
         self._heard = {} if plain else _readings(log)
         self._names = tuple(COLUMNS[each.role].format(**ports) for each in log.channels)
-        duty = np.clip(log.duty, -1.0, 1.0)
-        self._commands = Commands.of_wheels(log.time, duty[:, 0], duty[:, 1], habits.brake)
+        self._roles = tuple(each.role for each in log.channels)
+        self._own = tuple(own)
+        self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)
+        self._commands = self._commanded(self._duty)
 
     def __call__(self, variants: Sequence[Settings]) -> Array:
-        lanes = self._lanes(variants)
-        run = rollout(lanes, self._commands, channels=self._names, longest_step=LONGEST_STEP)
-        samples = np.stack([run[name] for name in self._names], axis=1)
+        samples = self._with_own(variants) if self._own else self._samples(variants, self._commands)
         for index, (side, measured) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)
             samples[deaf, index] = heard(samples[deaf, index], zones[deaf, None], measured)
+        return samples
+
+    def _commanded(self, duty: Array) -> Commands:
+        return Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
+
+    def _samples(self, variants: Sequence[Settings], commands: Commands) -> Array:
+        """What the sensors say, (variants, channels, rows)."""
+        run = rollout(self._lanes(variants), commands, channels=self._names, longest_step=LONGEST_STEP)
+        return np.stack([run[name] for name in self._names], axis=1)
+
+    def _with_own(self, variants: Sequence[Settings]) -> Array:
+        """The same with a team's own effects: robots whose commands are the same run side by side."""
+        acting = [
+            [(own, values) for own in self._own if (values := _values(own, each)) != own.neutral()]
+            for each in variants
+        ]
+        alike: dict[str, list[int]] = {}
+        for index, found in enumerate(acting):
+            driven = [(own.id, values) for own, values in found if own.commands is not None]
+            alike.setdefault(repr(driven), []).append(index)
+        samples = np.empty((len(variants), len(self._roles), len(self._time)))
+        for same in alike.values():
+            duty = self._duty
+            for own, values in acting[same[0]]:
+                duty = own.commanded(self._time, duty, values)
+            samples[same] = self._samples([variants[each] for each in same], self._commanded(duty))
+        for index, found in enumerate(acting):
+            for own, values in found:
+                readings = dict(zip(self._roles, samples[index], strict=True))
+                changed = own.read(Simulated(self._time, self._duty, readings), values)
+                samples[index] = [changed[role] for role in self._roles]
         return samples
 
     def path(self, settings: Settings) -> tuple[Array, Array]:
@@ -142,6 +182,10 @@ class PlantRollout:
     def _turned(self, settings: Settings) -> RobotConfig:
         straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
         return self._robot if straight == turn == 1.0 else _with_inertia(self._robot, straight, turn)
+
+
+def _values(own: OwnEffect, settings: Settings) -> dict[str, float]:
+    return {each.name: settings[(own.id, None, each.name)] for each in own.parameters}
 
 
 def _readings(log: Log) -> dict[int, tuple[str, Array]]:

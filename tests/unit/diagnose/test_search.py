@@ -253,7 +253,10 @@ def test_steps_are_lengthened_as_much_as_columns_are_too_steep() -> None:
 
 def test_what_would_show_shows_in_nearly_every_recording() -> None:
     power = 300.0
-    said = re.search(r"about ([\d.]+) N m", shows_from("friction.coulomb", power))
+    said = re.search(
+        r"about ([\d.]+) N m",
+        shows_from(effect("friction.coulomb").parameters[0], power, gate("friction.coulomb")),
+    )
     assert said is not None
     u = float(said[1]) / (WIDTH_FACTOR * effect("friction.coulomb").parameters[0].prior_width)
     evidence = 0.5 * (power * u**2 - np.log1p(power))

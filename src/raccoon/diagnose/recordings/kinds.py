@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.candidates import drive_causes, own_cause
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.extend import with_causes
+from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
@@ -107,12 +109,14 @@ def diagnose_recording(
     truth_free: bool = False,
     device: Device = SI_WORDS,
     problems: Sequence[str] = (),
+    own: Sequence[OwnEffect] = (),
 ) -> Diagnosis:
     """Diagnose a recording of any kind.
 
     truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth,
     and how late its back-EMF is, where robot.toml has only the default. problems: what
-    the reader of the recording had to leave out; it is noted. Raises TraceError as `diagnose`, and
+    the reader of the recording had to leave out; it is noted. own: effects of your own to consider in a
+    drive beside the catalogue. Raises TraceError as `diagnose`, and
     CalibrationError where a reference cannot be used.
     """
     if truth_free:
@@ -131,7 +135,7 @@ def diagnose_recording(
     elif kind is Kind.NOTHING:
         found = _nothing(columns, robot)
     else:
-        found = _drive(columns, with_lag_of(device, robot), holdout, model, truth_free)
+        found = _drive(columns, with_lag_of(device, robot), holdout, model, truth_free, own)
         found = with_reference(found, columns, robot, device)
     notes = dict.fromkeys((*found.notes, *problems))
     return replace(found, notes=tuple(notes))
@@ -143,6 +147,7 @@ def _drive(
     holdout: Columns | None,
     model: Parameters | None,
     truth_free: bool,
+    own: Sequence[OwnEffect],
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
     sound = without_broken(columns, robot)
@@ -151,9 +156,11 @@ def _drive(
     if commands_volts(columns, robot):
         changed, stiff, causes = as_duty(columns, robot)
         other = None if holdout is None else as_duty(holdout, robot)[0]
-        found = without_battery(diagnose(changed, stiff, holdout=other, causes=causes))
+        tried = [*causes, *map(own_cause, own)]
+        found = without_battery(diagnose(changed, stiff, holdout=other, causes=tried))
     else:
-        found = diagnose(columns, robot, holdout=holdout, model=model)
+        tried = [*drive_causes(), *map(own_cause, own)]
+        found = diagnose(columns, robot, holdout=holdout, causes=tried, model=model)
     found = judged_again(with_columns_named(found, columns, robot), columns, sound, robot)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR
-from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
-from raccoon.sim.effects import effect
+from raccoon.sim.effects import Parameter
 
 SURELY = 2.33
 """Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""
@@ -35,17 +34,17 @@ def visibility(search: Search) -> dict[str, float]:
     return least
 
 
-def shows_from(id_: str, power: float) -> str:
+def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     """The smallest deviation that would be named in all but one of a hundred recordings, in words.
 
-    power: evidence of one width. With s = u sqrt(power), u widths make a log evidence that is normal with
-    mean (s^2 - log(1 + power)) / 2 and standard deviation s.
+    parameter: the effect's first. power: evidence of one width. gate: log evidence from which it is named.
+    With s = u sqrt(power), u widths make a log evidence that is normal with mean (s^2 - log(1 + power)) / 2
+    and standard deviation s.
     """
     if power <= 0.0:
         return ""
-    surely = SURELY + math.sqrt(SURELY**2 + 2.0 * gate(id_) + math.log1p(power))
+    surely = SURELY + math.sqrt(SURELY**2 + 2.0 * gate + math.log1p(power))
     u = surely / math.sqrt(power)
-    parameter = effect(id_).parameters[0]
     width = WIDTH_FACTOR * parameter.prior_width
     if parameter.name == "factor":
         return f"; would show from about {100.0 * math.expm1(width * u):.2g} % on"

@@ -1,0 +1,150 @@
+"""Effects of your own: what a team suspects and no catalogue lists, as a few lines of Python.
+
+    from raccoon.diagnose.own import OwnEffect, Simulated
+    from raccoon.sim.effects import Bounds, Parameter
+
+    def hum(drive: Simulated, values):
+        return {"gyro": drive.readings["gyro"] + values["gain"] * abs(drive.duty).mean(axis=1)}
+
+    CAUSES = [
+        OwnEffect(
+            "team.motor_hum",
+            "The motors disturb the gyro by {gain:.3f} rad/s at full power: move it away from them.",
+            (Parameter("gain", "rad/s", 0.0, Bounds(-1.0, 1.0), 0.02),),
+            readings=hum,
+        )
+    ]
+
+`raccoon diagnose run.csv --causes mine.py`, or `diagnose(columns, robot, causes=[*drive_causes(),
+*map(own_cause, CAUSES)])`. Such an effect competes with all others and must earn its place as they do.
+"""
+
+from __future__ import annotations
+
+import re
+import runpy
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import ConfigError
+from raccoon.sim.effects import Effect
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+"""The effect's parameters by name."""
+
+NAME = "CAUSES"
+
+
+@dataclass(frozen=True, slots=True)
+class Simulated:
+    """A simulated drive. time (n,) s. duty (n, 2) as commanded, left before right, -1 to 1. readings: what
+    the sensors would say without the effect, (n,) each: bemf_left and bemf_right in counts (or speed_left
+    and speed_right in rad/s), gyro in rad/s, battery in V; those that were recorded."""
+
+    time: Array
+    duty: Array
+    readings: Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class OwnEffect(Effect):
+    """An effect that is Python instead of a term of the plant's equations.
+
+    sentence: what a report says, with the parameters' names in braces; after ": " comes what to do.
+    parameters: each with its neutral value, at which the hooks are not even called. commands(time, duty,
+    values): what reaches the motors instead of the duty (n, 2). readings(drive, values): the readings that
+    are others than simulated. Raises ConfigError for what cannot be an effect.
+    """
+
+    commands: Callable[[Array, Array, Values], Array] | None = None
+    readings: Callable[[Simulated, Values], Mapping[str, Array]] | None = None
+
+    def __post_init__(self) -> None:
+        from raccoon.sim.catalogue import CATALOGUE
+
+        if not re.fullmatch(r"[a-z0-9_]+\.[a-z0-9_]+", self.id):
+            raise ConfigError(f"own effect {self.id!r}: write its id as group.name, such as team.motor_hum")
+        if self.id in CATALOGUE:
+            raise ConfigError(f"own effect {self.id!r}: the catalogue has one of that id")
+        if self.commands is None and self.readings is None:
+            raise ConfigError(f"{self.id}: it has neither commands nor readings, so it changes nothing")
+        if not self.parameters:
+            raise ConfigError(f"{self.id}: it has no parameter, so there is nothing to find")
+        for each in self.parameters:
+            if each.neutral is None or not each.bounds.allows(each.neutral) or not each.prior_width > 0.0:
+                wanted = "a neutral value inside its bounds and a prior_width above 0"
+                raise ConfigError(f"{self.id}: {each.name}: give it {wanted}")
+        self.told({each.name: each.neutral or 0.0 for each in self.parameters})
+
+    def told(self, values: Values) -> str:
+        """The sentence with its numbers. Raises ConfigError where it asks for others."""
+        try:
+            return self.sentence.format(**values)
+        except (KeyError, IndexError, ValueError) as error:
+            names = ", ".join(each.name for each in self.parameters)
+            raise ConfigError(
+                f"{self.id}: sentence {self.sentence!r}: {error}; it may name {names}"
+            ) from None
+
+    def neutral(self) -> dict[str, float]:
+        """Every parameter where it changes nothing."""
+        return {each.name: float(each.neutral or 0.0) for each in self.parameters}
+
+    def commanded(self, time: Array, duty: Array, values: Values) -> Array:
+        """What reaches the motors. Raises ConfigError for anything but finite (n, 2)."""
+        if self.commands is None:
+            return duty
+        found = self._called("commands", lambda: self.commands and self.commands(time, duty.copy(), values))
+        return np.clip(self._sound("commands", found, duty.shape), -1.0, 1.0)
+
+    def read(self, drive: Simulated, values: Values) -> dict[str, Array]:
+        """All readings, changed or not. Raises ConfigError for one that is not recorded or not (n,)."""
+        if self.readings is None:
+            return dict(drive.readings)
+        changed = self._called("readings", lambda: self.readings and self.readings(drive, values))
+        if not isinstance(changed, Mapping):
+            raise ConfigError(f"{self.id}: readings must give the changed readings by name, not {changed!r}")
+        for role, each in changed.items():
+            if role not in drive.readings:
+                allowed = ", ".join(drive.readings)
+                raise ConfigError(f"{self.id}: readings gave {role!r}; this recording has {allowed}")
+            self._sound(f"readings: {role}", each, drive.time.shape)
+        return {**drive.readings, **changed}
+
+    def _called(self, hook: str, call: Callable[[], Any]) -> Any:
+        try:
+            return call()
+        except Exception as error:
+            raise ConfigError(f"{self.id}: {hook}: {type(error).__name__}: {error}") from error
+
+    def _sound(self, what: str, found: Array, shape: tuple[int, ...]) -> Array:
+        array = np.asarray(found, float)
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ConfigError(f"{self.id}: {what} must give {shape} finite numbers, not {array.shape}")
+        return array
+
+
+def load_own(path: str | Path) -> tuple[OwnEffect, ...]:
+    """The effects in a Python file's list `CAUSES`. Raises ConfigError naming file and mistake."""
+    path = Path(path)
+    if not path.is_file():
+        raise ConfigError(f"{path}: there is no such file of causes")
+    try:
+        found = runpy.run_path(str(path)).get(NAME)
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    except Exception as error:
+        raise ConfigError(f"{path}: {type(error).__name__}: {error}") from error
+    if not isinstance(found, list | tuple) or not all(isinstance(each, OwnEffect) for each in found):
+        raise ConfigError(f"{path}: it must have a list {NAME} of OwnEffect")
+    ids = [each.id for each in found]
+    twice = sorted({each for each in ids if ids.count(each) > 1})
+    if twice:
+        raise ConfigError(f"{path}: {twice[0]} is there twice")
+    return tuple(found)
