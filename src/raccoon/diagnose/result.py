@@ -18,6 +18,8 @@ from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
 
+WORST_SECONDS = 0.5
+
 
 class Verdict(StrEnum):
     """The one word."""
@@ -157,6 +159,14 @@ class Curve:
     measured: Array
     before: Array
     after: Array
+
+    @property
+    def worst(self) -> float:
+        """Middle (s) of the half second in which the simulation with the causes is furthest off."""
+        square = np.nan_to_num(self.after - self.measured) ** 2
+        part = ((self.time - self.time[0]) / WORST_SECONDS).astype(int)
+        power = np.bincount(part, square) / np.maximum(np.bincount(part), 1)
+        return float(self.time[0] + (int(np.argmax(power)) + 0.5) * WORST_SECONDS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,6 +53,18 @@ FOUND = Diagnosis(
 )  # fmt: skip
 
 
+def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white() -> None:
+    early = np.where(np.abs(TIME - 1.7) < 0.2, 1.0, 0.0)
+    curve = Curve("motor.0.bemf", "counts", TIME, np.zeros(400), early, early)
+    assert curve.worst == 1.75
+    channel = replace(FOUND.channels[0], rmse_after=20.0, whiteness_p=1e-5)
+    found = replace(FOUND, channels=(channel,), curves=(curve,))
+    assert "furthest off around 1.8 s" in terminal_report(found)
+    assert "not white (p 1e-05), furthest off around 1.8 s" in page(found, "run")
+    assert "furthest off" not in terminal_report(FOUND)  # noise is not worth a word
+    assert "white (p 0.4)" in page(FOUND, "run")
+
+
 def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
     (shape,) = FOUND.shapes
     assert shape.size.value == pytest.approx(0.02)

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 
 from raccoon.diagnose.result import (
     CauseResult,
+    ChannelResult,
+    Curve,
     Diagnosis,
     ParameterResult,
     Rejected,
@@ -24,6 +26,9 @@ VERDICTS: Mapping[Verdict, str] = {
     Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",
 }
 """The verdict as a sentence."""
+NOT_WHITE = 0.01
+FAR_OFF = 1.5
+"""Times the noise from which a report says when a channel is furthest off."""
 UNKNOWABLE = "not "
 """How the reason of a cause begins that this recording cannot show at all."""
 
@@ -49,7 +54,7 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
         yield "Error on data that was not fitted (before -> after, noise floor):"
     for each in diagnosis.channels:
         numbers = f"{each.rmse_before:9.4g} -> {each.rmse_after:9.4g}   ({each.noise_floor:.4g} {each.unit})"
-        yield f"  {each.name:18s} {numbers}"
+        yield f"  {each.name:18s} {numbers}{_when(diagnosis, each)}"
     if any(reason.startswith(UNKNOWABLE) for reason in reasons(diagnosis.rejected)):
         yield ""
         yield "What this recording cannot show:"
@@ -81,6 +86,26 @@ def shape_text(shape: Shape) -> str:
 def along(shape: Shape) -> str:
     """What the curve runs over, in a word or two."""
     return shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
+
+
+def rest_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
+    """What is left of a channel's error, in a few words; nothing where it has no time course."""
+    if _course(diagnosis, channel) is None:
+        return ""
+    white = "white" if channel.whiteness_p > NOT_WHITE else "not white"
+    return f"{white} (p {channel.whiteness_p:.2g}){_when(diagnosis, channel)}"
+
+
+def _when(diagnosis: Diagnosis, channel: ChannelResult) -> str:
+    """When a channel is furthest off, where more than noise is left."""
+    curve = _course(diagnosis, channel)
+    if curve is None or channel.rmse_after < FAR_OFF * channel.noise_floor:
+        return ""
+    return f", furthest off around {curve.worst:.1f} s"
+
+
+def _course(diagnosis: Diagnosis, channel: ChannelResult) -> Curve | None:
+    return next((each for each in diagnosis.curves if each.name == channel.name and len(each.time)), None)
 
 
 def reasons(rejected: tuple[Rejected, ...]) -> dict[str, list[str]]:
