@@ -159,9 +159,7 @@ CONDITIONS: dict[str, Condition] = {
         _match, 59, "the nine pairings and 50 drawn, tuned and run on different batteries that sag"
     ),
     REPLACED: Condition(_replaced, 50, "drawn; after tuning and calibration another right motor is put in"),
-    "wheel slip": Condition(
-        _slipping, 30, "drawn, wheels that slip by 5 to 20 ms of acceleration in the run"
-    ),
+    "wheel slip": Condition(_slipping, 30, "drawn, wheels that slip, a lag of 5 to 20 ms, in the run"),
     "slope": Condition(_sloping, 30, "drawn, a slope of up to 0.03 N m a wheel in the run"),
 }
 
