@@ -26,6 +26,7 @@ from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import pruned, search_causes
 from raccoon.diagnose.shapes import shapes_of
+from raccoon.diagnose.spread import Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
@@ -132,7 +133,8 @@ def _nothing_to_see(begin: float) -> Diagnosis:
 
 
 def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Diagnosis:
-    causes = named_causes(search, judged)
+    spread = Spread.of(search)
+    causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     left = judged.left
     verdict = _verdict(bool(causes), bool(depends_on), left, judged.surprise)
@@ -145,7 +147,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         Unexplained(0.0 if verdict is Verdict.ADEQUATE else left, depends_on),
         suggestions(search, causes, log),
         time.perf_counter() - begin,
-        extended(search, causes, habits.chain),
+        extended(search.problem, spread, causes, habits.chain),
         (*log.notes, *_not_in_model(search)),
         curves=_curves(log, judged),
         shapes=shapes_of(search),

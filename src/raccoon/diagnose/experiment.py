@@ -130,14 +130,16 @@ def advise(
     that is looked for, in usual ones. Raises ConfigError for an unknown cause.
     """
     known = {each.name: each for each in drive_causes()}
-    for name in (cause, *rivals):
+    chosen = (cause, *rivals)
+    for name in chosen:
         if name not in known:
             raise ConfigError(f"cause {name!r}: there is none of that name; see raccoon effects")
     drives = {name: make() for name, make in MANOEUVRES.items()}
-    moving = {
-        name: duty for name, duty in drives.items() if duty.any()
-    }  # no diagnosis is made of a still robot
-    found = [_advice(robot, name, duty, known, (cause, *rivals), size) for name, duty in moving.items()]
+    found = [
+        _advice(robot, name, duty, known, chosen, size)
+        for name, duty in drives.items()
+        if duty.any()  # no diagnosis is made of a still robot
+    ]
     allowed = [each for each in found if each.reach <= within and each.seconds <= seconds]
     return sorted(allowed, key=lambda each: -each.evidence)
 

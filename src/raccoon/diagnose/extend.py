@@ -8,9 +8,9 @@ from dataclasses import replace
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
 from raccoon.diagnose.hypotheses import neutral_settings, places
+from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout import parameters_of
-from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.spread import Spread
 from raccoon.sim.chain import Chain
 from raccoon.sim.effects import effect
@@ -21,9 +21,8 @@ REFITTED = "refitted inside robot.toml's standard deviation"
 GIVEN = "of the model that was started from"
 
 
-def extended(search: Search, causes: Sequence[CauseResult], chain: Chain) -> Parameters:
+def extended(problem: Problem, spread: Spread, causes: Sequence[CauseResult], chain: Chain) -> Parameters:
     """The fitted robot of a drive: named causes, and base numbers as they were refitted."""
-    problem, spread = search.problem, Spread.of(search)
     model = parameters_of(spread.here, neutral_settings(problem.robot), problem.robot, chain)
     robot = _with_inertia(replace(model.robot, motors=problem.robot.motors), spread)
     model = replace(model, robot=robot)

@@ -33,9 +33,8 @@ NEEDS = {
 """Effects that only show in a channel that may be missing."""
 
 
-def named_causes(search: Search, judged: HeldOut) -> tuple[CauseResult, ...]:
+def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[CauseResult, ...]:
     """The causes of the final set, those first that change most; see `gain.contributions`."""
-    spread = Spread.of(search)
     after = judged.overall(judged.after)
     sizes = contributions(search)
     names = sorted(sizes, key=lambda name: -sizes[name])

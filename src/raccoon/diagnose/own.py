@@ -1,22 +1,8 @@
 """Effects of your own: what a team suspects and no catalogue lists, as a few lines of Python.
 
-    from raccoon.diagnose.own import OwnEffect, Simulated
-    from raccoon.sim.effects import Bounds, Parameter
-
-    def hum(drive: Simulated, values):
-        return {"gyro": drive.readings["gyro"] + values["gain"] * abs(drive.duty).mean(axis=1)}
-
-    CAUSES = [
-        OwnEffect(
-            "team.motor_hum",
-            "The motors disturb the gyro by {gain:.3f} rad/s at full power: move it away from them.",
-            (Parameter("gain", "rad/s", 0.0, Bounds(-1.0, 1.0), 0.02),),
-            readings=hum,
-        )
-    ]
-
-`raccoon diagnose run.csv --causes mine.py`, or `diagnose(columns, robot, causes=[*drive_causes(),
-*map(own_cause, CAUSES)])`. Such an effect competes with all others and must earn its place as they do.
+examples/own_causes.py has two. `raccoon diagnose run.csv --causes own_causes.py`, or `diagnose(columns,
+robot, causes=[*drive_causes(), *map(own_cause, CAUSES)])`. Such an effect competes with all others and must
+earn its place as they do.
 """
 
 from __future__ import annotations
@@ -80,7 +66,7 @@ class OwnEffect(Effect):
             if each.neutral is None or not each.bounds.allows(each.neutral) or not each.prior_width > 0.0:
                 wanted = "a neutral value inside its bounds and a prior_width above 0"
                 raise ConfigError(f"{self.id}: {each.name}: give it {wanted}")
-        self.told({each.name: each.neutral or 0.0 for each in self.parameters})
+        self.told(self.neutral())
 
     def told(self, values: Values) -> str:
         """The sentence with its numbers. Raises ConfigError where it asks for others."""
@@ -100,14 +86,14 @@ class OwnEffect(Effect):
         """What reaches the motors. Raises ConfigError for anything but finite (n, 2)."""
         if self.commands is None:
             return duty
-        found = self._called("commands", lambda: self.commands and self.commands(time, duty.copy(), values))
+        found = self._called("commands", self.commands, time, duty.copy(), values)
         return np.clip(self._sound("commands", found, duty.shape), -1.0, 1.0)
 
     def read(self, drive: Simulated, values: Values) -> dict[str, Array]:
         """All readings, changed or not. Raises ConfigError for one that is not recorded or not (n,)."""
         if self.readings is None:
             return dict(drive.readings)
-        changed = self._called("readings", lambda: self.readings and self.readings(drive, values))
+        changed = self._called("readings", self.readings, drive, values)
         if not isinstance(changed, Mapping):
             raise ConfigError(f"{self.id}: readings must give the changed readings by name, not {changed!r}")
         for role, each in changed.items():
@@ -117,11 +103,11 @@ class OwnEffect(Effect):
             self._sound(f"readings: {role}", each, drive.time.shape)
         return {**drive.readings, **changed}
 
-    def _called(self, hook: str, call: Callable[[], Any]) -> Any:
+    def _called(self, name: str, hook: Callable[..., Any], *given: Any) -> Any:
         try:
-            return call()
+            return hook(*given)
         except Exception as error:
-            raise ConfigError(f"{self.id}: {hook}: {type(error).__name__}: {error}") from error
+            raise ConfigError(f"{self.id}: {name}: {type(error).__name__}: {error}") from error
 
     def _sound(self, what: str, found: Array, shape: tuple[int, ...]) -> Array:
         array = np.asarray(found, float)

@@ -87,8 +87,8 @@ class SimPort:
         }
         """The motors of the mechanisms by port."""
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz)
-        fitted = replace(parameters, robot=replace(parameters.robot, tophats=config.tophats))
-        tophats = [Tophat(each, fitted) for each in config.tophats.values()]
+        equipped = replace(parameters, robot=replace(parameters.robot, tophats=config.tophats))
+        tophats = [Tophat(each, equipped) for each in config.tophats.values()]
         self._converter = Converter(tophats, self._noise, self._scatter)
         self._cycles = max(1, round(1.0 / rate_hz / parameters.chain.cycle))
         self._truth = truth

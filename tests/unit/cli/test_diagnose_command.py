@@ -12,6 +12,7 @@ import pytest
 
 import raccoon
 from blind.generator import make
+from csv_files import written
 from raccoon.cli.main import main
 from unit.diagnose.axes import motor
 
@@ -21,13 +22,6 @@ Columns = dict[str, np.ndarray]
 @pytest.fixture(scope="module")
 def drive() -> Columns:
     return dict(make(4, seconds=6.0).columns)
-
-
-def written(path: Path, columns: Columns) -> Path:
-    rows = np.column_stack(list(columns.values()))
-    text = [",".join("" if np.isnan(cell) else repr(float(cell)) for cell in row) for row in rows]
-    path.write_text("\n".join([",".join(columns), *text]) + "\n")
-    return path
 
 
 def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,6 +15,7 @@ import pytest
 from blind import drives
 from blind.generator import make
 from blind.hidden import draw_unknown
+from csv_files import written
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
@@ -31,7 +32,6 @@ from raccoon.sim.effects import Parameter
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "own_causes.py"
 ROBOT = RobotConfig()
 GAIN = Parameter("gain", "rad/s", 0.0, Bounds(-1.0, 1.0), 0.02)
-Columns = dict[str, np.ndarray]
 
 
 def shift(drive: Simulated, values: Mapping[str, float]) -> dict[str, np.ndarray]:
@@ -39,13 +39,6 @@ def shift(drive: Simulated, values: Mapping[str, float]) -> dict[str, np.ndarray
 
 
 SHIFT = OwnEffect("team.shift", "The gyro is off by {gain:.3f} rad/s.", (GAIN,), readings=shift)
-
-
-def written(path: Path, columns: Columns) -> Path:
-    rows = np.column_stack(list(columns.values()))
-    text = [",".join("" if np.isnan(cell) else repr(float(cell)) for cell in row) for row in rows]
-    path.write_text("\n".join([",".join(columns), *text]) + "\n")
-    return path
 
 
 def test_what_was_unknown_is_named_with_its_number_once_somebody_has_an_idea(
