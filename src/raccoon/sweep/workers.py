@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -51,10 +52,16 @@ def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Itera
         ):
             yield Crew(_executor(client), AHEAD * count)
         return
+    client = failed = None
     try:
         client = Client(scheduler, timeout="10s")
     except (OSError, ValueError, TimeoutError) as error:
-        raise ConfigError(f"scheduler {scheduler!r}: it does not answer: {error}") from None
+        failed = str(error)
+    if client is None:
+        # The half-made client closes itself when it is collected, which takes a lock of Dask's for all
+        # clients: now, and not at a moment at which that lock is held.
+        gc.collect()
+        raise ConfigError(f"scheduler {scheduler!r}: it does not answer: {failed}")
     with client:
         count = _checked(workers or max(1, sum(client.nthreads().values())))
         yield Crew(_executor(client), AHEAD * count)

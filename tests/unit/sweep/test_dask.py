@@ -1,5 +1,6 @@
 """A real scheduler with workers in other processes, one of which is killed in the middle of it."""
 
+import gc
 import os
 import signal
 from concurrent.futures import ThreadPoolExecutor
@@ -42,7 +43,10 @@ def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(tmp_path: Path) 
     assert (tmp_path / "r.csv").read_bytes() == (tmp_path / "other.csv").read_bytes()
 
 
-def test_an_address_that_is_none_is_refused() -> None:
-    pytest.importorskip("distributed")
-    with pytest.raises(ConfigError, match=r"scheduler 'nowhere:x'"), dask_crew("nowhere:x"):
+def test_an_address_that_is_none_is_refused_and_no_half_made_client_is_left() -> None:
+    distributed = pytest.importorskip("distributed")
+    with pytest.raises(ConfigError, match=r"scheduler 'nowhere:x'") as caught, dask_crew("nowhere:x"):
         pass
+    assert caught.value.__context__ is None  # which would hold it
+    clients = [each for each in gc.get_objects() if isinstance(each, distributed.Client)]
+    assert [each for each in clients if each.status != "closed"] == []
