@@ -17,6 +17,9 @@ from raccoon.sim.quantities import Plant, State
 
 Numbers = tuple[float, ...]
 
+LOOSE_STEP = 0.001
+"""s of a step of a robot whose gears have play."""
+
 
 def plant_numbers(parameters: Parameters) -> Plant:
     """The plant of a robot: nominal values and effects multiplied out, signs of wiring taken away.
@@ -142,7 +145,8 @@ class _Sides:
 
 
 def safe_step(plants: NDArray[np.float64]) -> float:
-    """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant.
+    """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant, and
+    a millisecond where gears have play: a wheel that meets a tooth jumps, and readings are before or after.
 
     plants: (robots, fields of Plant). The time constant is that of a stiff battery, J / (K^2 / R + B), with
     the smaller of the two inertias; a battery's resistance only makes it longer. Raises ConfigError where it
@@ -158,7 +162,8 @@ def safe_step(plants: NDArray[np.float64]) -> float:
         raise ConfigError(
             f"the robot's mechanical time constant is {shortest} s: allowed are 0.0001 s and more"
         )
-    return 0.5 * shortest
+    loose = any(np.any(at[f"half_play_{side}"] > 0.0) for side in SIDES)
+    return min(0.5 * shortest, LOOSE_STEP) if loose else 0.5 * shortest
 
 
 def sample_slots(parameters: Parameters) -> tuple[float, float]:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -131,6 +132,29 @@ def test_a_wheel_between_the_teeth_rolls_on_for_its_coasting_time() -> None:
     pushed = (8.0**2 - apart**2) / (2 * braking)
     assert angle == pytest.approx(pushed + apart * coasting + 0.01 * 8.0, rel=2e-3)
     assert rim == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("coasting", [0.0, 0.002, 0.01, 0.03])
+def test_a_wheel_in_loose_gears_gets_as_far_at_steps_of_a_millisecond_as_at_tiny_ones(
+    coasting: float,
+) -> None:
+    """Motors that go to and fro part from a tooth and reach the next one within a step. The error is of
+    second order: 0.2 % of the gap at most, where ending each play with its step made 3 %."""
+
+    def ways(h: float) -> Floats:
+        speeds = 8.0 * np.tanh(4.0 * np.sin(2.0 * np.pi * np.arange(round(1.3 / h) + 1) * h / 0.41))
+        play, wheel, rolling, way = 0.04, 0.0, 0.0, [0.0]
+        for before, after in pairwise(speeds.tolist()):
+            turned, _, play, wheel, rolling, *_ = rolled(
+                before, after, play, wheel, rolling, 0.04, coasting, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, h, 1.0 / h
+            )
+            way.append(way[-1] + turned)
+        return np.array(way)
+
+    fine = ways(2e-5)
+    errors = [np.abs(ways(h) - fine[:: round(h / 2e-5)]).max() for h in (0.001, 0.0005)]
+    assert errors[0] < 0.002 * 0.08
+    assert errors[1] < 0.3 * errors[0]
 
 
 @given(
