@@ -21,7 +21,7 @@ from blind.plant import COASTING_RATE, NEUTRAL
 from diagnosis_cases import ROWS, TWINS, Case, hidden_of, recording
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.experiment import advise, manoeuvre
+from raccoon.diagnose.experiment import advise
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import (
     INSIDE,
@@ -32,6 +32,7 @@ from raccoon.diagnose.hypotheses import (
     neutral_settings,
 )
 from raccoon.diagnose.log import Log, log_from_columns
+from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout import Habits, PlantRollout

@@ -15,7 +15,10 @@ HELP = "drive a safe manoeuvre that shows or separates causes, and record it"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="robot.toml (default: here)")
-    parser.add_argument("--manoeuvre", help="drive this one; without it the best for --cause")
+    parser.add_argument(
+        "--manoeuvre",
+        help="drive this one; without it the best for --cause, or else the checkup: a bit of everything",
+    )
     parser.add_argument("--cause", help="cause to show, such as drive.backlash or bemf.scale@left")
     parser.add_argument("--rival", action="append", default=[], help="cause to tell it from (repeatable)")
     parser.add_argument(
@@ -26,26 +29,48 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", type=Path, help="with --simulate: model.toml of the robot to drive, effects and all"
     )
-    parser.add_argument(
-        "--record", type=Path, help="recording to write; without it only the advice is printed"
-    )
+    parser.add_argument("--record", type=Path, help="recording to write; without it nothing is driven")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the advice; drive and record where a recording is asked for."""
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
+    from raccoon.diagnose.manoeuvres import CHECKUP
 
     robot = load_robot(args.robot)
     if args.model is not None and not args.simulate:
         raise ConfigError(f"--model {args.model}: only a simulated robot has one; add --simulate")
-    if args.manoeuvre is None and args.cause is None:
-        raise ConfigError("name a --manoeuvre, or a --cause to get the best one for it")
-    chosen = args.manoeuvre or _advised(args, robot)
+    if args.rival and args.cause is None:
+        raise ConfigError(f"--rival {args.rival[0]}: name the --cause that it is to be told from")
+    if args.manoeuvre is None and args.cause is not None:
+        chosen = _advised(args, robot)
+    else:
+        chosen = args.manoeuvre or CHECKUP
+        _look_at(robot, chosen, args)
     if args.record is not None:
         _drive(robot, chosen, args)
         print(f"{args.record}: recorded {chosen!r}")
     return 0
+
+
+def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
+    """What a manoeuvre needs and, before it is driven, what it would show."""
+    from raccoon.core.errors import ConfigError
+    from raccoon.diagnose.experiment import Plan, reach_of
+    from raccoon.diagnose.manoeuvres import RATE, manoeuvre
+
+    duty = manoeuvre(name)
+    reach = reach_of(robot, duty)
+    print(f"{name}: {len(duty) / RATE:.1f} s, within {reach:.2f} m of where it starts")
+    if reach > args.within:
+        raise ConfigError(
+            f"--within {args.within:g}: {name} needs {reach:.2f} m of free space around the robot"
+        )
+    if args.record is None and duty.any():
+        print("would show, on this robot, if nothing else is wrong:")
+        for id_, size in Plan.of(robot, duty).shows().items():
+            print(f"  {id_:30s} {size or 'not at all'}")
 
 
 def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
@@ -71,7 +96,7 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     from dataclasses import replace
 
     from raccoon.diagnose.excitation import drive_and_record
-    from raccoon.diagnose.experiment import manoeuvre
+    from raccoon.diagnose.manoeuvres import manoeuvre
 
     port = None
     if args.simulate:

@@ -1,4 +1,5 @@
-"""Which safe manoeuvre would show or separate causes best on this robot, before driving it.
+"""Which safe manoeuvre would show or separate causes best on this robot, and what it would show, before
+driving it.
 
 The evidence that a manoeuvre would give for cause A beside what is refitted and a rival B is, to first order,
 
@@ -25,20 +26,23 @@ from raccoon.core.errors import ConfigError
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_settings
-from raccoon.diagnose.linear import Group, Linear, linearise, slow_friction
+from raccoon.diagnose.linear import Group, linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
+from raccoon.diagnose.manoeuvres import MANOEUVRES, RATE
 from raccoon.diagnose.naming import TWINS
 from raccoon.diagnose.noise import CHANGING, EVENT, white_noise
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT
 from raccoon.diagnose.select.refits import SCALE
+from raccoon.diagnose.select.visible import VISIBLE, shows_from
 from raccoon.diagnose.whitening import faint_parts, regimes_of
 from raccoon.sim.chain import Chain
+from raccoon.sim.effects import effect
 
 Array = NDArray[np.float64]
 
-RATE = 200
 ARROWS = ("drive.slope", "drive.wheel_eccentricity")
 """Causes whose two numbers are one arrow, of which nobody knows where it points."""
 DECIDES = 30.0
@@ -55,43 +59,6 @@ CHANGING_NOISE = 2.5
 """How much larger it is where a wheel speeds up or brakes: no model follows that as well."""
 
 
-def _hold(left: float, right: float, seconds: float) -> Array:
-    return np.tile([left, right], (max(int(seconds * RATE), 1), 1))
-
-
-def _leg(left: float, right: float, seconds: float) -> Array:
-    return np.vstack([_hold(left, right, seconds), _hold(0.0, 0.0, 0.5)])
-
-
-def _ramp(left: float, right: float, seconds: float) -> Array:
-    return np.linspace([0.0, 0.0], [left, right], max(int(seconds * RATE), 2))
-
-
-def _creep() -> Array:
-    up = _ramp(0.3, 0.3, 1.25)
-    spin = _ramp(-0.3, 0.3, 1.25)
-    return np.vstack([up, up[::-1], -up, -up[::-1], spin, spin[::-1], -spin, -spin[::-1]])
-
-
-def _steps() -> Array:
-    rng = np.random.default_rng(1)
-    levels = rng.uniform(-1.0, 1.0, (12, 2))
-    pairs = np.vstack([levels, -levels])  # each step is taken back, so the robot stays about where it is
-    return np.vstack([_hold(left, right, 0.4) for left, right in pairs])
-
-
-MANOEUVRES: Mapping[str, Callable[[], Array]] = {
-    "straight": lambda: np.vstack([_leg(0.8, 0.8, 2.0), _leg(-0.8, -0.8, 2.0)]),
-    "back and forth": lambda: np.vstack([_hold(1, 1, 0.7), _hold(-1, -1, 0.7)] * 5 + [_hold(0, 0, 0.5)]),
-    "spin": lambda: np.vstack([_hold(-0.8, 0.8, 0.9), _hold(0.8, -0.8, 0.9)] * 5),
-    "creep": _creep,
-    "steps": _steps,
-    "circles": lambda: np.vstack([_leg(0.9, 0.45, 4.0), _leg(0.45, 0.9, 4.0)]),
-    "still": lambda: _hold(0.0, 0.0, 6.0),
-}  # fmt: skip
-"""Safe drives by name: duty (n, 2) at 200 Hz, left before right."""
-
-
 @dataclass(frozen=True, slots=True)
 class Advice:
     """A manoeuvre and the evidence that it is expected to give.
@@ -104,15 +71,6 @@ class Advice:
     reach: float
     seconds: float
     nearest: str
-
-
-def manoeuvre(name: str) -> Array:
-    """Duty (n, 2) of a manoeuvre. Raises ConfigError for a name that does not exist."""
-    if name not in MANOEUVRES:
-        raise ConfigError(
-            f"manoeuvre {name!r}: there is none of that name; allowed are {', '.join(MANOEUVRES)}"
-        )
-    return MANOEUVRES[name]()
 
 
 def advise(
@@ -129,68 +87,97 @@ def advise(
     within: m, how far from its start the robot may get. seconds: the longest drive. size: of the deviation
     that is looked for, in usual ones. Raises ConfigError for an unknown cause.
     """
-    known = {each.name: each for each in drive_causes()}
-    chosen = (cause, *rivals)
-    for name in chosen:
-        if name not in known:
+    for name in (cause, *rivals):
+        if name not in {each.name for each in drive_causes()}:
             raise ConfigError(f"cause {name!r}: there is none of that name; see raccoon effects")
-    drives = {name: make() for name, make in MANOEUVRES.items()}
-    found = [
-        _advice(robot, name, duty, known, chosen, size)
-        for name, duty in drives.items()
-        if duty.any()  # no diagnosis is made of a still robot
-    ]
-    allowed = [each for each in found if each.reach <= within and each.seconds <= seconds]
-    return sorted(allowed, key=lambda each: -each.evidence)
+    found = []
+    for name, make in MANOEUVRES.items():
+        duty = make()
+        lasts = len(duty) / RATE
+        if lasts > seconds or not duty.any():  # no diagnosis is made of a still robot
+            continue
+        plan = Plan.of(robot, duty)
+        if plan.reach <= within:
+            evidence, nearest = plan.evidence(cause, rivals, size)
+            found.append(Advice(name, evidence, plan.reach, lasts, nearest))
+    return sorted(found, key=lambda each: -each.evidence)
 
 
-def _advice(
-    robot: RobotConfig,
-    name: str,
-    duty: Array,
-    every: Mapping[str, Cause],
-    chosen: tuple[str, ...],
-    size: float,
-) -> Advice:
-    """chosen: the cause, then the rivals that were asked for."""
-    cause = chosen[0]
-    log = planned_log(duty)
-    habits = Habits(Chain.firmware(), brake=False)
-    problem = Problem(
-        Features.of(log), PlantRollout(log, robot, habits, plain=True), robot, neutral_settings(robot),
-        base_coordinates(robot), every,
-    )  # fmt: skip
-    linear = linearise(problem, problem.nominal(), list(every))
-    white = _whitening(problem)
-    columns = [(group, white(group.columns)) for group in linear.groups]
-    off = [(group.name, each) for group, each in columns if group.name not in chosen]
-    asked = [each for group, each in columns if group.name in chosen[1:] and group.name != cause]
-    hidden_by = np.vstack([*_hiding(problem, linear, white, off), *asked])
-    rivals = [each for each in off if _another(each[0], cause)]
-    rows = EVENT * len(log.channels)
-    evidence, nearest = min(
-        _evidence(size * each, hidden_by, rivals, rows) for each in _wanted(columns, cause, size)
-    )
-    return Advice(name, evidence, _reach(problem), len(duty) / RATE, nearest)
+@dataclass(frozen=True)
+class Plan:
+    """A drive before it is driven: what every cause would change in it, in units of the usual noise.
+
+    columns: of each cause, whitened. hidden_by: whitened directions in which a recording changes anyway: base
+    numbers, a floor that wanders, its pushes. reach: m, the farthest from the start.
+    """
+
+    columns: tuple[tuple[Group, Array], ...]
+    hidden_by: Array
+    own: Array
+    rows: int
+    reach: float
+
+    @classmethod
+    def of(cls, robot: RobotConfig, duty: Array) -> Plan:
+        """The plan of a drive: duty (n, 2) at 200 Hz."""
+        every = {each.name: each for each in drive_causes()}
+        problem = _planned(robot, duty, every)
+        linear = linearise(problem, problem.nominal(), list(every))
+        white = _whitening(problem)
+        own = white(linear.own)
+        floor = FLOOR_SHARE * white(slow_friction(problem, linear))
+        pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
+        return cls(
+            tuple((group, white(group.columns)) for group in linear.groups),
+            np.vstack([own, floor, pushes]), own, EVENT * len(problem.features.roles), _reach(problem),
+        )  # fmt: skip
+
+    def evidence(self, cause: str, rivals: Sequence[str] = (), size: float = 1.0) -> tuple[float, str]:
+        """Evidence of a deviation of so many usual ones beside small deviations of everything else and that
+        rival which leaves least of it, or those that are asked for as well; and the rival."""
+        off = [(group.name, each) for group, each in self.columns if group.name not in (cause, *rivals)]
+        asked = [each for group, each in self.columns if group.name in rivals and group.name != cause]
+        small = np.vstack([self.own[:0], *(each for _, each in off)])
+        inexact = faint_parts([name for name, each in off for _ in each], self.own, small)[:, None] * small
+        hidden_by = np.vstack([self.hidden_by, inexact, *asked])
+        nearest = [each for each in off if _another(each[0], cause)]
+        return min(
+            _evidence(size * each, hidden_by, nearest, self.rows)
+            for each in _wanted(self.columns, cause, size)
+        )
+
+    def shows(self) -> dict[str, str]:
+        """From which size on each cause would be named if nothing else were wrong, in words, by id; empty for
+        what the drive does not show at all. Of a cause that is one side's, where it shows least."""
+        inverse = np.linalg.inv(self.hidden_by @ self.hidden_by.T + np.eye(len(self.hidden_by)))
+
+        def power(name: str) -> float:
+            columns = np.array(_wanted(self.columns, name, 1.0))
+            hidden = columns @ self.hidden_by.T
+            return float(np.linalg.eigvalsh(columns @ columns.T - hidden @ inverse @ hidden.T)[0])
+
+        names = dict.fromkeys(group.name for group, _ in self.columns)
+        found = {}
+        for id_ in dict.fromkeys(each.partition("@")[0] for each in names):
+            asked = [id_] if id_ in names else [each for each in names if each.startswith(f"{id_}@")]
+            least = min(map(power, asked))
+            unusual = ", more than is usual" if 0.0 < least < VISIBLE else ""
+            found[id_] = shows_from(effect(id_).parameters[0], least, gate(id_)) + unusual
+        return found
 
 
 Columns = Sequence[tuple[Group, Array]]
 
 
-def _hiding(
-    problem: Problem,
-    linear: Linear,
-    white: Callable[[Array], Array],
-    off: Sequence[tuple[str, Array]],
-) -> tuple[Array, ...]:
-    """Whitened directions in which a recording may change without the cause: base numbers, a little of every
-    effect that is `off`, floor and gear."""
-    own = white(linear.own)
-    small = np.vstack([own[:0], *(each for _, each in off)])
-    inexact = faint_parts([name for name, each in off for _ in each], own, small)[:, None] * small
-    floor = FLOOR_SHARE * white(slow_friction(problem, linear))
-    pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
-    return own, inexact, floor, pushes
+def reach_of(robot: RobotConfig, duty: Array) -> float:
+    """m, how far from its start the robot gets in a drive."""
+    return _reach(_planned(robot, duty, {}))
+
+
+def _planned(robot: RobotConfig, duty: Array, causes: Mapping[str, Cause]) -> Problem:
+    log = planned_log(duty)
+    rollout = PlantRollout(log, robot, Habits(Chain.firmware(), brake=False), plain=True)
+    return Problem(Features.of(log), rollout, robot, neutral_settings(robot), base_coordinates(robot), causes)
 
 
 def _wanted(columns: Columns, cause: str, size: float) -> list[Array]:

@@ -112,7 +112,8 @@ def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
         missing = log.channel(role) is None
         if missing and id_ in ids:
             return f"not identifiable: there is no {role} reading in this recording"
-    shows = shows_from(parameter, visible, gate(id_))
+    from_size = shows_from(parameter, visible, gate(id_))
+    shows = f"; would show {from_size}" if from_size else ""
     if visible < VISIBLE:
         return f"not visible in this recording: a usual deviation would not show{shows}"
     for name, reason in search.failed.items():

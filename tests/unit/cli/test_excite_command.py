@@ -8,9 +8,11 @@ from pathlib import Path
 import pytest
 
 from raccoon.cli.main import main
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, load_robot
+from raccoon.diagnose.diagnosis import diagnose
 from raccoon.sim.model_file import save_model
 from raccoon.sim.parameters import Parameters
+from raccoon.trace.loading import load_run
 
 ROBOT_TOML = '[controller]\nport = "wombat"\n'
 
@@ -62,6 +64,41 @@ def test_a_model_of_a_real_robot_is_refused(
     assert "add --simulate" in capsys.readouterr().err
 
 
-def test_without_a_question_it_says_what_to_ask(robot_toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["excite", "--robot", str(robot_toml)]) == 2
-    assert "--manoeuvre" in capsys.readouterr().err
+def test_without_a_question_it_is_the_checkup_and_what_that_would_show(
+    robot_toml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["excite", "--robot", str(robot_toml)]) == 0
+    head, _, *causes = capsys.readouterr().out.splitlines()
+    assert head.startswith("checkup: ")
+    assert re.search(r"drive\.backlash +from about 0\.00\d+ rad on", "\n".join(causes))
+
+
+def test_the_checkup_of_a_robot_with_three_faults_names_all_three(robot_toml: Path, tmp_path: Path) -> None:
+    model, run = tmp_path / "model.toml", tmp_path / "run.jsonl.gz"
+    faults = {
+        ("motor.armature_resistance", "left"): {"factor": 1.2},
+        ("bemf.dead_zone", None): {"counts": 60.0},
+        ("imu.gyro_drift", None): {"rate_per_second": 0.001},
+    }
+    save_model(Parameters(RobotConfig(), faults), model)
+    command = ["excite", "--robot", str(robot_toml), "--simulate", "--model", str(model)]
+    assert main([*command, "--record", str(run)]) == 0
+    said = diagnose(load_run(run).recording.columns, load_robot(robot_toml))
+    assert {each.name for each in said.causes} == {
+        "motor.armature_resistance@left", "bemf.dead_zone", "imu.gyro_drift"
+    }  # fmt: skip
+
+
+def test_a_drive_that_needs_more_room_than_there_is_is_not_driven(
+    robot_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run.jsonl.gz"
+    command = ["excite", "--robot", str(robot_toml), "--simulate", "--within", "0.5"]
+    assert main([*command, "--record", str(run)]) == 2
+    assert "--within 0.5: checkup needs 0.67 m" in capsys.readouterr().err
+    assert not run.exists()
+
+
+def test_a_rival_of_nothing_is_refused(robot_toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["excite", "--robot", str(robot_toml), "--rival", "imu.latency"]) == 2
+    assert "name the --cause" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.excitation import drive_and_record
-from raccoon.diagnose.experiment import manoeuvre
+from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.reports.html import save_html
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.parameters import Parameters

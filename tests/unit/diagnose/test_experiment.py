@@ -5,7 +5,9 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
-from raccoon.diagnose.experiment import MANOEUVRES, advise, manoeuvre
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.experiment import Plan, advise, reach_of
+from raccoon.diagnose.manoeuvres import MANOEUVRES, RATE, manoeuvre
 
 ROBOT = RobotConfig()
 
@@ -51,6 +53,22 @@ def test_what_another_cause_imitates_in_a_drive_is_no_evidence() -> None:
 
 def test_the_area_is_minded() -> None:
     assert all(each.reach <= 0.3 for each in advise(ROBOT, "friction.viscous", within=0.3))
+
+
+def test_the_checkup_needs_little_room_and_shows_something_of_everything() -> None:
+    duty = manoeuvre("checkup")
+    assert reach_of(ROBOT, duty) < 0.7
+    assert len(duty) / RATE == pytest.approx(40.0, abs=0.5)
+    shown = Plan.of(ROBOT, duty).shows()
+    assert set(shown) == {each.id for each in drive_causes()}
+    assert [id_ for id_, size in shown.items() if not size or "usual" in size] == []
+
+
+def test_what_a_drive_cannot_show_is_said_before_it_is_driven() -> None:
+    shown = Plan.of(ROBOT, manoeuvre("straight")).shows()
+    assert shown["imu.gyro_scale"] == ""  # it never turns
+    assert shown["friction.stiction"].endswith("more than is usual")  # it never creeps
+    assert shown["friction.coulomb"].startswith("from about 0.0")
 
 
 def test_an_unknown_name_is_refused() -> None:

@@ -33,6 +33,10 @@ SURE = 30.0
 FORGIVEN = 0.4
 """Part of its log evidence beyond the gate by which a cause may fall short there."""
 PROBE_GATE = 14.0
+"""Lead from which a probe may go before a cause."""
+PROBE_ALONE = 8.0
+"""The same where nothing explains anything yet; what is left beside a cause, whose form is never quite the
+robot's, has more."""
 PROBE_LEAD = 1.3
 """Times the evidence of the best cause, no event limited, from which a probe goes before it."""
 PROBE_FAR = 1.5
@@ -75,7 +79,7 @@ def forward(search: Search) -> tuple[Search, bool]:
             if other != name and its > EVIDENCE_GATE
         ]
         return _accepted(search, name, fit, rivals), True
-    if probe.lead > PROBE_GATE:
+    if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
         return _with_unknown(search, probe), True
     return search, False
 

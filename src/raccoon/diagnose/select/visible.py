@@ -37,6 +37,8 @@ def visibility(search: Search) -> dict[str, float]:
 def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     """The smallest deviation that would be named in all but one of a hundred recordings, in words.
 
+    Empty where nothing of it shows.
+
     parameter: the effect's first. power: evidence of one width. gate: log evidence from which it is named.
     With s = u sqrt(power), u widths make a log evidence that is normal with mean (s^2 - log(1 + power)) / 2
     and standard deviation s.
@@ -47,8 +49,8 @@ def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     u = surely / math.sqrt(power)
     width = WIDTH_FACTOR * parameter.prior_width
     if parameter.name == "factor":
-        return f"; would show from about {100.0 * math.expm1(width * u):.2g} % on"
+        return f"from about {100.0 * math.expm1(width * u):.2g} % on"
     if parameter.name == "limit":
-        return f"; would show below about {1.0 / u:.2g} {parameter.unit}"
+        return f"below about {1.0 / u:.2g} {parameter.unit}"
     unit = f" {parameter.unit}" if parameter.unit else ""
-    return f"; would show from about {width * u:.2g}{unit} on"
+    return f"from about {width * u:.2g}{unit} on"

@@ -1,0 +1,87 @@
+"""Drives that show what may be wrong: duty (n, 2) at 200 Hz, left before right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import ConfigError
+
+Array = NDArray[np.float64]
+
+RATE = 200
+CHECKUP = "checkup"
+"""The drive that shows something of everything."""
+CREEP = 0.2
+"""Duty up to which a wheel creeps: from rest through its dead band to where it just turns."""
+
+
+def _hold(left: float, right: float, seconds: float) -> Array:
+    return np.tile([left, right], (max(int(seconds * RATE), 1), 1))
+
+
+def _leg(left: float, right: float, seconds: float) -> Array:
+    return np.vstack([_hold(left, right, seconds), _hold(0.0, 0.0, 0.5)])
+
+
+def _ramp(left: float, right: float, seconds: float) -> Array:
+    return np.linspace([0.0, 0.0], [left, right], max(int(seconds * RATE), 2))
+
+
+def _creep() -> Array:
+    up = _ramp(0.3, 0.3, 1.25)
+    spin = _ramp(-0.3, 0.3, 1.25)
+    return np.vstack([up, up[::-1], -up, -up[::-1], spin, spin[::-1], -spin, -spin[::-1]])
+
+
+def _steps() -> Array:
+    rng = np.random.default_rng(1)
+    levels = rng.uniform(-1.0, 1.0, (12, 2))
+    pairs = np.vstack([levels, -levels])  # each step is taken back, so the robot stays about where it is
+    return np.vstack([_hold(left, right, 0.4) for left, right in pairs])
+
+
+def _checkup() -> Array:
+    """Four rounds of random steps, creeping, a spin, a reversal and a fast arc.
+
+    No single manoeuvre shows everything: resistance and heating want reversals, friction steady legs at many
+    speeds, a dead zone and stiction creeping, a slope all headings. Steps are not taken back here: that each
+    speed comes with its mirror image would hide friction by direction and the scale of a reading.
+    """
+    rng = np.random.default_rng(11)  # of the first dozen, the one that needs least room
+    parts = [_hold(0.0, 0.0, 0.5)]
+    for index, fast in enumerate((1.0, 0.6, 0.8, 0.45)):
+        side, way = (-1.0 if index % 2 else 1.0), (-1.0 if index // 2 else 1.0)
+        for left, right, share in zip(*rng.uniform(-1.0, 1.0, (2, 6)), rng.random(6), strict=True):
+            parts.append(_hold(left, right, 0.2 + 0.5 * share))
+        up = way * _ramp(side * CREEP, CREEP, 1.2)
+        parts += [up, up[::-1], _hold(0.0, 0.0, 0.2)]
+        parts += [_hold(-side * fast, side * fast, 0.6), _hold(side * fast, -side * fast, 0.5)]
+        parts += [_hold(fast, fast, 0.8), _hold(-fast, -fast, 0.8)]
+        inner, outer = (0.6, 1.0) if index % 2 else (1.0, 0.6)
+        parts += [_hold(inner, outer, 1.8), _hold(0.0, 0.0, 0.2)]
+    return np.vstack(parts)
+
+
+MANOEUVRES: Mapping[str, Callable[[], Array]] = {
+    CHECKUP: _checkup,
+    "straight": lambda: np.vstack([_leg(0.8, 0.8, 2.0), _leg(-0.8, -0.8, 2.0)]),
+    "back and forth": lambda: np.vstack([_hold(1, 1, 0.7), _hold(-1, -1, 0.7)] * 5 + [_hold(0, 0, 0.5)]),
+    "spin": lambda: np.vstack([_hold(-0.8, 0.8, 0.9), _hold(0.8, -0.8, 0.9)] * 5),
+    "creep": _creep,
+    "steps": _steps,
+    "circles": lambda: np.vstack([_leg(0.9, 0.45, 4.0), _leg(0.45, 0.9, 4.0)]),
+    "still": lambda: _hold(0.0, 0.0, 6.0),
+}  # fmt: skip
+"""Safe drives by name."""
+
+
+def manoeuvre(name: str) -> Array:
+    """Duty (n, 2) of a manoeuvre. Raises ConfigError for a name that does not exist."""
+    if name not in MANOEUVRES:
+        raise ConfigError(
+            f"manoeuvre {name!r}: there is none of that name; allowed are {', '.join(MANOEUVRES)}"
+        )
+    return MANOEUVRES[name]()
