@@ -31,6 +31,7 @@ CAUSES = [
         "The motors disturb the gyro by {gain:.4f} rad/s at 1000 counts: mount it away from them.",
         (Parameter("gain", "rad/s", 0.0, Bounds(-1.0, 1.0), 0.02),),
         readings=hum,
+        needs=("gyro", "bemf_left", "bemf_right"),
     ),
     OwnEffect(
         "team.slow_driver",

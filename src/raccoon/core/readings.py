@@ -187,7 +187,8 @@ class Outputs:
     duty: -1..1 per motor port, before any wiring sign. brake: short the motor where its duty is 0.
     servo_us: pulse in microseconds (600..2400), None switches the servo off.
 
-    Raises ValueError for a duty that is not a number in -1..1 or a pulse outside its range.
+    Raises ValueError for a duty that is not a number in -1..1, a pulse outside its range, or fewer or more of
+    them than there are ports.
     """
 
     duty: tuple[float, ...] = (0.0,) * MOTOR_PORTS
@@ -195,6 +196,9 @@ class Outputs:
     servo_us: tuple[int | None, ...] = (None,) * SERVO_PORTS
 
     def __post_init__(self) -> None:
+        if not len(self.duty) == len(self.brake) == MOTOR_PORTS or len(self.servo_us) != SERVO_PORTS:
+            given = f"{len(self.duty)} duties, {len(self.brake)} brakes and {len(self.servo_us)} servos"
+            raise ValueError(f"{given} were given: there are {MOTOR_PORTS} motors and {SERVO_PORTS} servos")
         for port, duty in enumerate(self.duty):
             if not -1.0 <= duty <= 1.0:
                 raise ValueError(f"duty of motor {port} is {duty}: allowed are numbers from -1 to 1")

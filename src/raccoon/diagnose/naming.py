@@ -8,6 +8,7 @@ from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log
+from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
@@ -108,9 +109,11 @@ def rejections(search: Search, log: Log) -> tuple[Rejected, ...]:
 def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
     cause = next(each for each in search.problem.causes.values() if each.id == id_)
     parameter = cause.effect.parameters[0]
-    for role, ids in NEEDS.items():
-        missing = log.channel(role) is None
-        if missing and id_ in ids:
+    needed = [role for role, ids in NEEDS.items() if id_ in ids]
+    if isinstance(cause.effect, OwnEffect):
+        needed.extend(cause.effect.needs)
+    for role in needed:
+        if log.channel(role) is None:
             return f"not identifiable: there is no {role} reading in this recording"
     from_size = shows_from(parameter, visible, gate(id_))
     shows = f"; would show {from_size}" if from_size else ""

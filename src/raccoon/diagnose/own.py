@@ -25,6 +25,8 @@ Values = Mapping[str, float]
 """The effect's parameters by name."""
 
 NAME = "CAUSES"
+ROLES = ("bemf_left", "bemf_right", "speed_left", "speed_right", "gyro", "battery")
+"""Names of readings."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +47,13 @@ class OwnEffect(Effect):
     sentence: what a report says, with the parameters' names in braces; after ": " comes what to do.
     parameters: each with its neutral value, at which the hooks are not even called. commands(time, duty,
     values): what reaches the motors instead of the duty (n, 2). readings(drive, values): the readings that
-    are others than simulated. Raises ConfigError for what cannot be an effect.
+    are others than simulated. needs: readings without which the hook cannot tell; where one was not recorded,
+    the effect is said to be not identifiable. Raises ConfigError for what cannot be an effect.
     """
 
     commands: Callable[[Array, Array, Values], Array] | None = None
     readings: Callable[[Simulated, Values], Mapping[str, Array]] | None = None
+    needs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         from raccoon.sim.catalogue import CATALOGUE
@@ -60,6 +64,9 @@ class OwnEffect(Effect):
             raise ConfigError(f"own effect {self.id!r}: the catalogue has one of that id")
         if self.commands is None and self.readings is None:
             raise ConfigError(f"{self.id}: it has neither commands nor readings, so it changes nothing")
+        unknown = [each for each in self.needs if each not in ROLES]
+        if unknown:
+            raise ConfigError(f"{self.id}: needs {unknown[0]!r}: allowed are {', '.join(ROLES)}")
         if not self.parameters:
             raise ConfigError(f"{self.id}: it has no parameter, so there is nothing to find")
         for each in self.parameters:
@@ -91,7 +98,7 @@ class OwnEffect(Effect):
 
     def read(self, drive: Simulated, values: Values) -> dict[str, Array]:
         """All readings, changed or not. Raises ConfigError for one that is not recorded or not (n,)."""
-        if self.readings is None:
+        if self.readings is None or not set(self.needs) <= set(drive.readings):
             return dict(drive.readings)
         changed = self._called("readings", self.readings, drive, values)
         if not isinstance(changed, Mapping):

@@ -20,6 +20,12 @@ def test_impossible_pulse_is_refused() -> None:
         Outputs(servo_us=(None, 2500, None, None))
 
 
+@pytest.mark.parametrize("given", [{"duty": (0.5, 0.5)}, {"brake": (True,)}, {"servo_us": (1500,) * 5}])
+def test_a_command_for_fewer_or_more_ports_than_there_are_is_refused(given: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match="there are 4 motors and 4 servos"):
+        Outputs(**given)
+
+
 def test_stop_is_everything_off() -> None:
     assert STOP.duty == (0.0,) * 4
     assert STOP.servo_us == (None,) * 4

@@ -14,13 +14,14 @@ import pytest
 
 from blind import drives
 from blind.generator import make
-from blind.hidden import draw_unknown
+from blind.hidden import draw, draw_unknown
 from csv_files import written
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.candidates import drive_causes, own_cause
+from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.habits import drive_problem
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.own import OwnEffect, Simulated, load_own
@@ -83,6 +84,16 @@ def test_what_reaches_the_motors_can_be_an_idea_as_well() -> None:
     assert cause.parameters["seconds"].value == pytest.approx(lag, rel=0.1)
 
 
+def test_where_a_reading_that_it_needs_is_missing_it_is_not_identifiable_and_the_rest_goes_on() -> None:
+    columns = dict(make(3, [draw("bemf.offset", np.random.default_rng(3))], seconds=12.0).columns)
+    del columns["imu.gyro.z"]
+    causes = [*drive_causes(), *map(own_cause, load_own(EXAMPLE))]
+    said = diagnose(columns, ROBOT, causes=causes)
+    reasons = {each.id: each.reason for each in said.rejected}
+    assert reasons["team.motor_hum"] == "not identifiable: there is no gyro reading in this recording"
+    assert [each.id for each in said.causes] == ["bemf.offset"]
+
+
 def test_at_its_neutral_value_an_effect_is_not_even_called() -> None:
     def refused(*_: Any) -> Any:
         raise AssertionError
@@ -128,6 +139,7 @@ def test_robots_with_and_without_it_are_simulated_side_by_side() -> None:
         ({"parameters": (replace(GAIN, neutral=2.0),)}, "gain: give it a neutral value"),
         ({"parameters": (replace(GAIN, prior_width=0.0),)}, "a prior_width above 0"),
         ({"sentence": "It is {size}."}, "'size'; it may name gain"),
+        ({"needs": ("sonar",)}, "needs 'sonar': allowed are bemf_left"),
     ],
 )
 def test_what_is_no_effect_is_refused_where_it_is_written(changes: dict[str, Any], message: str) -> None:

@@ -39,7 +39,7 @@ def test_it_is_a_port_and_opens_a_path(tmp_path: Path) -> None:
     [
         (Outputs(duty=(1 / 700 + 1e-16, -1 / 900, 0.0, 0.0)), "motor.0.duty"),
         (Outputs(duty=(1 / 700, -1 / 901, 0.0, 0.0)), "motor.1.duty"),
-        (Outputs(duty=(1 / 700, -1 / 900, 0.0)), "motor.3.duty"),
+        (Outputs(duty=(1 / 700, -1 / 900, 0.0, 0.1)), "motor.3.duty"),
         (replace(command(1), brake=(False, False, True, False)), "motor.2.brake"),
         (replace(command(1), servo_us=(None, 1500, None, None)), "servo.1.pulse_us"),
     ],
