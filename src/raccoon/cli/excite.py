@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,6 +40,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.diagnose.manoeuvres import CHECKUP
 
     robot = load_robot(args.robot)
+    _check(args)
     if args.model is not None and not args.simulate:
         raise ConfigError(f"--model {args.model}: only a simulated robot has one; add --simulate")
     if args.rival and args.cause is None:
@@ -52,6 +54,20 @@ def run(args: argparse.Namespace) -> int:
         _drive(robot, chosen, args)
         print(f"{args.record}: recorded {chosen!r}")
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Raise ConfigError for what would only be found out after the drive, or not at all."""
+    from raccoon.core.errors import ConfigError
+    from raccoon.trace.record import recording_paths
+
+    for name, value in (("within", args.within), ("seconds", args.seconds)):
+        if not 0.0 < value < math.inf:
+            raise ConfigError(f"--{name} is {value}: allowed are numbers above 0")
+    if args.record is not None:
+        there = [each for each in recording_paths(args.record) if each.exists()]
+        if there:
+            raise ConfigError(f"--record {there[0]}: it is there already; choose another name")
 
 
 def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:

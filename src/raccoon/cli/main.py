@@ -61,7 +61,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = build_parser().parse_args(argv)
     try:
         return int(args.run(args))
-    except (RaccoonError, FileNotFoundError, IsADirectoryError, PermissionError) as error:
+    except (RaccoonError, FileNotFoundError, FileExistsError, IsADirectoryError, PermissionError) as error:
         print(f"raccoon {args.command}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:

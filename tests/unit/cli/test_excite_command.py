@@ -99,6 +99,24 @@ def test_a_drive_that_needs_more_room_than_there_is_is_not_driven(
     assert not run.exists()
 
 
+def test_a_recording_that_is_there_is_kept_and_nothing_is_driven(
+    robot_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run.jsonl.gz"
+    run.write_bytes(b"kept")
+    assert main(["excite", "--robot", str(robot_toml), "--simulate", "--record", str(run)]) == 2
+    assert "it is there already; choose another name" in capsys.readouterr().err
+    assert run.read_bytes() == b"kept"
+
+
+@pytest.mark.parametrize("wrong", [("--within", "nan"), ("--within", "-1"), ("--seconds", "0")])
+def test_room_and_time_are_numbers_above_0(
+    robot_toml: Path, capsys: pytest.CaptureFixture[str], wrong: tuple[str, str]
+) -> None:
+    assert main(["excite", "--robot", str(robot_toml), *wrong]) == 2
+    assert f"{wrong[0]} is {float(wrong[1])}: allowed are numbers above 0" in capsys.readouterr().err
+
+
 def test_a_rival_of_nothing_is_refused(robot_toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["excite", "--robot", str(robot_toml), "--rival", "imu.latency"]) == 2
     assert "name the --cause" in capsys.readouterr().err
