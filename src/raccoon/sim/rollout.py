@@ -22,6 +22,8 @@ __all__ = ["Lanes", "Rollout", "channel_names", "initial_states", "rollout"]
 
 Floats = NDArray[np.float64]
 Initial = State | Mapping[str, ArrayLike]
+LATENCY = 3
+"""Column of `Lanes.gyro`."""
 _SIDES = ("left", "right")
 
 
@@ -84,6 +86,8 @@ def rollout(
     _check(begin, end, len(commands), longest_step)
     names = tuple(channels) if channels is not None else channel_names(lanes.ports)
     fields = _fields_of(names, lanes.ports)
+    if "yaw_rate" in fields and np.any(lanes.gyro[:, LATENCY]):
+        fields = tuple(dict.fromkeys((*fields, "heading")))
     states = initial_states(lanes.plant, initial)
     kept = np.array([State._fields.index(each) for each in fields], dtype=np.int64)
     raw = np.empty((len(kept), end - begin + 1, len(states)))
@@ -214,18 +218,19 @@ def _field(name: str, ports: tuple[int, int]) -> str:
 def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Floats) -> Floats:
     values = recorded[_field(name, lanes.ports)]
     if name == "imu.gyro.z":
-        return _gyro(values, lanes.gyro, age)
+        return _gyro(values, recorded.get("heading"), lanes.gyro, age)
     if name in _PLAIN_FIELDS:
         return values
     sign = lanes.signs[lanes.ports.index(int(name.split(".")[1]))]
     return values if sign > 0.0 else -values
 
 
-def _gyro(yaw_rate: Floats, numbers: Floats, age: Floats) -> Floats:
+def _gyro(yaw_rate: Floats, heading: Floats | None, numbers: Floats, age: Floats) -> Floats:
     """What the gyro reads, in place: no other channel is made of the yaw rate."""
     scale, bias, drift, latency = (each[:, None] for each in numbers.T)
-    for robot in np.flatnonzero(latency):
-        yaw_rate[robot] = np.interp(age - latency[robot, 0], age, yaw_rate[robot])
+    if heading is not None:
+        for robot in np.flatnonzero(latency):
+            yaw_rate[robot] = _earlier(yaw_rate[robot], heading[robot], age, latency[robot, 0])
     if np.any(scale != 1.0):
         yaw_rate *= scale
     if np.any(bias):
@@ -233,3 +238,16 @@ def _gyro(yaw_rate: Floats, numbers: Floats, age: Floats) -> Floats:
     if np.any(drift):
         yaw_rate += drift * age
     return yaw_rate
+
+
+def _earlier(rate: Floats, heading: Floats, age: Floats, latency: float) -> Floats:
+    """The rate `latency` s before each row: between rows the parabola with their rates and the turn between
+    them. A straight line would lose what a rate does within a row: 0.02 rad/s after each change of a command,
+    and the moment at which a tooth meets the wheel."""
+    moments = np.maximum(age - latency, age[0])
+    row = np.clip(np.searchsorted(age, moments, side="right") - 1, 0, len(age) - 2)
+    dt = age[row + 1] - age[row]
+    share = (moments - age[row]) / dt
+    begin, end = rate[row], rate[row + 1]
+    bulge = (heading[row + 1] - heading[row]) / dt - 0.5 * (begin + end)
+    return np.asarray(begin + share * (end - begin + 6.0 * bulge * (1.0 - share)))

@@ -190,6 +190,24 @@ def test_a_slipping_robot_never_jumps(angle: float) -> None:
     assert steps.max() < rate * float(np.diff(TIME).max()) / 0.02
 
 
+@pytest.mark.parametrize("latency", [0.0012, 0.0074, 0.0231])
+def test_a_late_gyro_is_late_by_what_is_said_and_no_duller(latency: float) -> None:
+    """Its reading lies between the rows of a recording. A straight line between them would be 0.02 rad/s
+    off after each change of a command."""
+
+    def rates(rows_each: int) -> Floats:
+        time = np.arange(400 * rows_each + 1) * 0.005 / rows_each
+        duty = np.where(np.floor(time / 0.235 + 1e-9) % 2.0 < 1.0, 0.7, -0.7)
+        commands = Commands.of_wheels(time, -duty, duty)
+        robot = with_effect("imu.latency", seconds=latency)
+        return rollout(robot, commands, channels=["imu.gyro.z"], longest_step=0.0005)["imu.gyro.z"][
+            0, ::rows_each
+        ]
+
+    coarse, fine = rates(1), rates(10)
+    assert np.abs(coarse - fine).max() < 0.004
+
+
 def test_slip_costs_time_times_the_speed_reached() -> None:
     plain, slipping = (run(with_effect("drive.wheel_slip", time=each), 0.6, 0.6) for each in (0.0, 0.02))
     lost = plain["truth.x"][0, -1] - slipping["truth.x"][0, -1]
