@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
+from raccoon.model.imu import rate_between
 from raccoon.sim.chain import Noise
 from raccoon.sim.commands import Commands
 from raccoon.sim.packing import Lanes
@@ -241,13 +242,10 @@ def _gyro(yaw_rate: Floats, heading: Floats | None, numbers: Floats, age: Floats
 
 
 def _earlier(rate: Floats, heading: Floats, age: Floats, latency: float) -> Floats:
-    """The rate `latency` s before each row: between rows the parabola with their rates and the turn between
-    them. A straight line would lose what a rate does within a row: 0.02 rad/s after each change of a command,
-    and the moment at which a tooth meets the wheel."""
+    """The rate `latency` s before each row; before the first, that of the first."""
     moments = np.maximum(age - latency, age[0])
     row = np.clip(np.searchsorted(age, moments, side="right") - 1, 0, len(age) - 2)
     dt = age[row + 1] - age[row]
-    share = (moments - age[row]) / dt
-    begin, end = rate[row], rate[row + 1]
-    bulge = (heading[row + 1] - heading[row]) / dt - 0.5 * (begin + end)
-    return np.asarray(begin + share * (end - begin + 6.0 * bulge * (1.0 - share)))
+    return rate_between(
+        rate[row], rate[row + 1], (heading[row + 1] - heading[row]) / dt, (moments - age[row]) / dt
+    )

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR, Flags, Vector, Words
-from raccoon.model.imu import gyro_reading, specific_force, word
+from raccoon.model.imu import gyro_reading, rate_between, specific_force, word
 from raccoon.sim.chain import Noise
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.quantities import State
@@ -44,12 +44,12 @@ class Imu:
         self._noise, self._scatter = noise, scatter
         self._period = 1.0 / rate_hz
         self._due = 0.0
-        self._past: deque[tuple[float, float]] = deque()
+        self._past: deque[tuple[float, float, float]] = deque()
         self._speed = self._speed_time = 0.0
 
     def read(self, state: State) -> tuple[Vector, Vector] | None:
         """Words of gyro and accelerometer, or None where there is nothing new."""
-        rate = self._delayed(state.time, state.yaw_rate)
+        rate = self._delayed(state.time, state.yaw_rate, state.heading)
         if state.time < self._due - 1e-9:
             return None
         self._due += self._period
@@ -70,18 +70,19 @@ class Imu:
         scale = SIMULATOR.accel_m_s2
         return word(x, scale), word(y, scale), word(z, scale)
 
-    def _delayed(self, time: float, rate: float) -> float:
+    def _delayed(self, time: float, rate: float, heading: float) -> float:
         if self._latency == 0.0:
             return rate
         past = self._past
-        past.append((time, rate))
+        past.append((time, rate, heading))
         wanted = time - self._latency
         while len(past) > 2 and past[1][0] <= wanted:
             past.popleft()
-        (first_time, first), (second_time, second) = past[0], past[min(1, len(past) - 1)]
+        (first_time, first, before), (second_time, second, after) = past[0], past[min(1, len(past) - 1)]
         if wanted <= first_time:
             return first
-        return first + (second - first) * (wanted - first_time) / (second_time - first_time)
+        elapsed = second_time - first_time
+        return rate_between(first, second, (after - before) / elapsed, (wanted - first_time) / elapsed)
 
 
 FULL_SCALE = SIMULATOR.analog_full_scale

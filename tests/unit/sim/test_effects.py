@@ -208,6 +208,20 @@ def test_a_late_gyro_is_late_by_what_is_said_and_no_duller(latency: float) -> No
     assert np.abs(coarse - fine).max() < 0.004
 
 
+def test_the_simulated_robot_s_gyro_is_late_in_the_same_way() -> None:
+    robot = with_effect("imu.latency", seconds=0.0074)
+    duty = np.where(np.arange(300) // 47 % 2 == 0, 0.7, -0.7)
+    port, read = SimPort(robot, noise=False), []
+    for each in duty:
+        inputs = port.read()
+        assert inputs.gyro is not None
+        read.append(inputs.gyro[2] * inputs.device.gyro_rad_s)
+        port.write(Outputs(duty=(-each, each, 0.0, 0.0)))
+    commands = Commands.of_wheels(np.arange(300) * 0.005, -duty, duty)
+    rolled_out = rollout(robot, commands, channels=["imu.gyro.z"])["imu.gyro.z"][0]
+    assert np.abs(np.array(read[1:]) - rolled_out[1:]).max() < 0.004
+
+
 def test_slip_costs_time_times_the_speed_reached() -> None:
     plain, slipping = (run(with_effect("drive.wheel_slip", time=each), 0.6, 0.6) for each in (0.0, 0.02))
     lost = plain["truth.x"][0, -1] - slipping["truth.x"][0, -1]
