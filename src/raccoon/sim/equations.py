@@ -241,15 +241,17 @@ def rolled(
     """One wheel in a step: way (m), rim speed (m/s), play, speed behind the gear, rolling speed, cosine and
     sine of its angle."""
     turn = 0.5 * h * (before + after)
-    # Between the teeth a wheel rolls on alone.
+    # Between the teeth a wheel rolls on alone. `free`: the part of the step in which it does.
     stays = staying(coasting, h)
     alone = wheel * stays
     ahead = turn - coasting * (1.0 - stays) * wheel
     taken = 0.0
     taken = slack(play, ahead, after - alone, half_play, h, per_h) - play  # effect: drive.backlash
+    free = taken / (ahead if ahead != 0.0 else 1.0)
+    free = 1.0 if abs(play + taken) < half_play else free
     turn -= taken
     cosine, sine = rotated(cosine, sine, turn)
-    behind = alone if abs(play + taken) < half_play else after
+    behind = after + free * (alone - after)
     follows = behind
     follows = lagging(rolling, wheel, behind, slip, h, per_h)  # effect: drive.wheel_slip
     turn -= slip * (follows - rolling)  # effect: drive.wheel_slip

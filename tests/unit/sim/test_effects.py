@@ -157,22 +157,6 @@ def test_a_wheel_in_loose_gears_gets_as_far_at_steps_of_a_millisecond_as_at_tiny
     assert errors[1] < 0.3 * errors[0]
 
 
-def test_a_reading_taken_just_after_a_tooth_has_met_the_wheel_says_so() -> None:
-    """Readings are taken at the ends of steps. A wheel that is met within a step turns with the motor at its
-    end, and not a little faster than before: of a gyro that would be up to 1.5 rad/s off."""
-    robot = with_effect("drive.backlash", angle=0.08, coasting=0.007)
-    worst = 0.0
-    for size in np.linspace(0.4, 1.0, 8):
-        duty = np.where(np.floor(TIME / 0.2 + 1e-9) % 2 == 0, size, -size)
-        commands = Commands.of_wheels(TIME, -duty, duty)
-        coarse, fine = (
-            rollout(robot, commands, channels=["imu.gyro.z"], longest_step=h)["imu.gyro.z"][0]
-            for h in (1e-3, 2e-5)
-        )
-        worst = max(worst, float(np.abs(coarse - fine).max()))
-    assert worst < 0.01
-
-
 @given(
     lag=st.floats(0.0005, 0.2), before=st.floats(-20, 20), after=st.floats(-20, 20), start=st.floats(-20, 20)
 )
