@@ -15,7 +15,7 @@ from raccoon.diagnose.fleet import common_causes, fleet_report
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
-from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout import parameters_of
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
@@ -124,6 +124,12 @@ def test_a_fleet_tells_common_from_odd(sagging: Diagnosis) -> None:
     assert causes[0].common
     assert causes[0].recordings == ("one", "two")
     assert "67 % (common)" in fleet_report(results, causes)
+
+
+@pytest.mark.parametrize(("where", "place"), [(None, "at both wheels is"), ("left", "at the left wheel is")])
+def test_a_cause_is_said_where_it_is(where: str | None, place: str) -> None:
+    values = {"torque": ParameterResult(0.23, 0.004, "N m", 0.18)}
+    assert place in explanation("friction.coulomb", where, values)
 
 
 def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:

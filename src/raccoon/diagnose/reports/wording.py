@@ -60,9 +60,9 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
         "use a fuller battery."
     ),
     "motor.armature_resistance": _scaled(
-        "the winding resistance of the {place}", "higher", "lower", "calibrate it; worn brushes raise it."
+        "the winding resistance of {place}", "higher", "lower", "calibrate it; worn brushes raise it."
     ),
-    "motor.back_emf_constant": _scaled("the K_E of the {place}", "higher", "lower", "calibrate the {place}."),
+    "motor.back_emf_constant": _scaled("the K_E of {place}", "higher", "lower", "calibrate {place}."),
     "motor.heating": _number(
         "the windings get hot: their resistance rises by {percent:.0f} % for each A2 of lasting load; "
         "avoid stalls."
@@ -71,11 +71,10 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
         "the driver lets no more than {value:.2f} A through: accelerate more gently."
     ),
     "friction.coulomb": _number(
-        "dry friction at the {place} is {value:.3f} N m instead of {nominal:.3f}: check axles, gears "
-        "and floor."
+        "dry friction at {place} is {value:.3f} N m instead of {nominal:.3f}: check axles, gears and floor."
     ),
     "friction.viscous": _number(
-        "speed-dependent friction at the {place} is {value:.4f} N m s/rad instead of {nominal:.4f}: "
+        "speed-dependent friction at {place} is {value:.4f} N m s/rad instead of {nominal:.4f}: "
         "check bearings "
         "and grease."
     ),
@@ -84,11 +83,10 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
         "will stutter."
     ),
     "friction.load_dependent": _number(
-        "the gear of the {place} loses {percent:.0f} % of the torque it transmits: check gear mesh and "
-        "alignment."
+        "the gear of {place} loses {percent:.0f} % of the torque it transmits: check gear mesh and alignment."
     ),
     "friction.direction_dependent": _number(
-        "friction at the {place} differs by direction (dry part {percent:+.0f} %): look for something "
+        "friction at {place} differs by direction (dry part {percent:+.0f} %): look for something "
         "that rubs "
         "one way."
     ),
@@ -106,7 +104,7 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
         "turning on the spot costs {value:.3f} N m at each wheel: caster or tyres scrub."
     ),
     "drive.wheel_radius": _scaled(
-        "the radius of the {place}", "larger", "smaller", "measure it or calibrate straight driving."
+        "the radius of {place}", "larger", "smaller", "measure it or calibrate straight driving."
     ),
     "drive.track_width": _scaled(
         "the effective track width", "larger", "smaller", "calibrate with counted full turns."
@@ -115,9 +113,7 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
     "drive.slope": _number(
         "the floor is not level: it pulls with {value:+.3f} N m at each wheel along the start direction."
     ),
-    "drive.wheel_eccentricity": _number(
-        "the {place} is out of round by {percent:.1f} %: re-seat or replace it."
-    ),
+    "drive.wheel_eccentricity": _number("{place} is out of round by {percent:.1f} %: re-seat or replace it."),
     "actuation.deadband": _number(
         "commands below {percent:.1f} % do nothing ({place}): add that much to small commands."
     ),
@@ -125,10 +121,10 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
         "commands reach the motors {milli:.0f} ms late: plan stops ahead by that much."
     ),
     "bemf.offset": _number(
-        "the back-EMF of the {place} reads {value:+.0f} counts at standstill: calibrate its offset."
+        "the back-EMF of {place} reads {value:+.0f} counts at standstill: calibrate its offset."
     ),
     "bemf.scale": _scaled(
-        "the back-EMF reading of the {place}", "larger", "smaller", "calibrate its ticks per turn."
+        "the back-EMF reading of {place}", "larger", "smaller", "calibrate its ticks per turn."
     ),
     "bemf.dead_zone": _number(
         "back-EMF below {value:.0f} counts is reported as 0 ({place}): slow creeping goes unseen."
@@ -146,9 +142,9 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
 }
 
 _PLACES = {
-    "motor": {None: "motors", "left": "left motor", "right": "right motor"},
-    "bemf": {None: "motors", "left": "left motor", "right": "right motor"},
-    None: {None: "both wheels", "left": "left wheel", "right": "right wheel"},
+    "motor": {None: "the motors", "left": "the left motor", "right": "the right motor"},
+    "bemf": {None: "the motors", "left": "the left motor", "right": "the right motor"},
+    None: {None: "both wheels", "left": "the left wheel", "right": "the right wheel"},
 }
 
 
@@ -159,7 +155,7 @@ def explanation(id: str, where: str | None, values: Values) -> str:  # noqa: A00
     maker = _SENTENCES.get(id)
     if maker is None:
         numbers = ", ".join(f"{name} {each.value:.4g} {each.unit}".strip() for name, each in values.items())
-        text = f"{id} at the {place}: {numbers}."
+        text = f"{id} at {place}: {numbers}."
     else:
         text = maker(place, values)
     return text[0].upper() + text[1:]
