@@ -59,15 +59,14 @@ def run(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> None:
     """Raise ConfigError for what would only be found out after the drive, or not at all."""
     from raccoon.core.errors import ConfigError
-    from raccoon.trace.record import recording_paths
+    from raccoon.trace.record import already_there
 
     for name, value in (("within", args.within), ("seconds", args.seconds)):
         if not 0.0 < value < math.inf:
             raise ConfigError(f"--{name} is {value}: allowed are numbers above 0")
-    if args.record is not None:
-        there = [each for each in recording_paths(args.record) if each.exists()]
-        if there:
-            raise ConfigError(f"--record {there[0]}: it is there already; choose another name")
+    there = None if args.record is None else already_there(args.record)
+    if there is not None:
+        raise ConfigError(f"--record {there}: it is there already; choose another name")
 
 
 def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:

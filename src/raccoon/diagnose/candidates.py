@@ -48,6 +48,8 @@ _SHAPES: Mapping[str, tuple[float, tuple[float, ...]]] = {
     "friction.stiction": (0.7, (0.2, 0.5, 1.0)),
     "motor.heating": (0.7, (6.0, 18.0)),
 }
+HIGHEST_LIMIT = 2.0
+"""A; the highest current limit that is tried first."""
 # Starting guesses in widths, for one-sided and kinked effects.
 _GUESSES: Mapping[str, tuple[float, ...]] = {
     "actuation.latency": (0.5, 1.5),
@@ -56,7 +58,7 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "drive.wheel_slip": (0.15, 0.5, 1.5),
     "bemf.dead_zone": (0.3, 1.0, 2.0, 4.0),
     "actuation.deadband": (0.15, 0.5, 1.5),
-    "motor.current_limit": (0.5, 0.7, 1.0),
+    "motor.current_limit": (1.0 / HIGHEST_LIMIT, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),
 }
 # Longer steps where the response, seen closely, is a staircase: effects that shift the moment of something

@@ -87,8 +87,9 @@ def advise(
     within: m, how far from its start the robot may get. seconds: the longest drive. size: of the deviation
     that is looked for, in usual ones. Raises ConfigError for an unknown cause.
     """
+    known = {each.name for each in drive_causes()}
     for name in (cause, *rivals):
-        if name not in {each.name for each in drive_causes()}:
+        if name not in known:
             raise ConfigError(f"cause {name!r}: there is none of that name; see raccoon effects")
     found = []
     for name, make in MANOEUVRES.items():
@@ -96,10 +97,10 @@ def advise(
         lasts = len(duty) / RATE
         if lasts > seconds or not duty.any():  # no diagnosis is made of a still robot
             continue
-        plan = Plan.of(robot, duty)
-        if plan.reach <= within:
-            evidence, nearest = plan.evidence(cause, rivals, size)
-            found.append(Advice(name, evidence, plan.reach, lasts, nearest))
+        reach = reach_of(robot, duty)
+        if reach <= within:
+            evidence, nearest = Plan.of(robot, duty).evidence(cause, rivals, size)
+            found.append(Advice(name, evidence, reach, lasts, nearest))
     return sorted(found, key=lambda each: -each.evidence)
 
 
@@ -107,15 +108,13 @@ def advise(
 class Plan:
     """A drive before it is driven: what every cause would change in it, in units of the usual noise.
 
-    columns: of each cause, whitened. hidden_by: whitened directions in which a recording changes anyway: base
-    numbers, a floor that wanders, its pushes. reach: m, the farthest from the start.
+    columns: of each cause, whitened. Whitened directions in which a recording changes anyway: own, of base
+    numbers; restless, of a floor that wanders and of its pushes.
     """
 
     columns: tuple[tuple[Group, Array], ...]
-    hidden_by: Array
     own: Array
-    rows: int
-    reach: float
+    restless: Array
 
     @classmethod
     def of(cls, robot: RobotConfig, duty: Array) -> Plan:
@@ -124,13 +123,10 @@ class Plan:
         problem = _planned(robot, duty, every)
         linear = linearise(problem, problem.nominal(), list(every))
         white = _whitening(problem)
-        own = white(linear.own)
         floor = FLOOR_SHARE * white(slow_friction(problem, linear))
         pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
-        return cls(
-            tuple((group, white(group.columns)) for group in linear.groups),
-            np.vstack([own, floor, pushes]), own, EVENT * len(problem.features.roles), _reach(problem),
-        )  # fmt: skip
+        columns = tuple((group, white(group.columns)) for group in linear.groups)
+        return cls(columns, white(linear.own), np.vstack([floor, pushes]))
 
     def evidence(self, cause: str, rivals: Sequence[str] = (), size: float = 1.0) -> tuple[float, str]:
         """Evidence of a deviation of so many usual ones beside small deviations of everything else and that
@@ -139,22 +135,18 @@ class Plan:
         asked = [each for group, each in self.columns if group.name in rivals and group.name != cause]
         small = np.vstack([self.own[:0], *(each for _, each in off)])
         inexact = faint_parts([name for name, each in off for _ in each], self.own, small)[:, None] * small
-        hidden_by = np.vstack([self.hidden_by, inexact, *asked])
+        beside = _beside(np.vstack([self.own, self.restless, inexact, *asked]))
         nearest = [each for each in off if _another(each[0], cause)]
-        return min(
-            _evidence(size * each, hidden_by, nearest, self.rows)
-            for each in _wanted(self.columns, cause, size)
-        )
+        return min(_evidence(size * each, beside, nearest) for each in _wanted(self.columns, cause, size))
 
     def shows(self) -> dict[str, str]:
         """From which size on each cause would be named if nothing else were wrong, in words, by id; empty for
         what the drive does not show at all. Of a cause that is one side's, where it shows least."""
-        inverse = np.linalg.inv(self.hidden_by @ self.hidden_by.T + np.eye(len(self.hidden_by)))
+        beside = _beside(np.vstack([self.own, self.restless]))
 
         def power(name: str) -> float:
             columns = np.array(_wanted(self.columns, name, 1.0))
-            hidden = columns @ self.hidden_by.T
-            return float(np.linalg.eigvalsh(columns @ columns.T - hidden @ inverse @ hidden.T)[0])
+            return float(np.linalg.eigvalsh(beside(columns) @ columns.T)[0])
 
         names = dict.fromkeys(group.name for group, _ in self.columns)
         found = {}
@@ -171,13 +163,18 @@ Columns = Sequence[tuple[Group, Array]]
 
 def reach_of(robot: RobotConfig, duty: Array) -> float:
     """m, how far from its start the robot gets in a drive."""
-    return _reach(_planned(robot, duty, {}))
+    x, y = _rollout(robot, planned_log(duty)).path(neutral_settings(robot))
+    return float(np.hypot(x, y).max())
+
+
+def _rollout(robot: RobotConfig, log: Log) -> PlantRollout:
+    return PlantRollout(log, robot, Habits(Chain.firmware(), brake=False), plain=True)
 
 
 def _planned(robot: RobotConfig, duty: Array, causes: Mapping[str, Cause]) -> Problem:
     log = planned_log(duty)
-    rollout = PlantRollout(log, robot, Habits(Chain.firmware(), brake=False), plain=True)
-    return Problem(Features.of(log), rollout, robot, neutral_settings(robot), base_coordinates(robot), causes)
+    rollout, settings = _rollout(robot, log), neutral_settings(robot)
+    return Problem(Features.of(log), rollout, robot, settings, base_coordinates(robot), causes)
 
 
 def _wanted(columns: Columns, cause: str, size: float) -> list[Array]:
@@ -218,34 +215,26 @@ def _whitening(problem: Problem) -> Callable[[Array], Array]:
     return lambda columns: noise.whiten(columns).reshape(len(columns), -1)
 
 
-def _evidence(
-    column: Array, others: Array, rivals: Sequence[tuple[str, Array]], rows: int
-) -> tuple[float, str]:
-    """||P d||^2 with unit priors on the others and on that rival which leaves least, of which no event of so
-    many rows may give more than the search lets it; and the rival."""
+def _beside(others: Array) -> Callable[[Array], Array]:
+    """What is left of columns beside others that have unit priors."""
     inverse = np.linalg.inv(others @ others.T + np.eye(len(others)))
+    return lambda columns: np.asarray(columns - (columns @ others.T) @ inverse @ others, float)
 
-    def beside(columns: Array) -> Array:
-        return np.asarray(columns - (columns @ others.T) @ inverse @ others, float)
 
+def _evidence(
+    column: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array]]
+) -> tuple[float, str]:
+    """||P d||^2 beside all others and that rival which leaves least; and the rival."""
     left = beside(column[None])[0]
-    found = [(_limited(left * column, rows), "")]
+    found = [(_limited(left * column), "")]
     for name, rival in rivals:
         its = beside(rival)
         share = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left)
-        found.append((_limited((left - share @ its) * column, rows), name))
+        found.append((_limited((left - share @ its) * column), name))
     return min(found)
 
 
-def _limited(products: Array, rows: int) -> float:
-    events = np.add.reduceat(products, np.arange(0, len(products), rows))
+def _limited(products: Array) -> float:
+    """Their sum, to which no event may give more than the search lets it."""
+    events = np.add.reduceat(products, np.arange(0, len(products), EVENT * len(TYPICAL_NOISE)))
     return max(float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum()), 0.0)
-
-
-def _reach(problem: Problem) -> float:
-    """m, the farthest from the start."""
-    rollout = problem.rollout
-    if not isinstance(rollout, PlantRollout):
-        return 0.0
-    x, y = rollout.path(problem.neutral)
-    return float(np.hypot(x, y).max())

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
+from raccoon.diagnose.log import ROLES
 from raccoon.sim.effects import Effect
 
 Array = NDArray[np.float64]
@@ -25,8 +26,6 @@ Values = Mapping[str, float]
 """The effect's parameters by name."""
 
 NAME = "CAUSES"
-ROLES = ("bemf_left", "bemf_right", "speed_left", "speed_right", "gyro", "battery")
-"""Names of readings."""
 
 
 @dataclass(frozen=True, slots=True)

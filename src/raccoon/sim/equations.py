@@ -12,7 +12,7 @@ equations.
 from __future__ import annotations
 
 from raccoon.sim.quantities import Circuit, Command, Plant, Rubbing, State
-from raccoon.sim.series import decay, freed, rotated, within
+from raccoon.sim.series import decay, freed, lagging, rotated, slack, staying
 
 
 def substep(s: State, p: Plant, u: Command, h: float, per_h: float) -> State:
@@ -247,8 +247,7 @@ def rolled(
     ahead = turn - coasting * (1.0 - stays) * wheel
     taken = 0.0
     taken = slack(play, ahead, after - alone, half_play, h, per_h) - play  # effect: drive.backlash
-    free = taken / (ahead if ahead != 0.0 else 1.0)
-    free = 1.0 if abs(play + taken) < half_play else free
+    free = 1.0 if abs(play + taken) < half_play else taken / (ahead if ahead != 0.0 else 1.0)
     turn -= taken
     cosine, sine = rotated(cosine, sine, turn)
     behind = after + free * (alone - after)
@@ -257,29 +256,6 @@ def rolled(
     turn -= slip * (follows - rolling)  # effect: drive.wheel_slip
     radius *= 1.0 + runout_cos * cosine + runout_sin * sine  # effect: drive.wheel_eccentricity
     return radius * turn, radius * follows, play + taken, behind, follows, cosine, sine
-
-
-def slack(play: float, ahead: float, faster: float, half_play: float, h: float, per_h: float) -> float:
-    """Play after a step in which the motor gets `ahead` of a wheel that rolls alone, and ends `faster` than
-    it. Where it parts from a tooth within the step, the play is counted from there."""
-    began = 2.0 * ahead * per_h - faster
-    parted = 0.5 * h * faster * faster / (abs(faster) + abs(began)) if began * faster < 0.0 else 0.0
-    low = parted - half_play if faster > 0.0 else -half_play
-    high = half_play - parted if faster < 0.0 else half_play
-    return within(min(max(play + ahead, low), high), half_play)
-
-
-def lagging(rolling: float, before: float, after: float, lag: float, h: float, per_h: float) -> float:
-    """Where lag * rolling' = speed - rolling leads in a step in which the speed goes straight from `before`
-    to `after`; exact but for the part that stays."""
-    behind = lag * (after - before) * per_h
-    return after - behind + staying(lag, h) * (rolling - before + behind)
-
-
-def staying(lag: float, h: float) -> float:
-    """The part of a first order that stays after a step: an exponential to second order, 0 for no lag."""
-    squared = lag * lag
-    return squared / (squared + h * (lag + 0.5 * h))
 
 
 def warmed(heat: float, current: float, share: float) -> float:

@@ -163,7 +163,7 @@ def safe_step(plants: NDArray[np.float64]) -> float:
             f"the robot's mechanical time constant is {shortest} s: allowed are 0.0001 s and more"
         )
     loose = any(np.any(at[f"half_play_{side}"] > 0.0) for side in SIDES)
-    return min(0.5 * shortest, LOOSE_STEP) if loose else 0.5 * shortest
+    return min(0.5 * shortest, LOOSE_STEP if loose else math.inf)
 
 
 def sample_slots(parameters: Parameters) -> tuple[float, float]:

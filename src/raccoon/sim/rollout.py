@@ -23,8 +23,6 @@ __all__ = ["Lanes", "Rollout", "channel_names", "initial_states", "rollout"]
 
 Floats = NDArray[np.float64]
 Initial = State | Mapping[str, ArrayLike]
-LATENCY = 3
-"""Column of `Lanes.gyro`."""
 _SIDES = ("left", "right")
 
 
@@ -87,8 +85,6 @@ def rollout(
     _check(begin, end, len(commands), longest_step)
     names = tuple(channels) if channels is not None else channel_names(lanes.ports)
     fields = _fields_of(names, lanes.ports)
-    if "yaw_rate" in fields and np.any(lanes.gyro[:, LATENCY]):
-        fields = tuple(dict.fromkeys((*fields, "heading")))
     states = initial_states(lanes.plant, initial)
     kept = np.array([State._fields.index(each) for each in fields], dtype=np.int64)
     raw = np.empty((len(kept), end - begin + 1, len(states)))
@@ -204,6 +200,8 @@ def _fields_of(names: Sequence[str], ports: tuple[int, int]) -> tuple[str, ...]:
         if name not in known:
             raise ConfigError(f"channel {name!r}: there is none of that name; allowed are {', '.join(known)}")
         fields[_field(name, ports)] = None
+    if "yaw_rate" in fields:
+        fields["heading"] = None  # how the rate changes between two rows
     return tuple(fields)
 
 
@@ -219,19 +217,18 @@ def _field(name: str, ports: tuple[int, int]) -> str:
 def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Floats) -> Floats:
     values = recorded[_field(name, lanes.ports)]
     if name == "imu.gyro.z":
-        return _gyro(values, recorded.get("heading"), lanes.gyro, age)
+        return _gyro(values, recorded["heading"], lanes.gyro, age)
     if name in _PLAIN_FIELDS:
         return values
     sign = lanes.signs[lanes.ports.index(int(name.split(".")[1]))]
     return values if sign > 0.0 else -values
 
 
-def _gyro(yaw_rate: Floats, heading: Floats | None, numbers: Floats, age: Floats) -> Floats:
+def _gyro(yaw_rate: Floats, heading: Floats, numbers: Floats, age: Floats) -> Floats:
     """What the gyro reads, in place: no other channel is made of the yaw rate."""
     scale, bias, drift, latency = (each[:, None] for each in numbers.T)
-    if heading is not None:
-        for robot in np.flatnonzero(latency):
-            yaw_rate[robot] = _earlier(yaw_rate[robot], heading[robot], age, latency[robot, 0])
+    for robot in np.flatnonzero(latency):
+        yaw_rate[robot] = _earlier(yaw_rate[robot], heading[robot], age, latency[robot, 0])
     if np.any(scale != 1.0):
         yaw_rate *= scale
     if np.any(bias):

@@ -51,3 +51,26 @@ def middle_of(first: float, second: float, third: float) -> float:
     high = second if first < second else first
     upper = high if high < third else third
     return low if low > upper else upper
+
+
+def slack(play: float, ahead: float, faster: float, half_play: float, h: float, per_h: float) -> float:
+    """Play after a step in which the motor gets `ahead` of a wheel that rolls alone, and ends `faster` than
+    it. Where it parts from a tooth within the step, the play is counted from there."""
+    began = 2.0 * ahead * per_h - faster
+    parted = 0.5 * h * faster * faster / (abs(faster) + abs(began)) if began * faster < 0.0 else 0.0
+    low = parted - half_play if faster > 0.0 else -half_play
+    high = half_play - parted if faster < 0.0 else half_play
+    return within(min(max(play + ahead, low), high), half_play)
+
+
+def lagging(rolling: float, before: float, after: float, lag: float, h: float, per_h: float) -> float:
+    """Where lag * rolling' = speed - rolling leads in a step in which the speed goes straight from `before`
+    to `after`; exact but for the part that stays."""
+    behind = lag * (after - before) * per_h
+    return after - behind + staying(lag, h) * (rolling - before + behind)
+
+
+def staying(lag: float, h: float) -> float:
+    """The part of a first order that stays after a step: an exponential to second order, 0 for no lag."""
+    squared = lag * lag
+    return squared / (squared + h * (lag + 0.5 * h))

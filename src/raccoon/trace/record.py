@@ -40,9 +40,9 @@ class RecordingPort:
         overwrite: bool = False,
     ) -> None:
         plain, self.path = recording_paths(path)
-        for each in (plain, self.path):
-            if each.exists() and not overwrite:
-                raise FileExistsError(f"{each} exists: choose another name or say overwrite=True")
+        there = None if overwrite else already_there(path)
+        if there is not None:
+            raise FileExistsError(f"{there} exists: choose another name or say overwrite=True")
         plain.parent.mkdir(parents=True, exist_ok=True)
         revision = revision or git_revision(Path.cwd())
         header = Header(type(port).__name__, config, seed, revision, library_version())
@@ -109,3 +109,8 @@ def recording_paths(path: str | Path) -> tuple[Path, Path]:
     path = Path(path)
     name = path.name.removesuffix(".gz").removesuffix(PLAIN)
     return path.with_name(name + PLAIN), path.with_name(name + PACKED)
+
+
+def already_there(path: str | Path) -> Path | None:
+    """The file that a recording of this name would replace; None where there is none."""
+    return next((each for each in recording_paths(path) if each.exists()), None)

@@ -264,6 +264,12 @@ def test_what_would_show_shows_in_nearly_every_recording() -> None:
     assert (chance > EVIDENCE_GATE).mean() == pytest.approx(0.99, abs=0.01)
 
 
+def test_no_current_limit_is_promised_that_is_higher_than_those_that_were_simulated() -> None:
+    limit = effect("motor.current_limit").parameters[0]
+    assert shows_from(limit, 1e5, gate("motor.current_limit")) == "below about 2 A"
+    assert shows_from(limit, 20.0, gate("motor.current_limit")) == "below about 0.61 A"
+
+
 def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
     columns = make(2, seconds=6.0).columns
     real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))

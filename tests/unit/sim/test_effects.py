@@ -19,10 +19,11 @@ from raccoon.sim.catalogue import CATALOGUE
 from raccoon.sim.chain import Chain, Noise
 from raccoon.sim.commands import Commands
 from raccoon.sim.effects import effect
-from raccoon.sim.equations import lagging, rolled
+from raccoon.sim.equations import rolled
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout import Rollout, rollout
+from raccoon.sim.series import lagging
 from raccoon.sim.world import Box, Light, Line, World
 
 TIME = np.arange(601) * 0.005

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_afresh, fit_many
 from raccoon.diagnose.linear import Group
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
 from raccoon.diagnose.select.sets import overlap
 
@@ -88,6 +89,20 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
             best[name] = fit
     best = _polished(search, best)
     return sorted(best.items(), key=lambda each: -each[1].evidence)
+
+
+def ranking(
+    problem: Problem, refits: Sequence[tuple[str, Fit]], settled: Fit
+) -> list[tuple[str, Fit, float]]:
+    """Refits with their gain, best first; the best is the one that no other leads, moment by moment."""
+    ranked = sorted(
+        ((name, fit, lead(problem, fit, settled)) for name, fit in refits), key=lambda each: -each[2]
+    )
+    first = 0
+    for index in range(1, len(ranked)):
+        if ranked[index][2] > gate(ranked[index][0]):
+            first = index if lead(problem, ranked[index][1], ranked[first][1]) > 0.0 else first
+    return [ranked[first], *ranked[:first], *ranked[first + 1 :]] if ranked else []
 
 
 def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:

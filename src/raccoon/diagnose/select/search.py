@@ -23,7 +23,7 @@ from raccoon.diagnose.select.outlook import (
     look_around,
     start_search,
 )
-from raccoon.diagnose.select.refits import SCALE, refit_candidates, strained
+from raccoon.diagnose.select.refits import SCALE, ranking, refit_candidates, strained
 
 Array = NDArray[np.float64]
 
@@ -94,20 +94,6 @@ def _fails_held_out(name: str, gain: float, held_out: float) -> bool:
     a large cause bends."""
     wanted = HELD_OUT_GATE - FORGIVEN * max(gain - gate(name), 0.0)
     return held_out < wanted and gain < SURE
-
-
-def ranking(
-    problem: Problem, refits: Sequence[tuple[str, Fit]], settled: Fit
-) -> list[tuple[str, Fit, float]]:
-    """Refits with their gain, best first; the best is the one that no other leads, moment by moment."""
-    ranked = sorted(
-        ((name, fit, lead(problem, fit, settled)) for name, fit in refits), key=lambda each: -each[2]
-    )
-    first = 0
-    for index in range(1, len(ranked)):
-        if ranked[index][2] > gate(ranked[index][0]):
-            first = index if lead(problem, ranked[index][1], ranked[first][1]) > 0.0 else first
-    return [ranked[first], *ranked[:first], *ranked[first + 1 :]] if ranked else []
 
 
 def _with_unknown(search: Search, probe: Probed) -> Search:

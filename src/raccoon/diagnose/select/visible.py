@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from raccoon.diagnose.candidates import HIGHEST_LIMIT
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR
 from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects import Parameter
@@ -37,7 +38,8 @@ def visibility(search: Search) -> dict[str, float]:
 def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     """The smallest deviation that would be named in all but one of a hundred recordings, in words.
 
-    Empty where nothing of it shows.
+    Empty where nothing of it shows. A limit higher than was simulated acts in moments of which the evidence
+    knows nothing: it is not promised.
 
     parameter: the effect's first. power: evidence of one width. gate: log evidence from which it is named.
     With s = u sqrt(power), u widths make a log evidence that is normal with mean (s^2 - log(1 + power)) / 2
@@ -51,6 +53,6 @@ def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     if parameter.name == "factor":
         return f"from about {100.0 * math.expm1(width * u):.2g} % on"
     if parameter.name == "limit":
-        return f"below about {1.0 / u:.2g} {parameter.unit}"
+        return f"below about {min(1.0 / u, HIGHEST_LIMIT):.2g} {parameter.unit}"
     unit = f" {parameter.unit}" if parameter.unit else ""
     return f"from about {width * u:.2g}{unit} on"
