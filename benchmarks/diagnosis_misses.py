@@ -44,8 +44,8 @@ from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.joint import BETTER, net_lead
 from raccoon.diagnose.select.outlook import Search, lead
+from raccoon.diagnose.select.rivals import BETTER, net_lead
 from raccoon.diagnose.select.search import search_causes
 from raccoon.diagnose.unknown import probes_for
 

@@ -94,6 +94,8 @@ def _single(results: Sequence[Result]) -> str:
     first, wrong = percent(map(first_right, results)), percent(map(_wrong, results))
     missed = [each for each in results if not first_right(each) and not each["causes"]]
     said = f"first {first}, wrong {wrong}, exactly {percent(map(exactly, results))}"
+    rivals = percent(bool(each["causes"][0]["class"]) for each in results if each["causes"])
+    said = f"{said}; named with others that it is not told from {rivals}"
     return f"{said}; of the silent ones said to be too small to show: {percent(map(announced, missed))}"
 
 
@@ -201,8 +203,21 @@ def _worst(results: Sequence[Result]) -> str:
     main = [each["causes"] and hit(each["causes"][0], [next(iter(each["hidden"]))]) for each in results]
     largest = [flag for flag, each in zip(main, results, strict=True) if _main_acts_most(each)]
     wrong = [bool(each["causes"]) and not hit(each["causes"][0], _acting(each)) for each in results]
+    false = [
+        flag and not _measured(each, each["causes"][0]) for flag, each in zip(wrong, results, strict=True)
+    ]
     first = f"main cause first {percent(map(bool, main))}, where it acts most {percent(map(bool, largest))}"
-    return f"{first}, wrong {percent(wrong)}; {_many(results)}"
+    there = f"not there with the number that was said {percent(false)}"
+    return f"{first}, wrong {percent(wrong)}, {there}; {_many(results)}"
+
+
+def _measured(result: Result, cause: dict[str, Any]) -> bool:
+    """Whether a cause is hidden, with the number that was said: within two of its deviations, where nominal
+    is not."""
+    for parameter, true in result["true"].get(cause["name"], {}).items():
+        value, std, nominal = cause["parameters"][parameter]
+        return bool(abs(value - true) <= 2.0 * std < abs(value - nominal))
+    return False
 
 
 def _acting(result: Result) -> list[str]:

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 BLOCKS = 8
 FLOOR_SECONDS = 4.0
 """Correlation time of friction that wanders with the floor."""
+A_LITTLE = 0.1
+"""Widths of Coulomb friction over which its torque is as good as straight."""
 GRID_PART = 0.2
 """Distance of the knots of a wandering torque's course, of its correlation time."""
 
@@ -48,6 +50,16 @@ class Linear:
     def target(self) -> Array:
         """What all columns together must explain, counted from u = 0."""
         return np.asarray(self.residual + np.tensordot(self.point.vector(), self.own, axes=1))
+
+    def column(self, name: str) -> Array | None:
+        """What a cause's first coordinate changes, whether it is on or off; None where it was not looked
+        at."""
+        position = len(self.point.base)
+        for active, values in self.point.active.items():
+            if active == name:
+                return np.asarray(self.own[position], float)
+            position += len(values)
+        return next((each.columns[0] for each in self.groups if each.name == name), None)
 
 
 def linearise(problem: Problem, point: Point, tried: Sequence[str]) -> Linear:
@@ -108,15 +120,18 @@ def slow_friction(problem: Problem, linear: Linear, seconds: float = FLOOR_SECON
 
 
 def coulomb_response(problem: Problem, linear: Linear, side: str) -> Array | None:
-    """Response to one N m of Coulomb friction at a wheel; None where it is already a cause."""
+    """Response to one N m of Coulomb friction at a wheel; None where that was not looked at."""
     name = f"friction.coulomb@{side}"
-    group = next((each for each in linear.groups if each.name == name), None)
-    if group is None:
+    column = linear.column(name)
+    if column is None:
         return None
     key = ("friction.coulomb", side, "torque")
-    moved = problem.settings(linear.point.with_cause(name, np.array(group.start)))
+    there, step = linear.point.active.get(name), A_LITTLE
+    if there is None:  # the column is a secant
+        there, step = np.zeros(1), next(each.start[0] for each in linear.groups if each.name == name)
+    moved = problem.settings(linear.point.with_cause(name, there + step))
     torque = moved[key] - problem.settings(linear.point)[key]
-    return np.asarray(group.columns[0] * (group.start[0] / torque), float)
+    return column * (step / torque)
 
 
 @dataclass(frozen=True, slots=True)

@@ -199,8 +199,8 @@ def _torque_responses(problem: Problem, linear: Linear) -> tuple[Array, Array] |
 
 
 def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Probe]:
-    group = next((each for each in linear.groups if each.name == INERTIA), None)
-    if group is None:
+    column = linear.column(INERTIA)
+    if column is None:
         return []
     share = (motion.time - motion.time[0]) / max(motion.time[-1] - motion.time[0], 1e-9)
     steps = np.stack([(share >= edge).astype(float) for edge in np.arange(0.0, 1.0, 0.125)])
@@ -208,7 +208,7 @@ def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Pr
     width = math.log(coordinate.value(1.0))
     return [
         Probe(
-            PREFIX + "time (inertia)", steps[:, :, None] * group.columns[0][None], quantity=INERTIA_SHARE,
+            PREFIX + "time (inertia)", steps[:, :, None] * column[None], quantity=INERTIA_SHARE,
             unit="%", over=motion.time, over_unit="s", curves=width * steps,
         )
     ]  # fmt: skip

@@ -16,23 +16,22 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.fit import Fit, fit_afresh, fit_at, fit_many, fit_point
-from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search, lead, look_around
+from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import first_guess
+from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
 from raccoon.diagnose.select.sets import Chosen, Sets, overlap
 
 Array = NDArray[np.float64]
 
-BETTER = 1.0
-"""Log evidence beyond the gates that another set must have more."""
 PROPOSED = 3
 POLISHED = 3
 """Of all proposals, those that are fitted with every column simulated anew."""
 HOPE = 60.0
 """Log evidence that a proposal may lack before that."""
 ALIKE = 0.3
+"""Cosine from which another cause is tried in the place of one."""
 MOST_ALIKE = 5
 LEAST = 0.002
 """Where a one-sided cause starts in a fit of everything: off its bound, and yet too little to do anything. At
@@ -69,12 +68,6 @@ def explains_more(search: Search, other: Search) -> float:
     noise. Their simulators may differ."""
     fit = fit_at(search.problem, other.whitener, search.fit.point)
     return net_lead(other, fit, other.fit)
-
-
-def net_lead(search: Search, fit: Fit, settled: Fit) -> float:
-    """Log evidence of a fit over another, each less the gates of its causes."""
-    gates = [sum(map(gate, each.point.active)) for each in (fit, settled)]
-    return lead(search.problem, fit, settled) - gates[0] + gates[1]
 
 
 def _proposed(search: Search) -> Iterator[Point]:
@@ -134,32 +127,9 @@ def _alone(search: Search) -> Iterator[Point]:
 
 
 def _exchanged(search: Search) -> Iterator[Point]:
-    """Each cause replaced by those that act most like it, as far as they would have to be off."""
+    """Each cause replaced by those that act most like it."""
     for name in search.fit.point.active:
-        less = search.fit.point.without_cause(name)
-        alike = _alike(search, name)
-        for _, group, u in sorted(alike.values(), key=lambda each: -each[0])[:MOST_ALIKE]:
-            yield less.with_cause(group.name, first_guess(search, group, u))
-
-
-def _alike(search: Search, name: str) -> dict[str, tuple[float, Group, Array]]:
-    """What acts like a cause: cosine of the whitened responses, which variant, and how far it is off then."""
-    whole, own = search.table.whole, search.table.active[name]
-    others = [each for each in search.fit.point.active if each != name]
-    u = search.fit.point.active[name]
-    pull = np.asarray(whole.matrix[:, own] @ u, float)
-    size = max(float(u @ pull[own]), 1e-9)
-    found: dict[str, tuple[float, Group, Array]] = {}
-    for group, span in search.table.off:
-        if group.name not in search.problem.causes or any(overlap(group.name, each) for each in others):
-            continue
-        matrix = whole.matrix[np.ix_(span, span)] + 1e-9 * np.eye(len(span))
-        moved = np.asarray(np.linalg.solve(matrix, pull[span]), float)
-        cosine = float(np.sqrt(max(pull[span] @ moved, 0.0) / size))
-        wrong = group.one_sided and moved[0] <= 0.0
-        if not wrong and cosine > found.get(group.name, (ALIKE,))[0]:
-            found[group.name] = (cosine, group, moved)
-    return found
+        yield from alike(search, name, ALIKE, MOST_ALIKE).values()
 
 
 def _needed(search: Search, fit: Fit) -> Fit:

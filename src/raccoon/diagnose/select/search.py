@@ -24,6 +24,7 @@ from raccoon.diagnose.select.outlook import (
     start_search,
 )
 from raccoon.diagnose.select.refits import SCALE, ranking, refit_candidates, strained
+from raccoon.diagnose.select.rivals import compared
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,8 @@ BESIDE_UNKNOWN = 0.33
 MOST_CAUSES = 10
 FAR_BENT = 2.5
 """Standard deviations of robot.toml by which a base number is bent where causes may have gone unseen."""
-CLOSE = 3.0
+AS_MUCH = 3.0
+"""Log evidence that one cause alone may lack to stand for several."""
 WEAK = 3.0
 """Gates up to which a cause's worth, as the columns of the fit with it have it, is doubted."""
 
@@ -191,7 +193,7 @@ def simplified(search: Search) -> tuple[Search, bool]:
     base = search.fit.jacobian[: len(bare.base)]
     settled = _settled(search)
     best = max(fit_many(search.problem, search.whitener, starts, base, 5), key=lambda fit: fit.evidence)
-    if lead(search.problem, best, settled) < -CLOSE:
+    if lead(search.problem, best, settled) < -AS_MUCH:
         return search, False
     name = next(iter(best.point.active))
     search.failed.update(dict.fromkeys(active, f"{name} alone explains as much"))
@@ -234,11 +236,16 @@ def rearranged(search: Search) -> tuple[Search, bool]:
         fit = better_set(search) if doubtful else None
         if fit is None:
             break
-        gone = set(search.fit.point.active) - set(fit.point.active)
-        search.failed.update(dict.fromkeys(gone, "others explain it better together"))
-        rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
-        search, changed = _moved(search, fit, rivals), True
+        search, changed = _instead(search, fit), True
     return search, changed
+
+
+def _instead(search: Search, fit: Fit) -> Search:
+    """Another set of causes in the place of the one that is on."""
+    gone = set(search.fit.point.active) - set(fit.point.active)
+    search.failed.update(dict.fromkeys(gone, "others explain it better together"))
+    rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
+    return _moved(search, fit, rivals)
 
 
 def grown(search: Search) -> Search:
@@ -284,7 +291,15 @@ def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]])
     search, changed = rearranged(search)
     if changed:
         search = grown(search)
-    search = merged(search)
-    if search.fit.point.active:
-        search, _ = backward(search)
+    search = _stable(search)
+    better = compared(search)
+    if better is not None:
+        search = _stable(grown(_instead(search, better)))
+        compared(search)
     return search
+
+
+def _stable(search: Search) -> Search:
+    """Nothing to be merged, nothing to be dropped."""
+    search = merged(search)
+    return backward(search)[0] if search.fit.point.active else search

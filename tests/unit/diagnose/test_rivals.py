@@ -1,0 +1,86 @@
+"""What else would explain a recording in the place of a cause."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.drives import exciting
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.experiment import planned_log
+from raccoon.diagnose.features import Features
+from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
+from raccoon.diagnose.linear import coulomb_response, linearise
+from raccoon.diagnose.naming import confounded
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.diagnose.select.outlook import Search, look_around, start_search
+from raccoon.diagnose.select.rivals import CLOSE, compared
+from raccoon.diagnose.unknown import PREFIX, probes_for
+from raccoon.sim.chain import Chain
+
+ROBOT = RobotConfig()
+CAUSES = {
+    each.name: each
+    for each in drive_causes()
+    if each.id in ("imu.latency", "drive.wheel_slip", "drive.inertia", "imu.gyro_bias", "friction.coulomb")
+}
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    log = planned_log(exciting(np.random.default_rng(1), 8.0))
+    rollout = PlantRollout(log, ROBOT, Habits(Chain.firmware(), brake=False))
+    return Problem(Features.of(log), rollout, ROBOT, neutral_settings(ROBOT), base_coordinates(ROBOT), CAUSES)
+
+
+def searched(problem: Problem, truth: Point, named: Point) -> Search:
+    """A search that has named something in a recording of the truth."""
+    features = problem.features
+    noise = features.floors * np.random.default_rng(2).normal(size=features.measured.shape)
+    measured = problem.predict([truth])[0] + noise
+    real = replace(problem, features=replace(features, measured=measured))
+    start = start_search(real, probes_for(real))
+    return look_around(real, start.probes, named, start.whitener)
+
+
+def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> None:
+    for widths, one in ((0.05, True), (1.0, False)):
+        late = problem.nominal().with_cause("imu.latency", np.array([widths]))
+        search = searched(problem, late, late)
+        assert compared(search) is None
+        (slip,) = (each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip")
+        assert (slip.lead < CLOSE) == one
+        assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
+
+
+def test_a_rival_that_explains_more_takes_the_place(problem: Problem) -> None:
+    nominal = problem.nominal()
+    late = nominal.with_cause("imu.latency", np.array([1.0]))
+    better = compared(searched(problem, late, nominal.with_cause("drive.wheel_slip", np.array([1.0]))))
+    assert better is not None
+    assert list(better.point.active) == ["imu.latency"]
+    assert better.point.active["imu.latency"] == pytest.approx([1.0], abs=0.05)
+
+
+def test_what_a_named_cause_changes_can_still_be_seen_to_vary(problem: Problem) -> None:
+    """A load that falls on the robot is more inertia from then on, whether or not inertia has been named."""
+    nominal = problem.nominal()
+    off = linearise(problem, nominal, list(CAUSES))
+    on = linearise(problem, nominal.with_cause("drive.inertia", np.zeros(1)), list(CAUSES))
+    one, other = (np.asarray(each.column("drive.inertia")).ravel() for each in (off, on))
+    assert one @ other > 0.98 * np.linalg.norm(one) * np.linalg.norm(other)
+    assert f"{PREFIX}time (inertia)" in {each.name for each in probes_for(problem)(on)}
+    assert on.column("imu.nothing") is None
+
+
+def test_friction_that_wanders_can_still_be_seen_where_friction_was_named(problem: Problem) -> None:
+    off = linearise(problem, problem.nominal(), list(CAUSES))
+    point = problem.nominal().with_cause("friction.coulomb@left", np.array([0.1]))
+    responses = [coulomb_response(problem, each, "left") for each in (off, linearise(problem, point, []))]
+    one, other = (np.asarray(each).ravel() for each in responses)
+    assert one @ other > 0.98 * np.linalg.norm(one) * np.linalg.norm(other)
+    assert np.linalg.norm(one) == pytest.approx(np.linalg.norm(other), rel=0.1)
