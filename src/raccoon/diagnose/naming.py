@@ -134,10 +134,23 @@ def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
 
 def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:
     """Manoeuvres that separate what is confounded and show what this recording could not."""
+    commands = [_telling(search, each.name, each.confounded_with) for each in causes]
     wanted = [each.id for each in causes if each.confounded_with]
     seen = visibility(search)
     hidden = sorted((power, id_) for id_, power in seen.items() if power < VISIBLE)
     gone = {id_ for role, ids in NEEDS.items() if log.channel(role) is None for id_ in ids}
     wanted.extend(id_ for _, id_ in hidden if id_ not in gone)
-    texts = [text for text in map(manoeuvre_for, wanted) if text is not None]
+    texts = [text for text in (*commands, *map(manoeuvre_for, wanted)) if text is not None]
     return tuple(dict.fromkeys(texts))[:3]
+
+
+def _telling(search: Search, name: str, rivals: tuple[str, ...]) -> str | None:
+    """How to drive what tells a cause from its nearest rival; None where it has none, where no drive tells
+    them apart, and for an effect that is a team's own."""
+    nearest = next((each.name for each in search.rivals.get(name, []) if each.name in rivals), None)
+    if nearest is None or any({name, nearest} <= twins for twins in TWINS):
+        return None
+    if any(search.problem.causes[each].own is not None for each in (name, nearest)):
+        return None
+    command = f"raccoon excite --cause {name} --rival {nearest} --record again.jsonl"
+    return f"{command}: what tells {name} from {nearest} best on this robot"

@@ -14,10 +14,10 @@ from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
 from raccoon.diagnose.linear import coulomb_response, linearise
-from raccoon.diagnose.naming import confounded
+from raccoon.diagnose.naming import _telling, confounded
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
-from raccoon.diagnose.select.outlook import Search, look_around, start_search
+from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
 from raccoon.diagnose.select.rivals import CLOSE, compared
 from raccoon.diagnose.unknown import PREFIX, probes_for
 from raccoon.sim.chain import Chain
@@ -64,6 +64,29 @@ def test_a_rival_that_explains_more_takes_the_place(problem: Problem) -> None:
     assert better is not None
     assert list(better.point.active) == ["imu.latency"]
     assert better.point.active["imu.latency"] == pytest.approx([1.0], abs=0.05)
+
+
+def test_a_cause_of_one_wheel_is_compared_with_that_of_both(problem: Problem) -> None:
+    nominal = problem.nominal()
+    both = nominal.with_cause("drive.wheel_slip", np.array([1.0]))
+    one = nominal.with_cause("drive.wheel_slip@left", np.array([1.0]))
+    better = compared(searched(problem, both, one))
+    assert better is not None
+    assert list(better.point.active) == ["drive.wheel_slip"]
+
+
+def test_the_report_says_what_to_drive_to_tell_a_cause_from_its_rival(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.05]))
+    search = searched(problem, late, late)
+    search.rivals = {
+        "imu.latency": [Rival("drive.wheel_slip", 2.0)],
+        "imu.gyro_scale": [Rival("drive.track_width", 0.0)],
+    }
+    said = _telling(search, "imu.latency", ("drive.wheel_slip",))
+    assert said is not None
+    assert said.startswith("raccoon excite --cause imu.latency --rival drive.wheel_slip --record ")
+    assert _telling(search, "imu.latency", ()) is None
+    assert _telling(search, "imu.gyro_scale", ("drive.track_width",)) is None  # no drive does
 
 
 def test_what_a_named_cause_changes_can_still_be_seen_to_vary(problem: Problem) -> None:
