@@ -29,13 +29,12 @@ from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_setting
 from raccoon.diagnose.linear import Group, linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
 from raccoon.diagnose.manoeuvres import MANOEUVRES, RATE
-from raccoon.diagnose.naming import TWINS
+from raccoon.diagnose.naming import ONE_CLASS
 from raccoon.diagnose.noise import CHANGING, EVENT, white_noise
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT
-from raccoon.diagnose.select.refits import SCALE
 from raccoon.diagnose.select.visible import VISIBLE, shows_from
 from raccoon.diagnose.whitening import faint_parts, regimes_of
 from raccoon.sim.chain import Chain
@@ -193,7 +192,7 @@ def _strength(group: Group) -> float:
 def _another(name: str, cause: str) -> bool:
     """Whether a cause is a rival: not the same at another place, and no twin that is one class with it."""
     pair = {name.partition("@")[0], cause.partition("@")[0]}
-    return len(pair) == 2 and not any(pair <= twins for twins in (*TWINS, frozenset(SCALE)))
+    return len(pair) == 2 and not any(pair <= each for each in ONE_CLASS)
 
 
 def planned_log(duty: Array) -> Log:

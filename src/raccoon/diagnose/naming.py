@@ -13,6 +13,7 @@ from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.refits import SCALE
 from raccoon.diagnose.select.rivals import CLOSE
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.diagnose.spread import Spread
@@ -21,9 +22,9 @@ TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
 b."""
 
-SCALE = ("drive.inertia", "friction.coulomb", "friction.viscous")
-"""Without a current reading, more resistance of both motors is the same as less of all of these together."""
-
+ONE_CLASS = (*TWINS, frozenset(SCALE))
+"""Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
+same as less inertia and friction together."""
 BY_FORM = 5.0
 """Lead over a rival that makes a cause e times as likely as that: on blind robots the better of two was right
 12 times of 17 where it led by 3 to 12."""
@@ -86,7 +87,7 @@ def confounded(search: Search, cause: Cause) -> tuple[str, ...]:
             if cause.id in twins:
                 close.extend(sorted(twins - {cause.id} - set(close)))
         if cause.id == "motor.armature_resistance":
-            close.extend(each for each in SCALE if each not in search.fit.point.active)
+            close.extend(each for each in SCALE if each not in (cause.id, *search.fit.point.active))
     return tuple(dict.fromkeys(close))
 
 
@@ -147,10 +148,13 @@ def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tu
 def _telling(search: Search, name: str, rivals: tuple[str, ...]) -> str | None:
     """How to drive what tells a cause from its nearest rival; None where it has none, where no drive tells
     them apart, and for an effect that is a team's own."""
-    nearest = next((each.name for each in search.rivals.get(name, []) if each.name in rivals), None)
-    if nearest is None or any({name, nearest} <= twins for twins in TWINS):
-        return None
-    if any(search.problem.causes[each].own is not None for each in (name, nearest)):
+    separable = (
+        each.name
+        for each in search.rivals.get(name, [])
+        if each.name in rivals and not any({name, each.name} <= alike for alike in ONE_CLASS)
+    )
+    nearest = next(separable, None)
+    if nearest is None or any(search.problem.causes[each].own is not None for each in (name, nearest)):
         return None
     command = f"raccoon excite --cause {name} --rival {nearest} --record again.jsonl"
     return f"{command}: what tells {name} from {nearest} best on this robot"

@@ -103,11 +103,20 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
     for part in (
         "The K_E of the left motor is 4.1 % lower than assumed.", "<b>To do:</b> Calibrate the left motor.",
         "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
-        "cannot tell it from bemf.scale@left", "What was considered and not named",
+        "lower than assumed; or bemf.scale@left acts instead.", "cannot tell it from bemf.scale@left",
+        "What was considered and not named",
         "explains nothing that is left",
         "What this recording cannot show", "ten counted full turns", "a note",
     ):  # fmt: skip
         assert part in text
+
+
+def test_the_headline_says_what_else_it_may_be() -> None:
+    two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
+    text = page(replace(FOUND, causes=(two,)), "run")
+    assert "; or one of bemf.scale@left, drive.wheel_radius@left acts instead." in text
+    alone = page(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)), "run")
+    assert "acts instead" not in alone
 
 
 def test_a_page_without_causes_still_has_a_headline() -> None:

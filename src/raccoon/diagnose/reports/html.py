@@ -80,8 +80,10 @@ def _headline(diagnosis: Diagnosis) -> str:
 
 
 def _wrong(cause: CauseResult) -> str:
-    """The part of the explanation that says what is wrong."""
-    return cause.explanation.partition(": ")[0] + "."
+    """What is wrong, and what else it may be."""
+    others = ", ".join(cause.confounded_with)
+    instead = f"; or {'one of ' * (len(cause.confounded_with) > 1)}{others} acts instead" if others else ""
+    return f"{cause.explanation.partition(': ')[0]}{instead}."
 
 
 def _todo(cause: CauseResult) -> str:
