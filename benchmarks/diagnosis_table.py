@@ -6,6 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ Result = dict[str, Any]
 PRACTICAL = 0.05
 """Rise of the held-out error, or contribution, in units of the noise: from here on of practical size."""
 TIE = 0.8
+LIKELY = (0.0, 0.5, 0.8, 0.95, 1.01)
+"""Edges of the probabilities that are counted together."""
 UNKNOWN_NAMES = {"cogging": "wheel angle left", "payload": "time (inertia)", "patch": "position",
                  "gyro_speed": "gyro over speed"}  # fmt: skip
 
@@ -35,6 +38,8 @@ def print_table(results: Sequence[Result]) -> None:
     single = rows["single"]
     _line("false unknown, known effect", "<= 5 %", percent(map(_called_unknown, single)))
     _line("false unknown, clean", "<= 3 %", percent(map(_called_unknown, rows["clean"])))
+    alone = [each for name in _FULL for each in rows[name]]
+    _line("names that are right themselves, by the probability that was said", "", _probabilities(alone))
     _line("parameters", "median <= 2 %, p90 <= 10 %, cover 92-98 %", _parameters(single))
     for name in ("single", "two", "several", "everything"):
         _line(f"gain, {name}", "median >= 0.98, p10 >= 0.95, never < 0", _gain(rows[name]))
@@ -260,6 +265,17 @@ def _advised(results: Sequence[Result]) -> str:
     return f"named first {percent(map(first_right, decided))}, wrong {percent(map(_wrong, decided))}"
 
 
+def _probabilities(results: Sequence[Result]) -> str:
+    """How often the cause that was named is hidden, no class counted, by its probability."""
+    said = [(c["probability"], c["name"] in _names(each)) for each in results for c in each["causes"]]
+    shares = []
+    for low, high in pairwise(LIKELY):
+        right = [flag for likely, flag in said if low <= likely < high]
+        if right:
+            shares.append(f"{low:g} to {min(high, 1.0):g}: {percent(right)}")
+    return ", ".join(shares)
+
+
 def _parameters(results: Sequence[Result]) -> str:
     errors, parts, covered = [], [], []
     for each in results:
@@ -321,6 +337,8 @@ def _silent(result: Result) -> str:
     return f"unknown ({unknown})" if unknown else f"nothing ({re.split('[:;(]', _reason(result))[0].strip()})"
 
 
+_FULL = ("single", "clean", "two", "several", "small", "contest", "short", "advised")
+"""Rows in which all that is off is hidden on purpose."""
 _ROWS = {
     "single": ("one hidden cause of 31, exciting drive of 40 s",
                "first >= 99 %, wrong <= 0.5 %, exactly >= 97 %", _single),
