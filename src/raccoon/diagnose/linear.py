@@ -54,11 +54,9 @@ class Linear:
     def column(self, name: str) -> Array | None:
         """What a cause's first coordinate changes, whether it is on or off; None where it was not looked
         at."""
-        position = len(self.point.base)
-        for active, values in self.point.active.items():
-            if active == name:
-                return np.asarray(self.own[position], float)
-            position += len(values)
+        span = self.point.spans().get(name)
+        if span is not None:
+            return np.asarray(self.own[span.start], float)
         return next((each.columns[0] for each in self.groups if each.name == name), None)
 
 
@@ -166,11 +164,8 @@ def _table(linear: Linear, groups: Sequence[Group], white: Array, base: int) -> 
     whole = blocks[0]
     for each in blocks[1:]:
         whole = whole + each
-    active, position = {}, base
-    for name, values in linear.point.active.items():
-        active[name] = list(range(position, position + len(values)))
-        position += len(values)
-    off = []
+    active = {name: list(span) for name, span in linear.point.spans().items()}
+    off, position = [], len(linear.own)
     for group in groups:
         size = len(group.columns)
         off.append((group, list(range(position, position + size))))

@@ -33,12 +33,16 @@ class Point:
 
     def moved(self, vector: Array) -> Point:
         """The same causes at other coordinates."""
-        position = len(self.base)
-        active = {}
-        for name, values in self.active.items():
-            active[name] = vector[position : position + len(values)]
-            position += len(values)
+        active = {name: vector[span.start : span.stop] for name, span in self.spans().items()}
         return Point(vector[: len(self.base)], active)
+
+    def spans(self) -> dict[str, range]:
+        """Where each cause's coordinates are in the vector."""
+        position, found = len(self.base), {}
+        for name, values in self.active.items():
+            found[name] = range(position, position + len(values))
+            position += len(values)
+        return found
 
     def with_cause(self, name: str, u: Array) -> Point:
         """Also this cause."""

@@ -19,7 +19,7 @@ from raccoon.diagnose.fit import Fit, fit_afresh, fit_at, fit_many, fit_point
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search, look_around
-from raccoon.diagnose.select.refits import first_guess
+from raccoon.diagnose.select.refits import both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
 from raccoon.diagnose.select.sets import Chosen, Sets, overlap
 
@@ -121,9 +121,8 @@ def _alone(search: Search) -> Iterator[Point]:
     for name in sorted(
         {*STRAIGHT, *(each.partition("@")[0] for each in STRAIGHT)} & set(search.problem.causes)
     ):
-        one_sided = search.problem.causes[name].one_sided
-        for u in (GUESS,) if one_sided else (-GUESS, GUESS):
-            yield search.fit.point.with_cause(name, np.array([u]))
+        for u in both_signs(search.problem, name, (GUESS,)):
+            yield search.fit.point.with_cause(name, np.array(u))
 
 
 def _exchanged(search: Search) -> Iterator[Point]:
@@ -135,7 +134,7 @@ def _exchanged(search: Search) -> Iterator[Point]:
 def _needed(search: Search, fit: Fit) -> Fit:
     """The fit without causes that, beside the others, are no longer worth their gate."""
     while len(fit.point.active) > 1:
-        worth = _worth(search, fit)
+        worth = _worth(fit)
         weakest = min(worth, key=lambda name: worth[name] - gate(name))
         if worth[weakest] > gate(weakest):
             return fit
@@ -143,15 +142,13 @@ def _needed(search: Search, fit: Fit) -> Fit:
     return fit
 
 
-def _worth(search: Search, fit: Fit) -> dict[str, float]:
+def _worth(fit: Fit) -> dict[str, float]:
     """Log evidence that each cause adds to all others, by the linear model of the fit."""
     columns = fit.jacobian[fit.free]
     whole = Gram.of(columns.T, fit.target)
     evidence, place = whole.evidence(), np.cumsum(fit.free) - 1
-    worth, position = {}, len(search.problem.base)
-    for name, values in fit.point.active.items():
-        span = range(position, position + len(values))
+    worth = {}
+    for name, span in fit.point.spans().items():
         own = {int(place[i]) for i in span if fit.free[i]}
-        position += len(values)
         worth[name] = evidence - whole.take([i for i in range(len(columns)) if i not in own]).evidence()
     return worth

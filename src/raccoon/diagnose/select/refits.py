@@ -73,6 +73,13 @@ def first_guess(search: Search, group: Group, mean: Array) -> Array:
     return np.array([first, *group.start[1:]])
 
 
+def both_signs(problem: Problem, name: str, point: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """A cause's coordinates, and the same the other way where it has one."""
+    if problem.causes[name].one_sided:
+        return [point]
+    return [point, (-point[0], *point[1:])]
+
+
 def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     """True refits of the most promising causes, best evidence first, one a cause."""
     chosen = [(group.name, first_guess(search, group, mean)) for _, group, mean in candidates(search)]

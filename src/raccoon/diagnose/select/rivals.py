@@ -16,6 +16,8 @@ from raccoon.diagnose.select.refits import first_guess
 from raccoon.diagnose.select.sets import Sets, overlap
 
 Array = NDArray[np.float64]
+Other = tuple[float, Group, Array]
+"""What may stand in a cause's place, the lower the number the sooner: which variant, and how far off."""
 
 FORETOLD = 20.0
 """Log evidence that a rival may lack by the linear model, to be truly fitted."""
@@ -75,9 +77,12 @@ def _exchanged(search: Search) -> Iterator[tuple[str, str, Point]]:
     for name, u in point.active.items():
         near = {**alike(search, name, SIMILAR, MOST_RIVALS), **_losing_least(search, sets, name)}
         less, whole = point.without_cause(name), name.partition("@")[0]
-        if whole in search.problem.causes and not any(overlap(whole, each) for each in less.active):
+        if (
+            whole != name
+            and whole in search.problem.causes
+            and not any(overlap(whole, each) for each in less.active)
+        ):
             near[whole] = less.with_cause(whole, u)
-        near.pop(name, None)
         yield from ((name, rival, start) for rival, start in near.items())
 
 
@@ -89,32 +94,39 @@ def alike(search: Search, name: str, least: float, most: int) -> dict[str, Point
     u = search.fit.point.active[name]
     pull = np.asarray(whole.matrix[:, own] @ u, float)
     size = max(float(u @ pull[own]), 1e-9)
-    found: dict[str, tuple[float, Group, Array]] = {}
+    found: list[Other] = []
     for group, span in search.table.off:
-        if group.name not in search.problem.causes or any(overlap(group.name, each) for each in less.active):
+        if group.name not in search.problem.causes:
             continue
         matrix = whole.matrix[np.ix_(span, span)] + 1e-9 * np.eye(len(span))
         moved = np.asarray(np.linalg.solve(matrix, pull[span]), float)
         cosine = float(np.sqrt(max(pull[span] @ moved, 0.0) / size))
-        wrong = group.one_sided and moved[0] <= 0.0
-        if not wrong and cosine > found.get(group.name, (least,))[0]:
-            found[group.name] = (cosine, group, moved)
-    first = sorted(found.values(), key=lambda each: -each[0])[:most]
-    return {group.name: less.with_cause(group.name, first_guess(search, group, u)) for _, group, u in first}
+        if cosine > least and not (group.one_sided and moved[0] <= 0.0):
+            found.append((-cosine, group, moved))
+    return _replaced(search, less, found, most)
 
 
 def _losing_least(search: Search, sets: Sets, name: str) -> dict[str, Point]:
     """A cause replaced by what costs least log evidence by the linear model, least first."""
     now = frozenset(range(len(search.fit.point.active)))
     rest = frozenset(each for each in now if sets.members[each].name != name)
-    less = search.fit.point.without_cause(name)
     _, evidence = sets.solve(now)
-    found: dict[str, tuple[float, Group, Array]] = {}
+    found: list[Other] = []
     for index, member in enumerate(sets.members):
-        if member.group is None or any(overlap(member.name, each) for each in less.active):
+        if member.group is None:
             continue
         mean, its = sets.solve(rest | {index})
-        if evidence - its < found.get(member.name, (FORETOLD,))[0]:
-            found[member.name] = (evidence - its, member.group, mean[-len(member.span) :])
-    first = sorted(found.values(), key=lambda each: each[0])[:MOST_RIVALS]
-    return {group.name: less.with_cause(group.name, first_guess(search, group, u)) for _, group, u in first}
+        if evidence - its < FORETOLD:
+            found.append((evidence - its, member.group, mean[-len(member.span) :]))
+    return _replaced(search, search.fit.point.without_cause(name), found, MOST_RIVALS)
+
+
+def _replaced(search: Search, less: Point, others: list[Other], most: int) -> dict[str, Point]:
+    """The first variant each of so many others, beside what is left of the point."""
+    found: dict[str, Point] = {}
+    for _, group, u in sorted(others, key=lambda each: each[0]):
+        if len(found) == most:
+            break
+        if group.name not in found and not any(overlap(group.name, each) for each in less.active):
+            found[group.name] = less.with_cause(group.name, first_guess(search, group, u))
+    return found

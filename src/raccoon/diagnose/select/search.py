@@ -23,7 +23,7 @@ from raccoon.diagnose.select.outlook import (
     look_around,
     start_search,
 )
-from raccoon.diagnose.select.refits import SCALE, ranking, refit_candidates, strained
+from raccoon.diagnose.select.refits import SCALE, both_signs, ranking, refit_candidates, strained
 from raccoon.diagnose.select.rivals import compared
 
 Array = NDArray[np.float64]
@@ -188,7 +188,7 @@ def simplified(search: Search) -> tuple[Search, bool]:
         for name in names
         for variant in search.problem.causes[name].variants
         for point in variant[:1]
-        for point in _both_signs(search.problem, name, point)
+        for point in both_signs(search.problem, name, point)
     ]
     base = search.fit.jacobian[: len(bare.base)]
     settled = _settled(search)
@@ -197,14 +197,7 @@ def simplified(search: Search) -> tuple[Search, bool]:
         return search, False
     name = next(iter(best.point.active))
     search.failed.update(dict.fromkeys(active, f"{name} alone explains as much"))
-    rivals = [Rival(each, lead(search.problem, best, settled)) for each in active]
-    return _accepted(search, name, best, rivals), True
-
-
-def _both_signs(problem: Problem, name: str, point: tuple[float, ...]) -> list[tuple[float, ...]]:
-    if problem.causes[name].one_sided:
-        return [point]
-    return [point, (-point[0], *point[1:])]
+    return _accepted(search, name, best, []), True
 
 
 def _settled(search: Search) -> Fit:
