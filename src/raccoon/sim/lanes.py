@@ -12,6 +12,7 @@ from collections.abc import Iterable
 from raccoon.sim.quantities import Circuit, Plant, State
 
 BLOCK = 32  # robots: their numbers stay in the fastest cache
+VECTOR = 8  # robots that the widest vector unit does at once: the rest of them one by one would cost more
 STRIDE = 36  # from row to row: not a power of two, or rows would crowd into the same cache sets
 STATE_ROWS = len(State._fields)
 PLANT_ROWS = len(Plant._fields)
@@ -31,11 +32,11 @@ _BETWEEN = [row for row, name in enumerate(State._fields[:_FIRST_SAMPLED]) if na
 def lanes_text() -> str:
     """Source of `advance_lanes`, which brings count <= BLOCK robots from times[begin] to times[end].
 
-    Its arguments: a is the flat array, the others are as in `driver.advance`, except that noise[i]
-    has a column a robot and out[i, r + 1, first + k] gets the field of robot k < count.
+    Its arguments: a is the flat array, of whose lanes the first `width` are advanced, best a multiple of
+    what a vector holds; the others are as in `driver.advance`, except that noise[i] has a column a robot and
+    out[i, r + 1, first + k] gets the field of robot k < count.
     """
     return _TEXT.format(
-        block=BLOCK,
         stride=STRIDE,
         change=_cell(CHANGE_ROW),
         latency=_cell(STATE_ROWS + Plant._fields.index("latency")),
@@ -78,12 +79,14 @@ def _fields(rows: Iterable[int], indent: int) -> str:
 
 
 _TEXT = """
-def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, noise, kept, out, first, count):
+def advance_lanes(
+    a, width, commands, times, begin, end, cycle, longest_step, slots, noise, kept, out, first, count
+):
     turn = 0
     period = -1.0
     last = (2.0, 2.0, 2.0, 2.0)
     late = False
-    for k in range({block}):
+    for k in range(width):
         late = late or {latency} > 0.0
     for row in range(begin, end):
         dt = times[row + 1] - times[row]
@@ -93,17 +96,17 @@ def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, no
         per_h = 1.0 / h
         if period != period_of(dt / cycles):
             period = period_of(dt / cycles)
-            for k in range({block}):
+            for k in range(width):
                 p = Plant({plant})
                 keeps = kept_shares(p, period)
 {store_keeps}
         now = order_of(commands, row)
-        for k in range(0 if late or now == last else {block}):
+        for k in range(0 if late or now == last else width):
             p = Plant({plant})
             order = effective(p, now)
 {store_now}
         last = now
-        for k in range({block} if late else 0):
+        for k in range(width if late else 0):
             p = Plant({plant})
             index = in_force(times, row, p.latency)
             older = effective(p, order_of(commands, index))
@@ -113,13 +116,13 @@ def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, no
             {change} = change_time(times, row, index, p.latency)
         for each in range(cycles):
             for step in range(steps):
-                for k in range({block} if late else 0):
+                for k in range(width if late else 0):
                     share = within_unit({change} * per_h - (each * steps + step))
                     order = mixed(({older}), ({newer}), share)
 {store_order}
                 left = sample_place(slots[0], steps, step)
                 right = sample_place(slots[1], steps, step)
-                for k in range({block}):
+                for k in range(width):
                     s = State({state})
                     p = Plant({plant})
                     c = circuit(s, p, command(({order}), left, right), h)
@@ -127,24 +130,24 @@ def advance_lanes(a, commands, times, begin, end, cycle, longest_step, slots, no
                     rubbing = frictions(s, p, c, h)
                     speeds = driven(s, p, c, rubbing[0], rubbing[1], h)
 {store_speeds}
-                for k in range({block} if left > 0.0 or right > 0.0 else 0):
+                for k in range(width if left > 0.0 or right > 0.0 else 0):
                     s = State({state})
                     looked = sampled_both(s, {speeds}, left, right)
 {store_sampled}
-                for k in range({block} if step < steps - 1 else 0):
+                for k in range(width if step < steps - 1 else 0):
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
                     n = moved(s, p, command(({order}), left, right), c, {speeds}, h, per_h)
 {store_between}
-                for k in range({block} if step == steps - 1 else 0):
+                for k in range(width if step == steps - 1 else 0):
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
                     n = moved(s, p, command(({order}), left, right), c, {speeds}, h, per_h)
 {store_step}
             draw = turn % noise.shape[1]
-            for k in range({block}):
+            for k in range(width):
                 s = State({state})
                 p = Plant({plant})
                 n = sensed(s, p, dt / cycles, ({keeps}), noise[0, draw, k], noise[1, draw, k])

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from raccoon.sim.commands import Commands
 from raccoon.sim.compiled import advance_lanes, advance_one, has_numba
-from raccoon.sim.lanes import BLOCK, OLDER_ROW, ROWS, STATE_ROWS, STRIDE
+from raccoon.sim.lanes import BLOCK, OLDER_ROW, ROWS, STATE_ROWS, STRIDE, VECTOR
 from raccoon.sim.packing import Lanes
 from raccoon.sim.quantities import Plant, State
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-FEW = 4  # robots up to which one after the other is faster
+FEW = 1  # robots up to which one after the other is faster
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,6 +65,7 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
     final = np.empty_like(states)
     for first in range(0, len(states), BLOCK):
         count = min(BLOCK, len(states) - first)
+        width = -(-count // VECTOR) * VECTOR
         block = np.zeros((ROWS, STRIDE))
         block[:STATE_ROWS, :count] = states[first : first + count].T
         block[STATE_ROWS:OLDER_ROW, :count] = lanes.plant[first : first + count].T
@@ -73,7 +74,7 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
         noise[:, :, :count] = course.noise[:, :, first : first + count]
         flat = block.reshape(-1)
         advance(
-            flat, commands.rows, commands.time, course.begin, course.end, lanes.cycle, course.step,
+            flat, width, commands.rows, commands.time, course.begin, course.end, lanes.cycle, course.step,
             lanes.slots, noise, kept, out, first, count,
         )  # fmt: skip
         final[first : first + count] = flat.reshape(ROWS, STRIDE)[:STATE_ROWS, :count].T

@@ -34,10 +34,11 @@ def some_robots(count: int) -> list[Parameters]:
     ]
 
 
-def test_a_robot_in_a_lane_does_the_same_as_alone() -> None:
-    robots = some_robots(40)
+@pytest.mark.parametrize("count", [2, 5, 40])
+def test_a_robot_in_a_lane_does_the_same_as_alone(count: int) -> None:
+    robots = some_robots(count)
     together = rollout(robots, STEPS)
-    for index in (0, 31, 32, 39):
+    for index in sorted({0, 1, min(31, count - 1), count - 1}):
         alone = rollout(robots[index], STEPS)
         for name, values in alone.channels.items():
             np.testing.assert_array_equal(values[0], together[name][index], err_msg=name)
@@ -45,7 +46,7 @@ def test_a_robot_in_a_lane_does_the_same_as_alone() -> None:
 
 def test_robots_in_lanes_cost_a_fraction_of_robots_alone() -> None:
     pytest.importorskip("numba")
-    one, many = Lanes.of([nominal()]), Lanes.of([nominal()] * 128)
+    one, few, many = (Lanes.of([nominal()] * count) for count in (1, 8, 128))
 
     def cost(lanes: Lanes) -> float:
         begun = process_time()
@@ -53,8 +54,9 @@ def test_robots_in_lanes_cost_a_fraction_of_robots_alone() -> None:
         return process_time() - begun
 
     cost(one), cost(many)  # compiles
-    alone, together = (min(cost(each) for _ in range(5)) for each in (one, many))
+    alone, some, together = (min(cost(each) for _ in range(5)) for each in (one, few, many))
     assert together / 128 < alone / 4  # measured: a tenth
+    assert some < together / 8  # measured: a fourteenth; a block is no wider than it has robots
 
 
 def test_it_goes_on_from_a_final_state_as_if_it_had_not_stopped() -> None:
