@@ -77,6 +77,9 @@ FARTHEST = 2.0
 SHORTER = 0.3
 """Part of a step that is tried next where the whole of it made things worse."""
 
+BOUND_SWEEPS = 10
+"""Most times that it is asked anew which coordinates a bound holds."""
+
 
 @dataclass(slots=True)
 class _Track:
@@ -134,7 +137,8 @@ def _reach(ratio: float) -> float:
 def _step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
     """Damped Gauss-Newton step, and the decrease of the cost that the linear model foretells.
 
-    It is kept inside the bounds: a coordinate that would leave is held there.
+    It is kept inside the bounds: a coordinate that would leave goes as far as its bound, and the others to
+    where they are best beside it.
     """
     vector = fit.point.vector()
     low, high = problem.limits(fit.point)
@@ -143,14 +147,18 @@ def _step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
     gradient = fit.jacobian @ fit.white - vector
     free = np.ones(len(vector), bool)
     step = np.zeros(len(vector))
-    for _ in range(4):
-        step[:] = 0.0
-        step[~free] = np.clip(vector, low, high)[~free] - vector[~free]
-        step[free] = np.linalg.solve(gram[np.ix_(free, free)], gradient[free])
+    for _ in range(BOUND_SWEEPS):
+        pull = gradient[free] - gram[np.ix_(free, ~free)] @ step[~free]
+        step[free] = np.linalg.solve(gram[np.ix_(free, free)], pull)
         out = free & ((vector + step < low) | (vector + step > high))
-        if not out.any():
+        step[out] = (np.clip(vector + step, low, high) - vector)[out]
+        if out.any():
+            free &= ~out
+            continue
+        back = ~free & ((gradient - gram @ step) * np.where(vector + step <= low, 1.0, -1.0) > 0.0)
+        if not back.any():
             break
-        free &= ~out
+        free |= back
     moved = np.clip(vector + step, low, high)
     step = moved - vector
     return fit.point.moved(moved), float(2.0 * gradient @ step - step @ plain @ step)
