@@ -17,6 +17,7 @@ Index = NDArray[np.intp]
 
 BIN = 0.02
 SETTLING = 0.3
+HALF_A_COUNT = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +51,19 @@ def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> _Bins:
     return _Bins(samples, starts, sizes.astype(float), filled, before, after, share)
 
 
+def _before_cutting(channel: Channel) -> Array:
+    """A channel's samples; back-EMF as it was before the controller cut off what is behind the point.
+
+    Such a reading is half a count nearer to 0 than what was read, on the average. That is 0.3 % of a usual
+    speed, and what the voltage and the battery say of a reading's scale is surer than that: of 160 robots
+    two were told a scale 0.5 % too small.
+    """
+    values = np.nan_to_num(channel.values)
+    if channel.role.startswith("bemf") and not np.any(values % 1.0):
+        return np.asarray(values + HALF_A_COUNT * np.sign(values), float)
+    return values
+
+
 @dataclass(frozen=True, slots=True)
 class Features:
     """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres."""
@@ -68,7 +82,7 @@ class Features:
         position = np.floor((log.time - start) / BIN).astype(np.intp)
         maps = tuple(_bins(each, position, count) for each in log.channels)
         measured = np.column_stack(
-            [bins(np.nan_to_num(each.values)) for bins, each in zip(maps, log.channels, strict=True)]
+            [bins(_before_cutting(each)) for bins, each in zip(maps, log.channels, strict=True)]
         )
         return cls(
             tuple(each.role for each in log.channels),

@@ -1,0 +1,36 @@
+"""What of a recording is compared."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raccoon.diagnose.features import Features
+from raccoon.diagnose.log import Channel, Log
+
+Array = NDArray[np.float64]
+TIME: Array = np.linspace(0.0, 9.995, 2000, dtype=np.float64)
+
+
+def bins_of(values: Array, role: str = "bemf_left") -> Array:
+    log = Log(TIME, np.zeros((len(TIME), 2)), (Channel("motor.0.bemf", role, "counts", values, 1.0),))
+    return Features.of(log).measured[:, 0]
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_counts_are_taken_for_what_they_were_before_they_were_cut(sign: float) -> None:
+    speeds = sign * (150.0 + 100.0 * np.sin(TIME))
+    assert np.mean(bins_of(np.trunc(speeds)) - bins_of(speeds + 1e-9)) == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_silent_reading_stays_silent_and_one_with_a_fraction_as_it_is() -> None:
+    assert not bins_of(np.zeros(len(TIME))).any()
+    assert bins_of(np.full(len(TIME), 20.25)) == pytest.approx(20.25)
+    assert bins_of(np.full(len(TIME), 3.0), role="battery") == pytest.approx(3.0)
+
+
+def test_counts_that_are_missing_do_not_make_the_others_fractions() -> None:
+    values = np.full(len(TIME), -20.0)
+    values[::3] = np.nan
+    assert bins_of(values) == pytest.approx(-20.5)
