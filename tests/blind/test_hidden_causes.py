@@ -20,11 +20,6 @@ from raccoon.diagnose.select.search import rearranged
 from raccoon.diagnose.unknown import probes_for
 
 
-def said_about(cause: str, seed: int) -> tuple[str, Diagnosis]:
-    hidden = draw(cause, np.random.default_rng(seed))
-    return hidden.name, diagnose(make(seed, [hidden], seconds=25.0).columns, RobotConfig())
-
-
 @pytest.mark.parametrize(
     "cause",
     [
@@ -37,9 +32,14 @@ def said_about(cause: str, seed: int) -> tuple[str, Diagnosis]:
     ],
 )
 def test_a_single_hidden_cause_is_named_first(cause: str) -> None:
-    name, said = said_about(cause, 5)
+    """And what it gains is judged on 15 s of the drive that follow: of 7 s one late wheel is a large part."""
+    hidden = draw(cause, np.random.default_rng(5))
+    whole = make(5, [hidden], seconds=40.0).columns
+    seen = whole["t"] < 25.0
+    first, later = ({key: values[part] for key, values in whole.items()} for part in (seen, ~seen))
+    said = diagnose(first, RobotConfig(), holdout=later)
     assert said.causes, said.rejected
-    assert said.causes[0].name == name
+    assert said.causes[0].name == hidden.name
     assert said.causes[0].gain.heldout_rmse_after < said.causes[0].gain.heldout_rmse_before
 
 

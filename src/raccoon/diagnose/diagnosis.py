@@ -109,8 +109,8 @@ def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     judged = held_out(search, other)
     while len(search.fit.point.active) > 1:
         weak = [name for name in search.fit.point.active if search.gains.get(name, CLEAR) < CLEAR]
-        weak.sort(key=lambda name: judged.overall(judged.without[name]))
-        if not weak or judged.overall(judged.without[weak[0]]) > HARM * judged.overall(judged.after):
+        weak.sort(key=lambda name: judged.without[name])
+        if not weak or judged.without[weak[0]] > HARM * judged.size_after:
             break
         search = estimated(pruned(search, weak[0]))
         judged = held_out(search, other)

@@ -153,7 +153,7 @@ class Plan:
             asked = [id_] if id_ in names else [each for each in names if each.startswith(f"{id_}@")]
             least = min(map(power, asked))
             unusual = ", more than is usual" if 0.0 < least < VISIBLE else ""
-            found[id_] = shows_from(effect(id_).parameters[0], least, gate(id_)) + unusual
+            found[id_] = shows_from(effect(id_).parameters[0], least, gate(id_, alone=True)) + unusual
         return found
 
 

@@ -193,7 +193,7 @@ def fit_afresh(problem: Problem, whitener: Whitening, starts: Sequence[Point], i
     return fit_many(problem, whitener, starts, np.zeros((0, problem.features.measured.size)), iterations)
 
 
-def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 6) -> Fit:
+def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 10) -> Fit:
     """Fit everything from one start, all columns simulated in every iteration, until it has arrived."""
     return fit_afresh(problem, whitener, [start], iterations)[0]
 

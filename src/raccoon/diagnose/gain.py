@@ -35,8 +35,10 @@ class Masked:
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """Root mean squares on held-out bins. before, after, floor: (channels,). without: after dropping each
-    cause. time (bins,), measured (bins, channels), residual (2, bins, channels): those bins themselves,
+    """Errors on held-out bins. before, after, floor: (channels,), root mean squares. size_before, size_after,
+    and without, after dropping each cause: one number for all channels (see `size_of`).
+
+    time (bins,), measured (bins, channels), residual (2, bins, channels): those bins themselves,
     measured less simulated before and after, for pictures. expected (channels,): what `after` should be on
     data that no fit has seen: the floor, friction that wanders, what no model gets right, and how uncertain
     the fit is. The floor alone is what a fit of everything leaves on data it has seen."""
@@ -44,22 +46,18 @@ class HeldOut:
     before: Array
     after: Array
     floor: Array
-    without: dict[str, Array]
+    size_before: float
+    size_after: float
+    without: dict[str, float]
     time: Array
     measured: Array
     residual: Array
     expected: Array
 
-    def overall(self, rms: Array) -> float:
-        """One number for all channels, in units of their noise."""
-        return float(np.sqrt(np.mean((rms / self.floor) ** 2)))
-
     def share(self, name: str) -> float:
         """Part of what could be gained at all that one cause gains, 0..1."""
-        possible = max(self.overall(self.before) ** 2 - 1.0, 1e-6)
-        return float(
-            np.clip((self.overall(self.without[name]) ** 2 - self.overall(self.after) ** 2) / possible, 0, 1)
-        )
+        possible = max(self.size_before**2 - 1.0, 1e-6)
+        return float(np.clip((self.without[name] ** 2 - self.size_after**2) / possible, 0, 1))
 
     @property
     def surprise(self) -> float:
@@ -73,10 +71,19 @@ class HeldOut:
     @property
     def left(self) -> float:
         """Part of what could be gained that the causes do not gain, 0..1."""
-        possible = max(self.overall(self.before) ** 2 - 1.0, 1e-6)
+        possible = max(self.size_before**2 - 1.0, 1e-6)
         if possible < 0.02:
             return 0.0
-        return float(np.clip((self.overall(self.after) ** 2 - 1.0) / possible, 0.0, 1.0))
+        return float(np.clip((self.size_after**2 - 1.0) / possible, 0.0, 1.0))
+
+
+def size_of(residual: Array, floor: Array) -> float:
+    """Root mean square of a residual (bins, channels) in units of the channels' noise. No half second counts
+    for more than `MOST_OF_EVENT` usual ones: a wheel that breaks loose a moment late, which is chance, would
+    decide what a cause is worth."""
+    events, lengths = event_means(((residual / floor) ** 2).mean(axis=1))
+    most = MOST_OF_EVENT * max(float(np.median(events)), 1.0)
+    return float(np.sqrt(np.average(np.minimum(events, most), weights=lengths)))
 
 
 def held_out(search: Search, other: Problem | None) -> HeldOut:
@@ -94,15 +101,18 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     judged = problem if other is None else other
     residual = judged.features.measured - judged.predict(points)
     kept = residual[:, split:] if other is None else residual
-    rms = np.sqrt((kept**2).mean(axis=1))
+    rms = np.sqrt((kept[:2] ** 2).mean(axis=1))
     rest = search.whitener.rest[split:] if other is None else search.whitener.rest
     floor = _floor(problem, rest)
     start = split if other is None else 0
+    sizes = [size_of(each, floor) for each in kept]
     return HeldOut(
         rms[0],
         rms[1],
         floor,
-        dict(zip(names, rms[2:], strict=True)),
+        sizes[0],
+        sizes[1],
+        dict(zip(names, sizes[2:], strict=True)),
         judged.features.time[start:],
         judged.features.measured[start:],
         kept[:2],

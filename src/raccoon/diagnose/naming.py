@@ -41,14 +41,13 @@ NEEDS = {
 
 def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[CauseResult, ...]:
     """The causes of the final set, those first that change most; see `gain.contributions`."""
-    after = judged.overall(judged.after)
     sizes = contributions(search)
     names = sorted(sizes, key=lambda name: -sizes[name])
     found = []
     for rank, name in enumerate(names, start=1):
         cause = search.problem.causes[name]
         values = parameters(search, cause, spread)
-        gain = Gain(judged.overall(judged.without[name]), after, judged.share(name))
+        gain = Gain(judged.without[name], judged.size_after, judged.share(name))
         rivals = confounded(search, cause)
         found.append(
             CauseResult(
@@ -123,7 +122,7 @@ def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
     for role in needed:
         if log.channel(role) is None:
             return f"not identifiable: there is no {role} reading in this recording"
-    from_size = shows_from(parameter, visible, gate(id_))
+    from_size = shows_from(parameter, visible, gate(id_, alone=not search.fit.point.active))
     shows = f"; would show {from_size}" if from_size else ""
     if visible < VISIBLE:
         return f"not visible in this recording: a usual deviation would not show{shows}"

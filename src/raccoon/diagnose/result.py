@@ -60,7 +60,8 @@ class ParameterResult:
 
 @dataclass(frozen=True, slots=True)
 class Gain:
-    """Error on held-out data without and with a cause, over all channels, in units of their noise.
+    """Error on held-out data without and with a cause, over all channels, in units of their noise; no half
+    second counts for more than four usual ones.
 
     share: of what could be gained at all.
     """

@@ -19,7 +19,7 @@ from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_afresh, fit_at, fit_point
 from raccoon.diagnose.forms import form_error
-from raccoon.diagnose.gain import HeldOut, contributions
+from raccoon.diagnose.gain import HeldOut, contributions, size_of
 from raccoon.diagnose.habits import problem_of, starting_settings
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Settings, base_coordinates, neutral_settings
 from raccoon.diagnose.linear import linearise, tabulate
@@ -27,7 +27,7 @@ from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, heard, parameters_of
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
 from raccoon.diagnose.select.joint import _all_straight
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
@@ -92,6 +92,10 @@ def test_a_floor_must_be_beaten_by_more() -> None:
     assert usual == gate("imu.gyro_bias") == EVIDENCE_GATE
     assert usual < slope < uneven < one_wheel == gate("friction.stiction@right")
     assert gate("bemf.scale") < gate("bemf.scale@right")
+    assert gate("imu.gyro_bias", alone=True) == gates(["imu.gyro_bias"]) == LONE_GATE < EVIDENCE_GATE
+    for name in ("friction.viscous", "bemf.scale", "actuation.deadband"):  # noise of a robot as it should be
+        assert gate(name, alone=True) == gates([name]) == EVIDENCE_GATE
+    assert gates(["friction.viscous", "imu.gyro_bias"]) == 2.0 * EVIDENCE_GATE
 
 
 def test_a_variant_has_the_numbers_of_the_parameters_it_stands_for(problem: Problem) -> None:
@@ -173,10 +177,10 @@ def test_half_of_a_lag_is_given_to_another_of_the_same_readings(problem: Problem
 
 def test_the_surer_a_cause_the_more_it_may_fall_short_on_blocks_left_out() -> None:
     """Blocks are foreseen by straight lines: a friction 20 % off, worth 25, was dropped for -0.4 there."""
-    assert _fails_held_out("friction.coulomb", EVIDENCE_GATE + 1.0, -0.4)
-    assert not _fails_held_out("friction.coulomb", 25.0, -0.4)
-    assert _fails_held_out("friction.coulomb", 25.0, -20.0)
-    assert not _fails_held_out("friction.coulomb", SURE, -20.0)
+    assert _fails_held_out(EVIDENCE_GATE + 1.0, EVIDENCE_GATE, -0.4)
+    assert not _fails_held_out(25.0, EVIDENCE_GATE, -0.4)
+    assert _fails_held_out(25.0, EVIDENCE_GATE, -20.0)
+    assert not _fails_held_out(SURE, EVIDENCE_GATE, -20.0)
 
 
 def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -> None:
@@ -380,7 +384,7 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
 
 def held(residual: np.ndarray) -> HeldOut:
     one, nothing = np.ones(2), np.zeros(len(residual))
-    return HeldOut(one, one, one, {}, nothing, residual, np.stack([residual, residual]), one)
+    return HeldOut(one, one, one, 1.0, 1.0, {}, nothing, residual, np.stack([residual, residual]), one)
 
 
 def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
@@ -390,6 +394,15 @@ def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
     assert held(usual).surprise == pytest.approx(1.0, abs=0.05)
     assert held(event).surprise == pytest.approx(1.0, abs=0.1)
     assert held(1.6 * usual).surprise == pytest.approx(1.6, abs=0.1)
+    assert size_of(event, np.ones(2)) == pytest.approx(size_of(usual, np.ones(2)), abs=0.1)
+
+
+def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out() -> None:
+    rest = np.random.default_rng(2).standard_normal((20 * EVENT + 7, 2)) * [3.0, 8.0]
+    floor = np.array([1.0, 2.0])
+    plain = float(np.sqrt(((rest / floor) ** 2).mean()))
+    assert size_of(rest, floor) == pytest.approx(plain, rel=1e-6)
+    assert size_of(0.2 * rest, floor) == pytest.approx(0.2 * plain, rel=1e-6)
 
 
 def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Problem) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit import Fit, fit_afresh, fit_many, fit_point
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import first_guess
 from raccoon.diagnose.select.sets import Sets, overlap
@@ -63,8 +63,7 @@ def compared(search: Search) -> Fit | None:
 
 def net_lead(search: Search, fit: Fit, settled: Fit) -> float:
     """Log evidence of a fit over another, each less the gates of its causes."""
-    gates = [sum(map(gate, each.point.active)) for each in (fit, settled)]
-    return lead(search.problem, fit, settled) - gates[0] + gates[1]
+    return lead(search.problem, fit, settled) - gates(fit.point.active) + gates(settled.point.active)
 
 
 def _exchanged(search: Search) -> Iterator[tuple[str, str, Point]]:

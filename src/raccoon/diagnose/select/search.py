@@ -68,11 +68,12 @@ def forward(search: Search) -> tuple[Search, bool]:
     if probe.lead > PROBE_GATE and far_ahead:
         return _with_unknown(search, probe), True
     for name, fit, gain in ranked:
-        if gain < _gate(search, name):
+        needed = _needed(search, name, alone=not search.fit.point.active)
+        if gain < needed:
             search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
             continue
         held_out = held_out_score(fit) - reference_held_out
-        if _fails_held_out(name, gain, held_out):
+        if _fails_held_out(gain, needed, held_out):
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
         rivals = [
@@ -86,15 +87,20 @@ def forward(search: Search) -> tuple[Search, bool]:
     return search, False
 
 
-def _gate(search: Search, name: str) -> float:
+def _needed(search: Search, name: str, alone: bool) -> float:
     """The gate; beside something unknown a cause must explain a fair part of what that explains."""
-    return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values(), default=0.0))
+    if search.unknown:
+        return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values()))
+    return gate(name, alone)
 
 
-def _fails_held_out(name: str, gain: float, held_out: float) -> bool:
+def _fails_held_out(gain: float, needed: float, held_out: float) -> bool:
     """Whether a cause must help on blocks left out and does not. They are predicted by straight lines, which
-    a large cause bends."""
-    wanted = HELD_OUT_GATE - FORGIVEN * max(gain - gate(name), 0.0)
+    a large cause bends.
+
+    needed: the log evidence that it must have.
+    """
+    wanted = HELD_OUT_GATE - FORGIVEN * max(gain - needed, 0.0)
     return held_out < wanted and gain < SURE
 
 
@@ -125,8 +131,9 @@ def backward(search: Search) -> tuple[Search, bool]:
         dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = reference_held_out - held_out_score(dropped)
-        fails = _fails_held_out(name, search.gains[name], search.held_out[name])
-        if search.gains[name] < _gate(search, name) or fails:
+        needed = _needed(search, name, alone=len(names) == 1)
+        fails = _fails_held_out(search.gains[name], needed, search.held_out[name])
+        if search.gains[name] < needed or fails:
             search.failed[name] = "others explain it better together"
             return _accepted_less(search, name, dropped), True
     return search, False
@@ -137,7 +144,7 @@ def _dropped(search: Search, settled: Fit, name: str) -> Fit:
     problem, whitener, less = search.problem, search.whitener, search.fit.point.without_cause(name)
     dropped = fit_many(problem, whitener, [less], search.fit.jacobian[_rows_without(search, name)], 3)[0]
     gain = lead(problem, settled, dropped)
-    if not gate(name) < gain < WEAK * gate(name) or len(less.active) == 0:
+    if not gate(name) < gain < WEAK * gate(name) or not less.active:
         return dropped
     again = fit_point(problem, whitener, dropped.point)
     return again if again.cost < dropped.cost else dropped

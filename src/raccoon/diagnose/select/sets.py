@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.linear import Group
-from raccoon.diagnose.select.gates import gate
+from raccoon.diagnose.select.gates import gates
 from raccoon.diagnose.select.outlook import Search
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ class Sets:
         """Log evidence less the gates of all."""
         if chosen not in self.scores:
             _, evidence = self.solve(chosen)
-            self.scores[chosen] = evidence - sum(gate(self.members[each].name) for each in chosen)
+            self.scores[chosen] = evidence - gates([self.members[each].name for each in chosen])
         return self.scores[chosen]
 
     def climb(self, chosen: Chosen) -> None:
