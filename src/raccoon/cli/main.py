@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Protocol, cast
 
 from raccoon import __version__
@@ -62,7 +63,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return int(args.run(args))
     except (RaccoonError, FileNotFoundError, FileExistsError, IsADirectoryError, PermissionError) as error:
-        print(f"raccoon {args.command}: {error}", file=sys.stderr)
+        print(f"raccoon {args.command}: {_told(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print(f"raccoon {args.command}: interrupted", file=sys.stderr)
@@ -70,3 +71,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 141
+
+
+def _told(error: Exception) -> str:
+    """What went wrong; of a file its name first, and how to come to a robot.toml where there is none."""
+    if not isinstance(error, OSError) or error.filename is None or error.strerror is None:
+        return str(error)
+    hint = ""
+    if isinstance(error, FileNotFoundError) and Path(error.filename).name == "robot.toml":
+        hint = "; `raccoon init` writes one to start from"
+    return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}{hint}"

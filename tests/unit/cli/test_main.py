@@ -62,3 +62,15 @@ def test_init_writes_a_file_that_can_be_read_and_never_overwrites(
 def test_bad_input_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "--jobs", "0"]) == 2
     assert capsys.readouterr().err == "raccoon demo: --jobs 0: allowed are whole numbers from 1\n"
+
+
+def test_a_file_that_is_not_there_is_named_and_how_to_make_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["excite"]) == 2
+    assert capsys.readouterr().err == (
+        "raccoon excite: robot.toml: no such file or directory; `raccoon init` writes one to start from\n"
+    )
+    assert main(["diagnose", "run.csv"]) == 2
+    assert capsys.readouterr().err == "raccoon diagnose: run.csv: there is no such recording\n"
