@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from raccoon.diagnose.evidence import Gram, cross_validated
 from raccoon.diagnose.noise import STEADY, fit_noise, whiteness
@@ -88,3 +89,22 @@ def test_whitening_is_an_innovation_unmixed_by_its_regime() -> None:
         expected[:, t] = model.weights[t] * (signals[:, t] - past) @ model.unmix[regimes[t]].T
     np.testing.assert_allclose(model.whiten(signals), expected, atol=1e-12)
     np.testing.assert_allclose(model.whiten(signals[0]), expected[0], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_inside_bounds_the_most_likely_place_is_that_of_bounded_least_squares(seed: int) -> None:
+    x, y, gram = random_gram(seed)
+    low, high = np.array([-0.1, -0.05, -np.inf, 0.0]), np.array([0.1, 0.05, np.inf, 0.2])
+    mean, evidence = gram.bounded(low, high)
+    least = lsq_linear(np.vstack([x, np.eye(4)]), np.concatenate([y, np.zeros(4)]), (low, high)).x
+    assert (mean >= low).all()
+    assert (mean <= high).all()
+
+    def cost(u: np.ndarray) -> float:
+        return float(((y - x @ u) ** 2).sum() + u @ u)
+
+    assert cost(mean) <= cost(least) + 0.02 * (cost(np.zeros(4)) - cost(least))
+    free, whole = gram.bounded(np.full(4, -np.inf), np.full(4, np.inf))
+    assert free == pytest.approx(gram.solve()[0])
+    assert whole == pytest.approx(gram.evidence())
+    assert evidence - whole == pytest.approx(0.5 * (cost(free) - cost(mean)))

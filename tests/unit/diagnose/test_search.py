@@ -28,13 +28,14 @@ from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, heard, parameters_of
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
-from raccoon.diagnose.select.joint import _all_straight
+from raccoon.diagnose.select.joint import _all_straight, _of_their_families
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
     Search,
     estimated,
     lead,
     look_around,
+    screen,
     start_search,
 )
 from raccoon.diagnose.select.refits import shared_lags
@@ -181,6 +182,40 @@ def test_the_surer_a_cause_the_more_it_may_fall_short_on_blocks_left_out() -> No
     assert not _fails_held_out(25.0, EVIDENCE_GATE, -0.4)
     assert _fails_held_out(25.0, EVIDENCE_GATE, -20.0)
     assert not _fails_held_out(SURE, EVIDENCE_GATE, -20.0)
+
+
+def test_relatives_of_the_best_are_fitted_from_every_column_too(problem: Problem) -> None:
+    """A friction a fifth too large was missed: beside friction at its bound resistance had better columns."""
+    white = np.zeros(4)
+    names = (
+        ["motor.armature_resistance@right"], ["drive.wheel_radius"], ["friction.coulomb", "imu.latency"],
+        ["friction.coulomb"], ["friction.coulomb"], ["imu.gyro_scale"],
+    )  # fmt: skip
+    fits = []
+    for each in names:
+        point = Point(np.zeros(1), {name: np.zeros(1) for name in each})
+        fits.append(Fit(point, white, np.zeros((1, 4)), 0.0, np.ones(1, bool)))
+    assert _of_their_families(fits, fits[:3]) == [fits[3]]
+    assert _of_their_families(fits, fits[1:3]) == []
+
+
+def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem) -> None:
+    """Where a base number is held, a cause is judged as if that could go back; else as before."""
+    friction = problem.nominal().with_cause("friction.coulomb", np.array([0.3]))
+    measured = problem.predict([friction])[0]
+    problem = replace(problem, features=replace(problem.features, measured=measured))
+    search = search_at(problem, problem.nominal())
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb", "imu.latency"])
+    table, _ = tabulate(linear, [], search.whitener, len(problem.base))
+    search = replace(search, table=table)
+    place = next(i for i, each in enumerate(problem.base) if each.name == "friction.coulomb.torque")
+    free = {group.name: gain for gain, group, _ in screen(search)}
+    held = np.ones(len(problem.base), bool)
+    held[place] = False
+    bent = replace(search, fit=replace(search.fit, free=held))
+    bounded = {group.name: gain for gain, group, _ in screen(bent)}
+    assert bounded["friction.coulomb"] > free["friction.coulomb"]  # alone, friction would go beyond its bound
+    assert max(bounded, key=lambda name: bounded[name]) == "friction.coulomb"
 
 
 def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -> None:

@@ -9,7 +9,7 @@ moment by moment.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from raccoon.diagnose.fit import Fit, fit_afresh, fit_at, fit_many, fit_point
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search, look_around
-from raccoon.diagnose.select.refits import both_signs, first_guess
+from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
 from raccoon.diagnose.select.sets import Chosen, Sets, overlap
 
@@ -57,10 +57,23 @@ def better_set(search: Search) -> Fit | None:
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, starts, base, 4)
     fits.sort(key=lambda fit: -net_lead(search, fit, settled))
-    hopeful = [each.point for each in fits[:POLISHED] if net_lead(search, each, settled) > -HOPE]
+    best = [*fits[:POLISHED], *_of_their_families(fits, fits[:POLISHED])]
+    hopeful = [each.point for each in best if net_lead(search, each, settled) > -HOPE]
     polished = [_needed(search, fit) for fit in fit_afresh(problem, whitener, hopeful, 4)]
-    best = max(polished, key=lambda fit: net_lead(search, fit, settled), default=None)
-    return best if best is not None and net_lead(search, best, settled) > BETTER else None
+    first = max(polished, key=lambda fit: net_lead(search, fit, settled), default=None)
+    return first if first is not None and net_lead(search, first, settled) > BETTER else None
+
+
+def _of_their_families(fits: Sequence[Fit], best: Sequence[Fit]) -> list[Fit]:
+    """The best fit of each relative of a cause that stands alone among the best: columns of a bent model lead
+    to the wrong one of them."""
+    alone = [next(iter(each.point.active)) for each in best if len(each.point.active) == 1]
+    wholes = {name.partition("@")[0] for name in alone}
+    relatives = {each for family in FAMILIES if wholes & set(family) for each in family} - set(alone)
+    found = (
+        next((fit for fit in fits if list(fit.point.active) == [each]), None) for each in sorted(relatives)
+    )
+    return [each for each in found if each is not None]
 
 
 def explains_more(search: Search, other: Search) -> float:

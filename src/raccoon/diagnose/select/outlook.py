@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -128,25 +128,48 @@ def steadied(search: Search) -> Whitener:
 Screened = list[tuple[float, Group, Array]]
 
 
-def screen(search: Search, table: Table | None = None) -> Screened:
-    """Evidence that each cause that is off would add, by the linear model; best first."""
+def screen(search: Search, table: Table | None = None, held: bool = False) -> Screened:
+    """Evidence that each cause that is off would add, by the linear model; best first.
+
+    held: what a bound holds stays there; else it goes where it is best beside each.
+    """
     table = search.table if table is None else table
-    free = search.fit.free
-    always = [int(i) for i in np.flatnonzero(free)]
-    held = np.zeros(len(table.whole.projection))
-    held[: len(free)] = np.where(free, 0.0, search.fit.point.vector())
-    whole = table.whole.shifted(held)
-    rest = whole.take([*always, *(i for _, span in table.off for i in span)]).without(len(always))
-    found, position = [], 0
-    for group, span in table.off:
-        chosen = rest.take(range(position, position + len(span)))
-        position += len(span)
-        mean, gain, _ = chosen.solve()
-        if group.one_sided and mean[0] <= 0.0:
-            continue
-        found.append((gain, group, mean))
+    stays = held or bool(search.fit.free.all())
+    solved = _beside_held(search, table) if stays else _beside_bounded(search, table)
+    found = [
+        (gain, group, mean)
+        for (group, _), (mean, gain) in zip(table.off, solved, strict=True)
+        if not group.one_sided or mean[0] > 0.0
+    ]
     found.sort(key=lambda each: -each[0])
     return found
+
+
+def _beside_held(search: Search, table: Table) -> Iterator[tuple[Array, float]]:
+    """Coordinates of each group that is off, and the log evidence that it adds to all that is on."""
+    free = search.fit.free
+    always = [int(i) for i in np.flatnonzero(free)]
+    stay = np.zeros(len(table.whole.projection))
+    stay[: len(free)] = np.where(free, 0.0, search.fit.point.vector())
+    whole = table.whole.shifted(stay)
+    rest = whole.take([*always, *(i for _, span in table.off for i in span)]).without(len(always))
+    position = 0
+    for _, span in table.off:
+        mean, gain, _ = rest.take(range(position, position + len(span))).solve()
+        position += len(span)
+        yield mean, gain
+
+
+def _beside_bounded(search: Search, table: Table) -> Iterator[tuple[Array, float]]:
+    """The same where a bound holds some of that: beside what takes its burden, it leaves the bound."""
+    low, high = search.problem.limits(search.fit.point)
+    own = list(range(len(low)))
+    _, before = table.whole.take(own).bounded(low, high)
+    for _, span in table.off:
+        far = np.full(len(span), np.inf)
+        limits = np.concatenate([low, -far]), np.concatenate([high, far])
+        mean, after = table.whole.take([*own, *span]).bounded(*limits)
+        yield mean[len(own) :], after - before
 
 
 def lead(problem: Problem, fit: Fit, other: Fit) -> float:
@@ -180,7 +203,7 @@ def best_probe(search: Search) -> Probed:
     found = [Probed("", 0.0, 0.0)]
     # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
     most_of_all = MOST_OF_EVENT * len(search.problem.features.time) / EVENT
-    for gain, group, _ in screen(search):
+    for gain, group, _ in screen(search, held=True):
         if group.name in search.problem.causes or group.name in search.unknown:
             continue
         if gain < LEAST_OF_PROBE or len(found) > PROBES_TRIED:
