@@ -78,15 +78,17 @@ def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, Parame
 
 
 def confounded(search: Search, cause: Cause) -> tuple[str, ...]:
-    """Causes that explain this recording as well in its place."""
+    """Causes that explain this recording as well in its place, and those that no drive tells from one of
+    them."""
     close = [each.name for each in search.rivals.get(cause.name, []) if each.lead < CLOSE]
     close = [each for each in close if each not in search.fit.point.active]
-    if cause.where is None:
-        for twins in TWINS:
-            if cause.id in twins:
-                close.extend(sorted(twins - {cause.id} - set(close)))
-        if cause.id == "motor.armature_resistance":
-            close.extend(each for each in SCALE if each not in (cause.id, *search.fit.point.active))
+    for twins in TWINS:
+        if cause.name in twins:
+            close.extend(sorted(twins - {cause.name, *close}))
+        elif twins & set(close):
+            close.extend(sorted(twins - {*close, *search.fit.point.active}))
+    if cause.name == "motor.armature_resistance":
+        close.extend(each for each in SCALE if each not in (cause.id, *search.fit.point.active))
     return tuple(dict.fromkeys(close))
 
 

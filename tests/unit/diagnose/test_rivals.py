@@ -57,6 +57,20 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
         assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
 
 
+def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:
+    """K_E was said with the track width beside it where the gyro's scale, that one's twin, was hidden."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    search = searched(problem, late, late)
+    search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE - 1.0)]}
+    cause = CAUSES["imu.latency"]
+    assert set(confounded(search, cause)) == {"drive.track_width", "drive.wheel_radius", "imu.gyro_scale"}
+    both = Point(late.base, {**late.active, "imu.gyro_scale": np.zeros(1)})
+    search.fit = replace(search.fit, point=both)
+    assert set(confounded(search, cause)) == {"drive.track_width", "drive.wheel_radius"}
+    search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE + 1.0)]}
+    assert confounded(search, cause) == ()
+
+
 def test_a_rival_that_explains_more_takes_the_place(problem: Problem) -> None:
     nominal = problem.nominal()
     late = nominal.with_cause("imu.latency", np.array([1.0]))
