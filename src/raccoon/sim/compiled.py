@@ -11,7 +11,7 @@ import hashlib
 import importlib.util
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from raccoon.core.files import write_atomically
-from raccoon.sim.lanes import lanes_text
+from raccoon.sim.lanes import SELDOM, lanes_text
 
 Advance = Callable[..., Any]
 _TEXTS = ("series.py", "equations.py", "sensing.py", "driver.py")
@@ -36,11 +36,12 @@ def has_numba() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
-def source(without: str | None = None) -> str:
-    """Text of all functions of the plant; `without` leaves out the terms of that effect."""
+def source(without: Collection[str] = ()) -> str:
+    """Text of all functions of the plant; `without`: effects whose terms it leaves out."""
     texts = [files("raccoon.sim").joinpath(name).read_text("utf-8") for name in _TEXTS]
-    functions = [_functions(_without(text, without) if without else text) for text in texts]
-    return "\n\n".join((_HEAD, *functions, lanes_text()))
+    for effect in without:
+        texts = [_without(text, effect) for text in texts]
+    return "\n\n".join((_HEAD, *map(_functions, texts), lanes_text()))
 
 
 def _functions(text: str) -> str:
@@ -78,9 +79,12 @@ def advance_one() -> Advance:
 
 
 @cache
-def advance_lanes() -> Advance:
-    """The form for many robots (see `lanes`)."""
-    return _whole().advance_lanes  # type: ignore[no-any-return]
+def advance_lanes(plain: bool = False) -> Advance:
+    """The form for many robots (see `lanes`). plain: for robots with none of the effects in `SELDOM`."""
+    if not plain:
+        return _whole().advance_lanes  # type: ignore[no-any-return]
+    text = source(without=SELDOM)
+    return (compiled_module(text) if has_numba() else python_module(text)).advance_lanes  # type: ignore[no-any-return]
 
 
 @cache

@@ -246,8 +246,11 @@ def rolled(
     alone = wheel * stays
     ahead = turn - coasting * (1.0 - stays) * wheel
     taken = 0.0
+    free = 0.0
     taken = slack(play, ahead, after - alone, half_play, h, per_h) - play  # effect: drive.backlash
-    free = 1.0 if abs(play + taken) < half_play else taken / (ahead if ahead != 0.0 else 1.0)
+    free = (
+        1.0 if abs(play + taken) < half_play else taken / (ahead if ahead != 0.0 else 1.0)
+    )  # effect: drive.backlash
     turn -= taken
     cosine, sine = rotated(cosine, sine, turn)
     behind = after + free * (alone - after)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.sim.commands import Commands
 from raccoon.sim.compiled import advance_lanes, advance_one, has_numba
-from raccoon.sim.lanes import BLOCK, OLDER_ROW, ROWS, STATE_ROWS, STRIDE, VECTOR
+from raccoon.sim.lanes import BLOCK, OLDER_ROW, ROWS, SELDOM, STATE_ROWS, STRIDE, VECTOR
 from raccoon.sim.packing import Lanes
 from raccoon.sim.quantities import Plant, State
 
@@ -60,22 +61,42 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
 
 
 def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
-    advance = advance_lanes()
     commands = course.commands
     final = np.empty_like(states)
-    for first in range(0, len(states), BLOCK):
-        count = min(BLOCK, len(states) - first)
-        width = -(-count // VECTOR) * VECTOR
+    for plain, places in _blocks(lanes.plant):
+        count = len(places)
+        width = _vectors(count)
         block = np.zeros((ROWS, STRIDE))
-        block[:STATE_ROWS, :count] = states[first : first + count].T
-        block[STATE_ROWS:OLDER_ROW, :count] = lanes.plant[first : first + count].T
+        block[:STATE_ROWS, :count] = states[places].T
+        block[STATE_ROWS:OLDER_ROW, :count] = lanes.plant[places].T
         block[:OLDER_ROW, count:] = block[:OLDER_ROW, :1]  # idle lanes repeat the first robot
         noise = np.zeros((2, course.noise.shape[1], BLOCK))
-        noise[:, :, :count] = course.noise[:, :, first : first + count]
+        noise[:, :, :count] = course.noise[:, :, places]
         flat = block.reshape(-1)
-        advance(
+        advance_lanes(plain)(
             flat, width, commands.rows, commands.time, course.begin, course.end, lanes.cycle, course.step,
-            lanes.slots, noise, kept, out, first, count,
+            lanes.slots, noise, kept, out, places, count,
         )  # fmt: skip
-        final[first : first + count] = flat.reshape(ROWS, STRIDE)[:STATE_ROWS, :count].T
+        final[places] = flat.reshape(ROWS, STRIDE)[:STATE_ROWS, :count].T
     return final
+
+
+def _blocks(plants: Floats) -> Iterator[tuple[bool, Indices]]:
+    """Which robots run side by side, and whether all of them are plain: without the effects in `SELDOM`.
+
+    Where the others leave lanes of a vector idle, plain ones fill them.
+    """
+    seldom = np.zeros(len(plants), bool)
+    for fields in SELDOM.values():
+        for name, neutral in fields.items():
+            seldom |= plants[:, Plant._fields.index(name)] != neutral
+    others, plain = np.flatnonzero(seldom), np.flatnonzero(~seldom)
+    idle = _vectors(len(others)) - len(others)
+    for kind, robots in ((False, np.concatenate([others, plain[:idle]])), (True, plain[idle:])):
+        for first in range(0, len(robots), BLOCK):
+            yield kind, robots[first : first + BLOCK]
+
+
+def _vectors(robots: int) -> int:
+    """Lanes of the vectors that hold so many robots."""
+    return -(-robots // VECTOR) * VECTOR

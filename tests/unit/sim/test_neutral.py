@@ -13,6 +13,7 @@ from raccoon.sim import driver
 from raccoon.sim.catalogue import CATALOGUE
 from raccoon.sim.compiled import advance_one, python_module, source
 from raccoon.sim.effects import Effect, Place
+from raccoon.sim.lanes import SELDOM
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, state_at_rest
 from raccoon.sim.port import SimPort
@@ -39,13 +40,13 @@ def anything(entry: Effect, random: np.random.Generator) -> dict[str, float]:
     return values
 
 
-def everything_but(id: str, seed: int) -> Parameters:  # noqa: A002
-    """A robot with every effect switched on somehow, except one."""
+def everything_but(*ids: str, seed: int) -> Parameters:
+    """A robot with every effect switched on somehow, except these."""
     random = np.random.default_rng(seed)
     parameters = Parameters.from_robot(ROBOT)
     for entry in CATALOGUE.values():
         for where in ("left", "right") if sided(entry) else (None,):
-            if entry.id != id:
+            if entry.id not in ids:
                 parameters = parameters.with_effect(entry.id, where, **anything(entry, random))
     return parameters
 
@@ -71,8 +72,25 @@ def test_the_terms_are_those_of_the_catalogue() -> None:
 @pytest.mark.parametrize("effect", TERMS)
 def test_without_its_term_the_plant_gives_the_same_bits(effect: str) -> None:
     parameters = everything_but(effect, seed=len(effect))
-    without = python_module(source(without=effect)).advance
+    without = python_module(source(without=[effect])).advance
     assert run(driver.advance, parameters) == run(without, parameters)
+
+
+def test_a_robot_without_the_seldom_effects_does_the_same_in_the_text_without_them() -> None:
+    assert set(SELDOM) < set(TERMS)
+    parameters = everything_but(*SELDOM, seed=17)
+    assert run(driver.advance, parameters) == run(python_module(source(without=SELDOM)).advance, parameters)
+
+
+@pytest.mark.parametrize("effect", SELDOM)
+def test_a_robot_with_one_of_them_is_told_by_its_numbers(effect: str) -> None:
+    neutral = plant_numbers(Parameters.from_robot(ROBOT))._asdict()
+    fields = SELDOM[effect]
+    assert fields == {name: neutral[name] for name in fields}
+    random = np.random.default_rng(len(effect))
+    for where in ("left", "right") if sided(CATALOGUE[effect]) else (None,):
+        one = Parameters.from_robot(ROBOT).with_effect(effect, where, **anything(CATALOGUE[effect], random))
+        assert any(plant_numbers(one)._asdict()[name] != value for name, value in fields.items())
 
 
 @pytest.mark.parametrize("effect", TERMS)
@@ -80,7 +98,7 @@ def test_away_from_neutral_its_term_does_something(effect: str) -> None:
     parameters = everything_but("none", seed=len(effect))
     # Wide enough that the readings of this run fall into it.
     parameters = parameters.with_effect("bemf.dead_zone", counts=80.0)
-    without = python_module(source(without=effect)).advance
+    without = python_module(source(without=[effect])).advance
     assert run(driver.advance, parameters) != run(without, parameters)
 
 

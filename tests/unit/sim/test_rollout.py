@@ -7,6 +7,7 @@ import pytest
 
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.sim import running
 from raccoon.sim.chain import Noise
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
@@ -42,6 +43,20 @@ def test_a_robot_in_a_lane_does_the_same_as_alone(count: int) -> None:
         alone = rollout(robots[index], STEPS)
         for name, values in alone.channels.items():
             np.testing.assert_array_equal(values[0], together[name][index], err_msg=name)
+
+
+def test_plain_robots_and_others_side_by_side_do_the_same_as_one_by_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Those without seldom effects run in a text of their own, or fill the others' vectors."""
+    robots = [each for pair in zip(some_robots(21), [nominal()] * 21, strict=True) for each in pair]
+    robots = [each.with_effect("friction.coulomb", torque=0.05 + 0.002 * i) for i, each in enumerate(robots)]
+    together = rollout(robots, STEPS, noise=Noise(), seed=3)
+    monkeypatch.setattr(running, "FEW", len(robots))
+    alone = rollout(robots, STEPS, noise=Noise(), seed=3)
+    for name, values in alone.channels.items():
+        np.testing.assert_array_equal(together[name], values, err_msg=name)
+    np.testing.assert_array_equal(together.final, alone.final)
 
 
 def test_robots_in_lanes_cost_a_fraction_of_robots_alone() -> None:
