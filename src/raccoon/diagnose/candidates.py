@@ -56,7 +56,7 @@ _GUESSES: Mapping[str, tuple[float, ...]] = {
     "imu.latency": (0.5, 1.2),
     "drive.backlash": (0.1, 0.5, 1.0),
     "drive.wheel_slip": (0.15, 0.5, 1.5),
-    "bemf.dead_zone": (0.3, 1.0, 2.0, 4.0),
+    "bemf.dead_zone": (0.15, 0.3, 1.0, 2.0, 4.0),
     "actuation.deadband": (0.15, 0.5, 1.5),
     "motor.current_limit": (1.0 / HIGHEST_LIMIT, 0.7, 1.0),
     "bemf.filter_lag": (-0.5, 0.5),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from blind.drives import exciting
-from blind.generator import make
+from blind.generator import Noise, make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
@@ -26,7 +26,7 @@ from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.rollout import Habits, PlantRollout, Variant, heard, parameters_of
+from raccoon.diagnose.rollout import IMPOSSIBLE, Habits, PlantRollout, Variant, heard, parameters_of
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
 from raccoon.diagnose.select.joint import _all_straight, _of_their_families
 from raccoon.diagnose.select.outlook import (
@@ -224,7 +224,7 @@ def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -
     (none,) = heard(samples, np.array([[0.0]]), measured)
     np.testing.assert_array_equal(none, samples[0])
     (zone,) = heard(samples, np.array([[10.0]]), measured)
-    np.testing.assert_array_equal(zone, [0.0, 4.0, -4.0, 14.0, -13.0, 7.0])
+    np.testing.assert_array_equal(zone, [0.0, 4.0, -4.0, 14.0, -5.0 - 7.5 * IMPOSSIBLE, 7.0])
 
 
 def test_whole_counts_are_no_dead_zone() -> None:
@@ -238,12 +238,17 @@ def test_nothing_jumps_over_the_width_of_a_zone(width: float) -> None:
     samples, measured = 40.0 * rng.standard_normal((1, 500)), 40.0 * rng.standard_normal(500)
     measured[np.abs(measured) < 13.5] = 0.0
     before, after = (heard(samples, np.array([[width + each]]), measured) for each in (-1e-6, 1e-6))
-    assert np.abs(after - before).max() <= 2.1e-6
+    assert np.abs(after - before).max() <= 2.1e-6 * IMPOSSIBLE
 
 
-def test_a_small_dead_zone_is_found_though_wheels_stop_a_moment_early_or_late() -> None:
-    hidden = draw("bemf.dead_zone", np.random.default_rng(1), size=0.3)
-    said = diagnose(make(1, [hidden], seconds=25.0).columns, ROBOT)
+@pytest.mark.parametrize(("seed", "size", "noise"), [(1, 0.3, 1.0), (5, 0.2, 2.0)])
+def test_a_small_dead_zone_is_found_though_wheels_stop_a_moment_early_or_late(
+    seed: int, size: float, noise: float
+) -> None:
+    """Beside twice the noise a slope was named with it, while readings did not say how small it is."""
+    hidden = draw("bemf.dead_zone", np.random.default_rng(seed), size=size)
+    made = make(seed, [hidden], seconds=25.0, noise=Noise().times(noise))
+    said = diagnose(made.columns, ROBOT)
     assert [each.name for each in said.causes] == [hidden.name]
     found = said.causes[0].parameters["counts"]
     assert found.value == pytest.approx(hidden.values["counts"], abs=2.0 * found.std)
