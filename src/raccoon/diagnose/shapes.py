@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.problem import Whitener
 from raccoon.diagnose.result import Shape
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.unknown import INERTIA_SHARE, PREFIX, Probe
+from raccoon.diagnose.unknown import INERTIA, INERTIA_SHARE, PREFIX, Probe
 from raccoon.diagnose.whitening import whitener_for
 
 Array = NDArray[np.float64]
@@ -23,10 +28,27 @@ def shapes_of(search: Search) -> tuple[Shape, ...]:
     """
     if not search.unknown:
         return ()
-    linear, fit = search.linear, search.fit
-    every = search.probes(linear)
+    every = search.probes(search.linear)
+    whitener = whitener_for(search.problem, search.linear, every, search.whitener, tolerant=False)
     probes = [each for each in every if isinstance(each, Probe) and each.name in search.unknown]
-    whitener = whitener_for(search.problem, linear, every, search.whitener, tolerant=False)
+    found = _fitted(search, probes, whitener)
+    if any(each.probe.quantity == INERTIA_SHARE for each in found):
+        found = _fitted(search, [_over_its_range(search, each) for each in found], whitener)
+    return tuple(_shape(each) for each in found)
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """A probe, and its coordinates with their covariance."""
+
+    probe: Probe
+    mean: Array
+    covariance: Array
+
+
+def _fitted(search: Search, probes: Sequence[Probe], whitener: Whitener) -> list[_Fitted]:
+    """The probes beside all that the search left free, by the linear model."""
+    linear, fit = search.linear, search.fit
     own = linear.own[fit.free]
     target = linear.residual + np.tensordot(fit.point.vector()[fit.free], own, axes=1)
     white = whitener(np.concatenate([own, *(each.columns for each in probes), target[None]]))
@@ -34,14 +56,37 @@ def shapes_of(search: Search) -> tuple[Shape, ...]:
     found, place = [], len(own)
     for each in probes:
         rows = slice(place, place + len(each.curves))
-        found.append(_shape(each, mean[rows], covariance[rows, rows]))
+        found.append(_Fitted(each, mean[rows], covariance[rows, rows]))
         place += len(each.curves)
-    return tuple(found)
+    return found
 
 
-def _shape(probe: Probe, mean: Array, covariance: Array) -> Shape:
-    values = mean @ probe.curves
-    variances = np.einsum("ib,ij,jb->b", probe.curves, covariance, probe.curves)
+def _over_its_range(search: Search, fitted: _Fitted) -> Probe:
+    """A probe of inertia with the response between the least and the largest inertia that there was.
+
+    A robot half as heavy again does not answer by a straight line: by the response to a little inertia, loads
+    came out up to a tenth too small.
+    """
+    probe, problem, point = fitted.probe, search.problem, search.fit.point
+    if probe.quantity != INERTIA_SHARE:
+        return probe
+    (coordinate,) = problem.causes[INERTIA].coordinates
+    steps = probe.curves / math.log(coordinate.value(1.0))
+    course = fitted.mean @ steps
+    ends = point.active.get(INERTIA, np.zeros(1)) + np.array([[course.min()], [course.max()]])
+    least, largest = problem.predict([point.with_cause(INERTIA, end) for end in ends])
+    response = (largest - least) / max(float(np.ptp(course)), 1e-9)
+    return replace(probe, columns=steps[:, :, None] * response[None])
+
+
+def _shape(fitted: _Fitted) -> Shape:
+    probe, mean, covariance = fitted.probe, fitted.mean, fitted.covariance
+    curves = probe.curves
+    if probe.quantity == INERTIA_SHARE:
+        # Robot.toml alone tells the level from the robot's own inertia, and badly. The course is known.
+        curves = curves - curves[:, :1]
+    values = mean @ curves
+    variances = np.einsum("ib,ij,jb->b", curves, covariance, curves)
     stds = np.sqrt(np.maximum(variances, 0.0))
     if probe.quantity == INERTIA_SHARE:
         values, stds = 100.0 * np.expm1(values), 100.0 * np.exp(values) * stds

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 PREFIX = "unknown: "
 INERTIA = "drive.inertia"
-INERTIA_SHARE = "inertia beyond robot.toml's"
+INERTIA_SHARE = "growth of inertia"
 TORQUE = 0.03
 GYRO = 0.02
 BATTERY = 0.02
