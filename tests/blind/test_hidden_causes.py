@@ -16,7 +16,7 @@ from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.select.outlook import look_around, start_search
-from raccoon.diagnose.select.search import rearranged
+from raccoon.diagnose.select.replacements import rearranged
 from raccoon.diagnose.unknown import probes_for
 
 

@@ -59,7 +59,7 @@ def better_set(search: Search) -> Fit | None:
     fits.sort(key=lambda fit: -net_lead(search, fit, settled))
     best = [*fits[:POLISHED], *_of_their_families(fits, fits[:POLISHED])]
     hopeful = [each.point for each in best if net_lead(search, each, settled) > -HOPE]
-    polished = [_needed(search, fit) for fit in fit_afresh(problem, whitener, hopeful, 4)]
+    polished = [_without_unneeded(search, fit) for fit in fit_afresh(problem, whitener, hopeful, 4)]
     first = max(polished, key=lambda fit: net_lead(search, fit, settled), default=None)
     return first if first is not None and net_lead(search, first, settled) > BETTER else None
 
@@ -144,7 +144,7 @@ def _exchanged(search: Search) -> Iterator[Point]:
         yield from alike(search, name, ALIKE, MOST_ALIKE).values()
 
 
-def _needed(search: Search, fit: Fit) -> Fit:
+def _without_unneeded(search: Search, fit: Fit) -> Fit:
     """The fit without causes that, beside the others, are no longer worth their gate."""
     while len(fit.point.active) > 1:
         worth = _worth(fit)

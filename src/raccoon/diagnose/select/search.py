@@ -5,14 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
 from raccoon.diagnose.linear import Group, Linear
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
-from raccoon.diagnose.select.joint import better_set
+from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit
 from raccoon.diagnose.select.outlook import (
     Probed,
     Rival,
@@ -23,10 +20,9 @@ from raccoon.diagnose.select.outlook import (
     look_around,
     start_search,
 )
-from raccoon.diagnose.select.refits import SCALE, both_signs, ranking, refit_candidates, strained
+from raccoon.diagnose.select.refits import ranking, refit_candidates
+from raccoon.diagnose.select.replacements import merged, rearranged, simplified
 from raccoon.diagnose.select.rivals import compared
-
-Array = NDArray[np.float64]
 
 HELD_OUT_GATE = 2.0
 SURE = 30.0
@@ -44,10 +40,6 @@ PROBE_FAR = 1.5
 """The same for leads: a cause with a few large moments right, and the rest of the drive not, is none."""
 BESIDE_UNKNOWN = 0.33
 MOST_CAUSES = 10
-FAR_BENT = 2.5
-"""Standard deviations of robot.toml by which a base number is bent where causes may have gone unseen."""
-AS_MUCH = 3.0
-"""Log evidence that one cause alone may lack to stand for several."""
 WEAK = 3.0
 """Gates up to which a cause's worth, as the columns of the fit with it have it, is doubted."""
 
@@ -58,7 +50,7 @@ def forward(search: Search) -> tuple[Search, bool]:
     A probe that explains far more than any cause goes first: what it describes is in no catalogue.
     """
     refits = refit_candidates(search)
-    settled = _settled(search)
+    settled = settled_fit(search)
     ranked = ranking(search.problem, refits, settled)
     reference_held_out = held_out_score(settled)
     probe = best_probe(search)
@@ -68,7 +60,7 @@ def forward(search: Search) -> tuple[Search, bool]:
     if probe.lead > PROBE_GATE and far_ahead:
         return _with_unknown(search, probe), True
     for name, fit, gain in ranked:
-        needed = _needed(search, name, alone=not search.fit.point.active)
+        needed = _required_evidence(search, name, alone=not search.fit.point.active)
         if gain < needed:
             search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
             continue
@@ -81,13 +73,13 @@ def forward(search: Search) -> tuple[Search, bool]:
             for other, each, its in ranked
             if other != name and its > EVIDENCE_GATE
         ]
-        return _accepted(search, name, fit, rivals), True
+        return accepted(search, name, fit, rivals), True
     if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
         return _with_unknown(search, probe), True
     return search, False
 
 
-def _needed(search: Search, name: str, alone: bool) -> float:
+def _required_evidence(search: Search, name: str, alone: bool) -> float:
     """The gate; beside something unknown a cause must explain a fair part of what that explains."""
     if search.unknown:
         return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values()))
@@ -117,32 +109,27 @@ def _under(search: Search, unknown: dict[str, float], point: Point) -> Search:
     return look_around(search.problem, search.probes, again.point, following.whitener, unknown)
 
 
-def _accepted(search: Search, name: str, fit: Fit, rivals: list[Rival]) -> Search:
-    again = fit_point(search.problem, search.whitener, fit.point)
-    return _moved(search, again, {**search.rivals, name: rivals})
-
-
 def backward(search: Search) -> tuple[Search, bool]:
     """Drop a cause that no longer earns its place, or swap it for one that now explains more."""
-    settled = _settled(search)
+    settled = settled_fit(search)
     reference_held_out = held_out_score(settled)
     names = list(search.fit.point.active)
     for name in names:
         dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = reference_held_out - held_out_score(dropped)
-        needed = _needed(search, name, alone=len(names) == 1)
+        needed = _required_evidence(search, name, alone=len(names) == 1)
         fails = _fails_held_out(search.gains[name], needed, search.held_out[name])
         if search.gains[name] < needed or fails:
             search.failed[name] = "others explain it better together"
-            return _accepted_less(search, name, dropped), True
+            return accepted_without(search, name, dropped), True
     return search, False
 
 
 def _dropped(search: Search, settled: Fit, name: str) -> Fit:
     """The fit without a cause; where it is worth little, all the others must have had their chance."""
     problem, whitener, less = search.problem, search.whitener, search.fit.point.without_cause(name)
-    dropped = fit_many(problem, whitener, [less], search.fit.jacobian[_rows_without(search, name)], 3)[0]
+    dropped = fit_many(problem, whitener, [less], search.fit.jacobian[rows_without(search, name)], 3)[0]
     gain = lead(problem, settled, dropped)
     if not gate(name) < gain < WEAK * gate(name) or not less.active:
         return dropped
@@ -155,97 +142,9 @@ def pruned(search: Search, harmful: str) -> Search:
     less = search.fit.point.without_cause(harmful)
     search.failed[harmful] = "makes the error larger on data it was not fitted on"
     fit = fit_point(search.problem, search.whitener, less)
-    following = _accepted_less(search, harmful, fit)
+    following = accepted_without(search, harmful, fit)
     following, _ = backward(following)
     return following
-
-
-def merged(search: Search) -> Search:
-    """One cause for both sides where left and right were named apart and are not worth a cause each."""
-    for name in [each for each in search.fit.point.active if each.endswith("@left")]:
-        whole, other = name.removesuffix("@left"), name.replace("@left", "@right")
-        active = search.fit.point.active
-        if other not in active or whole not in search.problem.causes:
-            continue
-        rows = [row for row in _rows_without(search, name) if row not in search.table.active[other]]
-        less = search.fit.point.without_cause(name).without_cause(other)
-        sizes = (0.5 * (active[name] + active[other]), active[name], active[other])
-        starts = [less.with_cause(whole, each) for each in sizes]
-        apart = _settled(search)
-        fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
-        both = max(fits, key=lambda fit: lead(search.problem, fit, apart))
-        if lead(search.problem, both, apart) > -gate(whole):  # one cause less must be justified
-            return merged(_accepted_less(search, other, both))
-    return search
-
-
-def simplified(search: Search) -> tuple[Search, bool]:
-    """One cause instead of several where it explains as much: two wrong ones can imitate a right one."""
-    active = search.fit.point.active
-    others = {each.name for rivals in search.rivals.values() for each in rivals}
-    others |= {name.partition("@")[0] for name in (*active, *others)} & set(search.problem.causes)
-    if set(active) & set(SCALE):
-        others |= set(SCALE) & set(search.problem.causes)
-    names = sorted(others - set(active))
-    if len(active) < 2 or not names:
-        return search, False
-    bare = Point(search.fit.point.base)
-    starts = [
-        bare.with_cause(name, np.array(point))
-        for name in names
-        for variant in search.problem.causes[name].variants
-        for point in variant[:1]
-        for point in both_signs(search.problem, name, point)
-    ]
-    base = search.fit.jacobian[: len(bare.base)]
-    settled = _settled(search)
-    best = max(fit_many(search.problem, search.whitener, starts, base, 5), key=lambda fit: fit.evidence)
-    if lead(search.problem, best, settled) < -AS_MUCH:
-        return search, False
-    name = next(iter(best.point.active))
-    search.failed.update(dict.fromkeys(active, f"{name} alone explains as much"))
-    return _accepted(search, name, best, []), True
-
-
-def _settled(search: Search) -> Fit:
-    """The present causes fitted on, which every other fit is compared with."""
-    return fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
-
-
-def _rows_without(search: Search, name: str) -> list[int]:
-    gone = search.table.active[name]
-    return [row for row in range(len(search.fit.jacobian)) if row not in gone]
-
-
-def _accepted_less(search: Search, name: str, fit: Fit) -> Search:
-    return _moved(search, fit, {key: value for key, value in search.rivals.items() if key != name})
-
-
-def _moved(search: Search, fit: Fit, rivals: dict[str, list[Rival]]) -> Search:
-    """The search from a fit's point on; what failed before is remembered."""
-    following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
-    following.rivals, following.failed = rivals, search.failed
-    return following
-
-
-def rearranged(search: Search) -> tuple[Search, bool]:
-    """Another set of causes where it explains more, again and again."""
-    changed = False
-    for _ in range(3):
-        doubtful = len(search.fit.point.active) > 1 or strained(search.fit, FAR_BENT)
-        fit = better_set(search) if doubtful else None
-        if fit is None:
-            break
-        search, changed = _instead(search, fit), True
-    return search, changed
-
-
-def _instead(search: Search, fit: Fit) -> Search:
-    """Another set of causes in the place of the one that is on."""
-    gone = set(search.fit.point.active) - set(fit.point.active)
-    search.failed.update(dict.fromkeys(gone, "others explain it better together"))
-    rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
-    return _moved(search, fit, rivals)
 
 
 def grown(search: Search) -> Search:
@@ -294,7 +193,7 @@ def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]])
     search = _stable(search)
     better = compared(search)
     if better is not None:
-        search = _stable(grown(_instead(search, better)))
+        search = _stable(grown(replaced_by(search, better)))
         compared(search)
     return search
 

@@ -1,0 +1,43 @@
+"""From one state of the search to the next: a cause taken, a cause dropped, another set in its place."""
+
+from __future__ import annotations
+
+from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.select.outlook import Rival, Search, look_around
+
+
+def accepted(search: Search, name: str, fit: Fit, rivals: list[Rival]) -> Search:
+    """A cause taken, and all fitted on. rivals: what was tried in its place."""
+    again = fit_point(search.problem, search.whitener, fit.point)
+    return moved(search, again, {**search.rivals, name: rivals})
+
+
+def accepted_without(search: Search, name: str, fit: Fit) -> Search:
+    """A cause dropped. fit: the one without it."""
+    return moved(search, fit, {key: value for key, value in search.rivals.items() if key != name})
+
+
+def replaced_by(search: Search, fit: Fit) -> Search:
+    """Another set of causes in the place of the one that is on."""
+    gone = set(search.fit.point.active) - set(fit.point.active)
+    search.failed.update(dict.fromkeys(gone, "others explain it better together"))
+    rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
+    return moved(search, fit, rivals)
+
+
+def moved(search: Search, fit: Fit, rivals: dict[str, list[Rival]]) -> Search:
+    """The search from a fit's point on; what failed before is remembered."""
+    following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
+    following.rivals, following.failed = rivals, search.failed
+    return following
+
+
+def settled_fit(search: Search) -> Fit:
+    """The present causes fitted on, which every other fit is compared with."""
+    return fit_many(search.problem, search.whitener, [search.fit.point], search.fit.jacobian, 2)[0]
+
+
+def rows_without(search: Search, name: str) -> list[int]:
+    """Rows of the fit's Jacobian but those of a cause that is on."""
+    gone = search.table.active[name]
+    return [row for row in range(len(search.fit.jacobian)) if row not in gone]

@@ -1,0 +1,77 @@
+"""One cause or set of causes in the place of several: steps that a search by single causes does not find."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raccoon.diagnose.fit import fit_many
+from raccoon.diagnose.problem import Point
+from raccoon.diagnose.select.gates import gate
+from raccoon.diagnose.select.joint import better_set
+from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit
+from raccoon.diagnose.select.outlook import Search, lead
+from raccoon.diagnose.select.refits import SCALE, both_signs, strained
+
+AS_MUCH = 3.0
+"""Log evidence that one cause alone may lack to stand for several."""
+FAR_BENT = 2.5
+"""Standard deviations of robot.toml by which a base number is bent where causes may have gone unseen."""
+
+
+def merged(search: Search) -> Search:
+    """One cause for both sides where left and right were named apart and are not worth a cause each."""
+    for name in [each for each in search.fit.point.active if each.endswith("@left")]:
+        whole, other = name.removesuffix("@left"), name.replace("@left", "@right")
+        active = search.fit.point.active
+        if other not in active or whole not in search.problem.causes:
+            continue
+        rows = [row for row in rows_without(search, name) if row not in search.table.active[other]]
+        less = search.fit.point.without_cause(name).without_cause(other)
+        sizes = (0.5 * (active[name] + active[other]), active[name], active[other])
+        starts = [less.with_cause(whole, each) for each in sizes]
+        apart = settled_fit(search)
+        fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
+        both = max(fits, key=lambda fit: lead(search.problem, fit, apart))
+        if lead(search.problem, both, apart) > -gate(whole):  # one cause less must be justified
+            return merged(accepted_without(search, other, both))
+    return search
+
+
+def simplified(search: Search) -> tuple[Search, bool]:
+    """One cause instead of several where it explains as much: two wrong ones can imitate a right one."""
+    active = search.fit.point.active
+    others = {each.name for rivals in search.rivals.values() for each in rivals}
+    others |= {name.partition("@")[0] for name in (*active, *others)} & set(search.problem.causes)
+    if set(active) & set(SCALE):
+        others |= set(SCALE) & set(search.problem.causes)
+    names = sorted(others - set(active))
+    if len(active) < 2 or not names:
+        return search, False
+    bare = Point(search.fit.point.base)
+    starts = [
+        bare.with_cause(name, np.array(point))
+        for name in names
+        for variant in search.problem.causes[name].variants
+        for point in variant[:1]
+        for point in both_signs(search.problem, name, point)
+    ]
+    base = search.fit.jacobian[: len(bare.base)]
+    settled = settled_fit(search)
+    best = max(fit_many(search.problem, search.whitener, starts, base, 5), key=lambda fit: fit.evidence)
+    if lead(search.problem, best, settled) < -AS_MUCH:
+        return search, False
+    name = next(iter(best.point.active))
+    search.failed.update(dict.fromkeys(active, f"{name} alone explains as much"))
+    return accepted(search, name, best, []), True
+
+
+def rearranged(search: Search) -> tuple[Search, bool]:
+    """Another set of causes where it explains more, again and again."""
+    changed = False
+    for _ in range(3):
+        doubtful = len(search.fit.point.active) > 1 or strained(search.fit, FAR_BENT)
+        fit = better_set(search) if doubtful else None
+        if fit is None:
+            break
+        search, changed = replaced_by(search, fit), True
+    return search, changed
