@@ -18,16 +18,14 @@ SLOPE_GATE = 11.0
 """A floor imitates it less well than it does those: the robot turns on it."""
 SCALE_GATE = 11.0
 """One reading's scale differs from the other's as wheels and motors do that are far out in robot.toml."""
+_IMITATED = ("friction.", "actuation.deadband", "drive.turn_scrub", "bemf.")
+"""What the noise of floor and readings gets 6 and more for."""
 _ONE_WHEEL = ("friction.", "actuation.deadband")
 _GATES = {
     "friction.direction_dependent": FLOOR_GATE,
     "drive.slope": SLOPE_GATE,
     "bemf.scale@": SCALE_GATE,
 }
-
-
-_IMITATED = ("friction.", "actuation.deadband", "drive.turn_scrub", "bemf.")
-"""What the noise of floor and readings gets 6 and more for."""
 
 
 def gate(name: str, alone: bool = False) -> float:
