@@ -54,36 +54,51 @@ class HeldOut:
     residual: Array
     expected: Array
 
+    @property
+    def possible(self) -> float:
+        """What could be gained at all: squared size before beyond that of the noise alone, above 0."""
+        return max(self.size_before**2 - 1.0, 1e-6)
+
     def share(self, name: str) -> float:
         """Part of what could be gained at all that one cause gains, 0..1."""
-        possible = max(self.size_before**2 - 1.0, 1e-6)
-        return float(np.clip((self.without[name] ** 2 - self.size_after**2) / possible, 0, 1))
+        return float(np.clip((self.without[name] ** 2 - self.size_after**2) / self.possible, 0, 1))
 
     @property
     def surprise(self) -> float:
         """Error after over what is expected on unseen data, of all channels: about 1 or less is as it should
         be. No half second counts for more than `MOST_OF_EVENT` usual ones: a wheel that breaks loose a
         moment late is no wrong model."""
-        power = ((self.residual[1] / self.expected) ** 2).mean(axis=1)
-        events, _ = event_means(power)
-        return float(np.sqrt(np.minimum(events, MOST_OF_EVENT).mean()))
+        events, _ = _events(self.residual[1], self.expected)
+        return _limited_rms(events, MOST_OF_EVENT)
 
     @property
     def left(self) -> float:
         """Part of what could be gained that the causes do not gain, 0..1."""
-        possible = max(self.size_before**2 - 1.0, 1e-6)
-        if possible < 0.02:
+        if self.possible < 0.02:
             return 0.0
-        return float(np.clip((self.size_after**2 - 1.0) / possible, 0.0, 1.0))
+        return float(np.clip((self.size_after**2 - 1.0) / self.possible, 0.0, 1.0))
 
 
 def size_of(residual: Array, floor: Array) -> float:
     """Root mean square of a residual (bins, channels) in units of the channels' noise. No half second counts
     for more than `MOST_OF_EVENT` usual ones: a wheel that breaks loose a moment late, which is chance, would
     decide what a cause is worth."""
-    events, lengths = event_means(((residual / floor) ** 2).mean(axis=1))
-    most = MOST_OF_EVENT * max(float(np.median(events)), 1.0)
-    return float(np.sqrt(np.average(np.minimum(events, most), weights=lengths)))
+    events, lengths = _events(residual, floor)
+    return _limited_rms(events, MOST_OF_EVENT * max(float(np.median(events)), 1.0), lengths)
+
+
+def _events(residual: Array, unit: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Mean square over each half second of a residual (bins, channels) in units (channels,) of its channels,
+    and how many bins each has."""
+    return event_means(((residual / unit) ** 2).mean(axis=1))
+
+
+def _limited_rms(events: Array, most: float, weights: NDArray[np.intp] | None = None) -> float:
+    """Root of the mean of half seconds' mean squares, none counted for more than `most`.
+
+    weights: how much each half second counts; without them all count alike, a shorter last one too.
+    """
+    return float(np.sqrt(np.average(np.minimum(events, most), weights=weights)))
 
 
 def held_out(search: Search, other: Problem | None) -> HeldOut:
