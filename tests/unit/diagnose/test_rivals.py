@@ -7,22 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from blind.drives import exciting
-from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.experiment import planned_log
-from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.linear import coulomb_response, linearise
 from raccoon.diagnose.naming import _telling, confounded
 from raccoon.diagnose.problem import Point, Problem
-from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
 from raccoon.diagnose.select.rivals import CLOSE, compared
 from raccoon.diagnose.unknown import PREFIX, probes_for
-from raccoon.sim.chain import Chain
 
-ROBOT = RobotConfig()
 CAUSES = {
     each.name: each
     for each in drive_causes()
@@ -31,10 +24,8 @@ CAUSES = {
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
-    log = planned_log(exciting(np.random.default_rng(1), 8.0))
-    rollout = PlantRollout(log, ROBOT, Habits(Chain.firmware(), brake=False))
-    return Problem(Features.of(log), rollout, ROBOT, neutral_settings(ROBOT), base_coordinates(ROBOT), CAUSES)
+def causes() -> dict[str, Cause]:
+    return CAUSES
 
 
 def searched(problem: Problem, truth: Point, named: Point) -> Search:

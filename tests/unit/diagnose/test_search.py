@@ -15,18 +15,16 @@ from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.experiment import planned_log
-from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_afresh, fit_at, fit_point
 from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions, size_of
 from raccoon.diagnose.habits import problem_of, starting_settings
-from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Settings, base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Settings, neutral_settings
 from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.rollout import IMPOSSIBLE, Habits, PlantRollout, Variant, heard, parameters_of
+from raccoon.diagnose.rollout import IMPOSSIBLE, Variant, heard, parameters_of
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
 from raccoon.diagnose.select.joint import _all_straight, _of_their_families
 from raccoon.diagnose.select.outlook import (
@@ -51,15 +49,6 @@ from raccoon.sim.rollout import rollout
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}
-
-
-@pytest.fixture(scope="module")
-def problem() -> Problem:
-    log = planned_log(exciting(np.random.default_rng(1), 8.0))
-    rollout = PlantRollout(log, ROBOT, Habits(Chain.firmware(), brake=False))
-    features = Features.of(log)
-    causes = dict(CAUSES)
-    return Problem(features, rollout, ROBOT, neutral_settings(ROBOT), base_coordinates(ROBOT), causes)
 
 
 def plain_whitener(problem: Problem) -> Whitener:
