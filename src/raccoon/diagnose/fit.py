@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.evidence import bounded_least
 from raccoon.diagnose.problem import Point, Problem, Whitening, neighbours
 
 Array = NDArray[np.float64]
@@ -76,9 +77,6 @@ FARTHEST = 2.0
 """Most by which a step is lengthened where columns turned out too steep, as kinks make them."""
 SHORTER = 0.3
 """Part of a step that is tried next where the whole of it made things worse."""
-
-BOUND_SWEEPS = 10
-"""Most times that it is asked anew which coordinates a bound holds."""
 
 
 @dataclass(slots=True)
@@ -145,20 +143,7 @@ def _step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
     plain = fit.jacobian @ fit.jacobian.T + np.eye(len(vector))
     gram = plain + damping * np.diag(np.diag(plain))
     gradient = fit.jacobian @ fit.white - vector
-    free = np.ones(len(vector), bool)
-    step = np.zeros(len(vector))
-    for _ in range(BOUND_SWEEPS):
-        pull = gradient[free] - gram[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.solve(gram[np.ix_(free, free)], pull)
-        out = free & ((vector + step < low) | (vector + step > high))
-        step[out] = (np.clip(vector + step, low, high) - vector)[out]
-        if out.any():
-            free &= ~out
-            continue
-        back = ~free & ((gradient - gram @ step) * np.where(vector + step <= low, 1.0, -1.0) > 0.0)
-        if not back.any():
-            break
-        free |= back
+    step = bounded_least(gram, gradient, low - vector, high - vector)
     moved = np.clip(vector + step, low, high)
     step = moved - vector
     return fit.point.moved(moved), float(2.0 * gradient @ step - step @ plain @ step)

@@ -110,7 +110,7 @@ def _under(search: Search, unknown: dict[str, float], point: Point) -> Search:
 
 
 def backward(search: Search) -> tuple[Search, bool]:
-    """Drop a cause that no longer earns its place, or swap it for one that now explains more."""
+    """Drop a cause that no longer earns its place."""
     settled = settled_fit(search)
     reference_held_out = held_out_score(settled)
     names = list(search.fit.point.active)
