@@ -46,6 +46,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
     from raccoon.core.errors import TraceError
 
+    _show_remarks()
     paths = recordings(args.trace)
     if not paths:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
@@ -57,6 +58,14 @@ def run(args: argparse.Namespace) -> int:
         return run_fleet(args, paths)
     _write(args, together, f"{len(paths)} runs")
     return 0
+
+
+def _show_remarks() -> None:
+    """What the library logs, on stderr: the first diagnosis takes half a minute more, and why."""
+    import logging
+
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("raccoon").setLevel(logging.INFO)
 
 
 def _write(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:

@@ -80,7 +80,15 @@ def advance_one() -> Advance:
 
 @cache
 def advance_lanes(plain: bool = False) -> Advance:
-    """The form for many robots (see `lanes`). plain: for robots with none of the effects in `SELDOM`."""
+    """The form for many robots (see `lanes`). plain: for robots with none of the effects in `SELDOM`.
+
+    That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
+    """
+    if has_numba() and not _lanes_cached(source(without=SELDOM if plain else ())):
+        import logging
+
+        kind = "plain robots" if plain else "robots with seldom effects"
+        logging.getLogger("raccoon").info("compiling the simulator of %s, the first time only", kind)
     if not plain:
         return _whole().advance_lanes  # type: ignore[no-any-return]
     text = source(without=SELDOM)
@@ -106,9 +114,18 @@ def compiled_module(text: str) -> Any:
     return module
 
 
+def _name(text: str) -> str:
+    return f"raccoon_plant_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def _lanes_cached(text: str) -> bool:
+    """Whether the form for many robots of a text lies compiled in the cache."""
+    return any((cache_folder() / "__pycache__").glob(f"{_name(text)}.advance_lanes-*.nbi"))
+
+
 def _module(text: str) -> tuple[ModuleType, bool]:
     """The module of a text, and whether it lies in a file beside which a cache can be kept."""
-    name = f"raccoon_plant_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    name = _name(text)
     try:
         path = _written(cache_folder() / f"{name}.py", text)
     except OSError:

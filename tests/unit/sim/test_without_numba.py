@@ -1,6 +1,7 @@
 """Without numba all of it runs, slower, and gives the same."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -69,3 +70,23 @@ def test_the_same_numbers(work: Callable[[], Any], with_numba: Any, without_numb
         assert plain == with_numba
     else:
         np.testing.assert_allclose(plain, with_numba, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_that_lanes_are_compiled_first_is_logged_the_first_time_only(
+    plain: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    pytest.importorskip("numba")
+    monkeypatch.setenv("RACCOON_CACHE", str(tmp_path))
+    caplog.set_level("INFO", "raccoon")
+    _forget()
+    compiled.advance_lanes(plain)
+    assert "compiling the simulator" in caplog.text
+    (text,) = tmp_path.glob("*.py")
+    (tmp_path / "__pycache__").mkdir(exist_ok=True)
+    (tmp_path / "__pycache__" / f"{text.stem}.advance_lanes-1.py.nbi").touch()
+    caplog.clear()
+    _forget()
+    compiled.advance_lanes(plain)
+    _forget()
+    assert not caplog.text
