@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 from bench_robot import BenchRobot
+from children import heeding
 from raccoon.hal.wombat.emulator import Emulator, Firmware, Plant
 from raccoon.hal.wombat.socket_link import serve_one
 
@@ -62,13 +63,10 @@ class SupervisedBench:
 
     def start(self, *arguments: str, program: str = PROGRAM) -> subprocess.Popen[bytes]:
         """Start a program: PROGRAM with the number of its cycles, or ROBOT_PROGRAM."""
-        before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored under nohup, and then by children too
-        try:
+        with heeding(signal.SIGHUP, signal.SIGINT):
             started = subprocess.Popen(
                 [sys.executable, "-c", program, self.path, *arguments], stderr=subprocess.PIPE
             )
-        finally:
-            signal.signal(signal.SIGHUP, before)
         self.programs.append(started)
         return started
 

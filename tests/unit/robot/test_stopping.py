@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from children import heeding
 from raccoon import Action, Robot, do, drive, open_robot
 from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.core.errors import HardwareError
@@ -130,12 +131,17 @@ def test_an_action_that_is_forgotten_does_not_keep_the_motors_running() -> None:
 )
 def test_signals_unwind_and_close(number: signal.Signals, status: int) -> None:
     code = CHILD.format(at_tick_100="pass")
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as child:
-        assert child.stdout is not None
-        assert child.stdout.readline() == "driving\n"
-        child.send_signal(number)
-        assert child.stdout.readline() == "closed\n"
-        assert child.wait(20) in (status, -number)
+    with heeding(number):
+        child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    with child:
+        try:
+            assert child.stdout is not None
+            assert child.stdout.readline() == "driving\n"
+            child.send_signal(number)
+            assert child.stdout.readline() == "closed\n"
+            assert child.wait(20) in (status, -number)
+        finally:
+            child.kill()
 
 
 @pytest.mark.parametrize(

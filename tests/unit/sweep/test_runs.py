@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import sweep_work
+from children import heeding
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.results import read_results
 from raccoon.sweep.runs import sweep, with_nominal_end
@@ -45,11 +46,12 @@ def assert_same(rows: list[dict[str, Any]], others: list[dict[str, Any]]) -> Non
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT], ids=["killed", "interrupted"])
 def test_after_an_interruption_it_ends_with_the_same_table(tmp_path: Path, number: signal.Signals) -> None:
     cut, whole = tmp_path / "cut.csv", tmp_path / "whole.csv"
-    done = subprocess.run(
-        [sys.executable, str(TESTS / "sweep_work.py"), str(cut), str(int(number))],
-        capture_output=True,
-        check=False,
-    )
+    with heeding(signal.SIGINT):
+        done = subprocess.run(
+            [sys.executable, str(TESTS / "sweep_work.py"), str(cut), str(int(number))],
+            capture_output=True,
+            check=False,
+        )
     assert done.returncode in (-number, 130), done.stderr
     before = read_results(cut)
     assert len(before) == 3
