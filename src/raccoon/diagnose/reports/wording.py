@@ -127,7 +127,8 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
         "the back-EMF reading of {place}", "larger", "smaller", "calibrate its ticks per turn."
     ),
     "bemf.dead_zone": _number(
-        "back-EMF below {value:.0f} counts is reported as 0 ({place}): slow creeping goes unseen."
+        "back-EMF below {value:.0f} counts is reported as 0 ({place}): drive faster where a way is measured, "
+        "slow creeping goes unseen."
     ),
     "bemf.filter_lag": _number(
         "back-EMF is smoothed with {milli:.0f} ms ({place}) instead of what robot.toml says: correct it "
