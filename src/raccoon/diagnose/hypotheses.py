@@ -88,7 +88,7 @@ class Cause:
     @property
     def name(self) -> str:
         """id, or id@where."""
-        return self.id if self.where is None else f"{self.id}@{self.where}"
+        return cause_name(self.id, self.where)
 
     @property
     def size(self) -> int:
@@ -107,6 +107,11 @@ class Cause:
             return
         for coordinate, value in zip(self.coordinates, u, strict=True):
             coordinate.apply(settings, value)
+
+
+def cause_name(id: str, where: str | None) -> str:  # noqa: A002
+    """id, or id@where."""
+    return id if where is None else f"{id}@{where}"
 
 
 def by_name(table: Mapping[str, float], name: str, otherwise: float) -> float:

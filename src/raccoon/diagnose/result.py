@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.files import write_atomically
+from raccoon.diagnose.hypotheses import cause_name
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -87,7 +88,7 @@ class CauseResult:
     @property
     def name(self) -> str:
         """id, or id@where."""
-        return self.id if self.where is None else f"{self.id}@{self.where}"
+        return cause_name(self.id, self.where)
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,9 +32,15 @@ def shapes_of(search: Search) -> tuple[Shape, ...]:
     whitener = whitener_for(search.problem, search.linear, every, search.whitener, tolerant=False)
     probes = [each for each in every if isinstance(each, Probe) and each.name in search.unknown]
     found = _fitted(search, probes, whitener)
-    if any(each.probe.quantity == INERTIA_SHARE for each in found):
-        found = _fitted(search, [_over_its_range(search, each) for each in found], whitener)
+    if any(_grows(each.probe) for each in found):
+        refined = [_over_its_range(search, each) if _grows(each.probe) else each.probe for each in found]
+        found = _fitted(search, refined, whitener)
     return tuple(_shape(each) for each in found)
+
+
+def _grows(probe: Probe) -> bool:
+    """Whether the curve is the logarithm of a factor on inertia."""
+    return probe.quantity == INERTIA_SHARE
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +74,6 @@ def _over_its_range(search: Search, fitted: _Fitted) -> Probe:
     came out up to a tenth too small.
     """
     probe, problem, point = fitted.probe, search.problem, search.fit.point
-    if probe.quantity != INERTIA_SHARE:
-        return probe
     (coordinate,) = problem.causes[INERTIA].coordinates
     steps = probe.curves / math.log(coordinate.value(1.0))
     course = fitted.mean @ steps
@@ -82,13 +86,13 @@ def _over_its_range(search: Search, fitted: _Fitted) -> Probe:
 def _shape(fitted: _Fitted) -> Shape:
     probe, mean, covariance = fitted.probe, fitted.mean, fitted.covariance
     curves = probe.curves
-    if probe.quantity == INERTIA_SHARE:
+    if _grows(probe):
         # Robot.toml alone tells the level from the robot's own inertia, and badly. The course is known.
         curves = curves - curves[:, :1]
     values = mean @ curves
     variances = np.einsum("ib,ij,jb->b", curves, covariance, curves)
     stds = np.sqrt(np.maximum(variances, 0.0))
-    if probe.quantity == INERTIA_SHARE:
+    if _grows(probe):
         values, stds = 100.0 * np.expm1(values), 100.0 * np.exp(values) * stds
     edges = np.linspace(probe.over.min(), probe.over.max(), POINTS + 1)
     place = np.clip(np.searchsorted(edges, probe.over, side="right") - 1, 0, POINTS - 1)

@@ -75,7 +75,7 @@ def advance_one() -> Advance:
 
     if not has_numba():
         return driver.advance
-    return _whole().advance  # type: ignore[no-any-return]
+    return _made(source()).advance  # type: ignore[no-any-return]
 
 
 @cache
@@ -84,20 +84,19 @@ def advance_lanes(plain: bool = False) -> Advance:
 
     That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
     """
-    if has_numba() and not _lanes_cached(source(without=SELDOM if plain else ())):
+    text = source(without=SELDOM if plain else ())
+    if has_numba() and not _lanes_cached(text):
         import logging
 
         kind = "plain robots" if plain else "robots with seldom effects"
         logging.getLogger("raccoon").info("compiling the simulator of %s, the first time only", kind)
-    if not plain:
-        return _whole().advance_lanes  # type: ignore[no-any-return]
-    text = source(without=SELDOM)
-    return (compiled_module(text) if has_numba() else python_module(text)).advance_lanes  # type: ignore[no-any-return]
+    return _made(text).advance_lanes  # type: ignore[no-any-return]
 
 
 @cache
-def _whole() -> Any:
-    return compiled_module(source()) if has_numba() else python_module(source())
+def _made(text: str) -> Any:
+    """The module of a text: one for all functions of it that are asked for."""
+    return compiled_module(text) if has_numba() else python_module(text)
 
 
 def compiled_module(text: str) -> Any:

@@ -17,6 +17,8 @@ from raccoon.sim.quantities import Plant, State
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 FEW = 1  # robots up to which one after the other is faster
+_NEUTRAL = {name: value for fields in SELDOM.values() for name, value in fields.items()}
+_SELDOM_COLUMNS = [Plant._fields.index(name) for name in _NEUTRAL]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,10 +88,7 @@ def _blocks(plants: Floats) -> Iterator[tuple[bool, Indices]]:
 
     Where the others leave lanes of a vector idle, plain ones fill them.
     """
-    seldom = np.zeros(len(plants), bool)
-    for fields in SELDOM.values():
-        for name, neutral in fields.items():
-            seldom |= plants[:, Plant._fields.index(name)] != neutral
+    seldom = (plants[:, _SELDOM_COLUMNS] != list(_NEUTRAL.values())).any(axis=1)
     others, plain = np.flatnonzero(seldom), np.flatnonzero(~seldom)
     idle = _vectors(len(others)) - len(others)
     for kind, robots in ((False, np.concatenate([others, plain[:idle]])), (True, plain[idle:])):

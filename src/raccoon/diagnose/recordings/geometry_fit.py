@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
+from raccoon.diagnose.hypotheses import cause_name
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.estimate.drive_calibration.fit import path
 
@@ -73,7 +74,7 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        return self.id if self.where is None else f"{self.id}@{self.where}"
+        return cause_name(self.id, self.where)
 
     @property
     def sure(self) -> bool:
