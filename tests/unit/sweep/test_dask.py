@@ -5,6 +5,7 @@ import os
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -45,10 +46,14 @@ def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(tmp_path: Path) 
 
 def test_an_address_that_is_none_is_refused_and_no_half_made_client_is_left() -> None:
     client = pytest.importorskip("distributed").Client
-    before = [each for each in gc.get_objects() if isinstance(each, client)]  # other tests', still closing
+    before = _living(client)  # other tests', still closing
     with pytest.raises(ConfigError, match=r"scheduler 'nowhere:x'") as caught, dask_crew("nowhere:x"):
         pass
     assert caught.value.__context__ is None  # which would hold it
-    after = [each for each in gc.get_objects() if isinstance(each, client)]
-    left = [each for each in after if not any(each is other for other in before)]
+    left = [each for each in _living(client) if not any(each is other for other in before)]
     assert [each.status for each in left if each.status != "closed"] == []
+
+
+def _living(kind: type[Any]) -> list[Any]:
+    """What there is of a class; by its type, since `isinstance` asks the referent of a dead weak proxy."""
+    return [each for each in gc.get_objects() if issubclass(type(each), kind)]
