@@ -178,10 +178,13 @@ def gain(blind: Blind, said: Diagnosis, seconds: float) -> dict[str, float]:
     }
 
 
-def contributions(blind: Blind, seconds: float) -> dict[str, dict[str, float]]:
+def contributions(
+    blind: Blind, seconds: float, classes: Mapping[str, Sequence[Hidden]]
+) -> dict[str, dict[str, float]]:
     """What each hidden cause changes that base numbers cannot absorb: root mean square in units of the noise.
 
-    alone: that. beside: what the other hidden causes at other sizes could not absorb either.
+    alone: that. beside: what the other hidden causes at other sizes could not absorb either. together: the
+    same as alone for all of a class at once.
 
     Base numbers absorb what they can within robot.toml's bounds. Simulated by the package with the true
     parameters, with and without the cause.
@@ -194,19 +197,36 @@ def contributions(blind: Blind, seconds: float) -> dict[str, dict[str, float]]:
         moved = dict(full)
         coordinate.apply(moved, 0.5)
         variants.append(moved)
-    for each in blind.hidden:
-        variants.append(true_settings(_without(blind.robot, each)))
+    for gone in [*([each] for each in blind.hidden), *classes.values()]:
+        robot = blind.robot
+        for each in gone:
+            robot = _without(robot, each)
+        variants.append(true_settings(robot))
     residual = unseen.of_settings(variants)
     floor = np.sqrt((residual[0] ** 2).mean(axis=0))
     rows = ((residual - residual[0]) / floor).reshape(len(variants), -1)
     columns, changes = rows[1 : len(base) + 1].T / 0.5, rows[len(base) + 1 :]
+    each_alone, whole = changes[: len(blind.hidden)], changes[len(blind.hidden) :]
+    none = np.zeros((columns.shape[0], 0))
+    names = [each.name for each in blind.hidden]
     return {
-        each.name: {
-            "alone": _left(changes[index], columns, np.zeros((columns.shape[0], 0))),
-            "beside": _left(changes[index], columns, np.delete(changes, index, axis=0).T),
-        }
-        for index, each in enumerate(blind.hidden)
+        "alone": {name: _left(change, columns, none) for name, change in zip(names, each_alone, strict=True)},
+        "beside": {
+            name: _left(each_alone[index], columns, np.delete(each_alone, index, axis=0).T)
+            for index, name in enumerate(names)
+        },
+        "together": {name: _left(change, columns, none) for name, change in zip(classes, whole, strict=True)},
     }
+
+
+def _classes(said: Diagnosis, blind: Blind) -> dict[str, list[Hidden]]:
+    """What is hidden of each class that was named, where that is more than one cause."""
+    found = {}
+    for cause in said.causes:
+        members = [each for each in blind.hidden if each.name in (cause.name, *cause.confounded_with)]
+        if len(members) > 1:
+            found[cause.name] = members
+    return found
 
 
 def _left(change: Array, base: Array, others: Array) -> float:
@@ -289,9 +309,7 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     if row.tail:
         result["gain"] = gain(blind, said, row.seconds)
     if len(blind.hidden) > 1:
-        sizes = contributions(blind, row.seconds)
-        for kind in ("alone", "beside"):
-            result[kind] = {name: size[kind] for name, size in sizes.items()}
+        result |= contributions(blind, row.seconds, _classes(said, blind))
     return result
 
 

@@ -9,46 +9,33 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from raccoon.diagnose.log import Channel, Log
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 BIN = 0.02
 SETTLING = 0.3
 HALF_A_COUNT = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class _Bins:
-    """The map of one channel: which samples, where each bin starts among them, and how gaps are bridged."""
-
-    samples: Index
-    starts: Index
-    sizes: Array
-    filled: Index
-    before: Index
-    after: Index
-    share: Array
-
-    def __call__(self, values: Array) -> Array:
-        """(..., samples) -> (..., bins)."""
-        sums = np.add.reduceat(values[..., self.samples], self.starts, axis=-1)
-        means = sums / self.sizes
-        return np.asarray(means[..., self.before] * (1.0 - self.share) + means[..., self.after] * self.share)
-
-
-def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> _Bins:
+def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array:
+    """The map of one channel, (bins, samples): means of the samples in each bin, lines over empty ones."""
     samples = np.flatnonzero(np.isfinite(channel.values) & (position >= 0) & (position < count))
-    filled, starts, sizes = np.unique(position[samples], return_index=True, return_counts=True)
+    filled, row, sizes = np.unique(position[samples], return_inverse=True, return_counts=True)
+    shape = len(filled), len(channel.values)
+    means = csr_array((1.0 / sizes[row], (row, samples)), shape=shape)
     grid = np.arange(count)
     after = np.clip(np.searchsorted(filled, grid), 0, len(filled) - 1)
     before = np.clip(np.where(filled[after] == grid, after, after - 1), 0, len(filled) - 1)
     width = np.maximum(filled[after] - filled[before], 1)
-    share = np.clip((grid - filled[before]) / width, 0.0, 1.0)
-    share = np.where(before == after, 0.0, share)
-    return _Bins(samples, starts, sizes.astype(float), filled, before, after, share)
+    share = np.where(before == after, 0.0, np.clip((grid - filled[before]) / width, 0.0, 1.0))
+    weights = np.concatenate([1.0 - share, share])
+    bridges = csr_array((weights, (np.tile(grid, 2), np.concatenate([before, after]))), (count, len(filled)))
+    whole = csr_array(bridges @ means)
+    whole.eliminate_zeros()
+    return whole
 
 
 def _before_cutting(channel: Channel) -> Array:
@@ -72,7 +59,7 @@ class Features:
     floors: Array
     time: Array
     measured: Array
-    maps: tuple[_Bins, ...]
+    maps: tuple[csr_array, ...]
 
     @classmethod
     def of(cls, log: Log) -> Features:
@@ -82,7 +69,7 @@ class Features:
         position = np.floor((log.time - start) / BIN).astype(np.intp)
         maps = tuple(_bins(each, position, count) for each in log.channels)
         measured = np.column_stack(
-            [bins(_before_cutting(each)) for bins, each in zip(maps, log.channels, strict=True)]
+            [bins @ _before_cutting(each) for bins, each in zip(maps, log.channels, strict=True)]
         )
         return cls(
             tuple(each.role for each in log.channels),
@@ -94,4 +81,7 @@ class Features:
 
     def simulated(self, channels: Array) -> Array:
         """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""
-        return np.stack([bins(channels[:, index]) for index, bins in enumerate(self.maps)], axis=-1)
+        binned = np.empty((len(channels), len(self.time), len(self.maps)))
+        for index, bins in enumerate(self.maps):
+            binned[:, :, index] = (bins @ channels[:, index].T).T
+        return binned

@@ -131,7 +131,10 @@ class PlantRollout:
     def _samples(self, variants: Sequence[Settings], commands: Commands) -> Array:
         """What the sensors say, (variants, channels, rows)."""
         run = rollout(self._lanes(variants), commands, channels=self._names, longest_step=LONGEST_STEP)
-        return np.stack([run[name] for name in self._names], axis=1)
+        samples = np.empty((len(self._names), len(self._time), len(variants)))  # as the lanes lie: no turning
+        for index, name in enumerate(self._names):
+            samples[index] = run[name].T
+        return samples.transpose(2, 0, 1)
 
     def _with_own(self, variants: Sequence[Settings]) -> Array:
         """The same with a team's own effects: robots whose commands are the same run side by side."""

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raccoon.diagnose.features import Features
+from raccoon.diagnose.features import BIN, SETTLING, Features
 from raccoon.diagnose.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -34,3 +36,25 @@ def test_counts_that_are_missing_do_not_make_the_others_fractions() -> None:
     values = np.full(len(TIME), -20.0)
     values[::3] = np.nan
     assert bins_of(values) == pytest.approx(-20.5)
+
+
+def test_bins_are_means_and_lines_over_what_is_missing() -> None:
+    """Against the definition, sample by sample, with times that jitter and gaps of many bins."""
+    rng = np.random.default_rng(6)
+    time = np.sort(TIME + rng.uniform(-0.002, 0.002, len(TIME)))
+    values = rng.normal(size=len(time))
+    values[rng.random(len(time)) < 0.4] = np.nan
+    values[500:560] = np.nan
+    log = Log(time, np.zeros((len(time), 2)), (Channel("battery.voltage", "battery", "V", values, 0.004),))
+    features = Features.of(log)
+    edges = time[0] + SETTLING + BIN * np.arange(len(features.time) + 1)
+    means = np.full(len(features.time), np.nan)
+    for index, (low, high) in enumerate(pairwise(edges)):
+        inside = values[(time >= low) & (time < high) & np.isfinite(values)]
+        means[index] = inside.mean() if inside.size else np.nan
+    known = np.isfinite(means)
+    assert 0.7 < known.mean() < 0.99
+    expected = np.interp(np.arange(len(means)), np.flatnonzero(known), means[known])
+    np.testing.assert_allclose(features.measured[:, 0], expected, atol=1e-12)
+    lanes = np.stack([np.nan_to_num(values), 2.0 * np.nan_to_num(values)])[:, None]
+    np.testing.assert_allclose(features.simulated(lanes)[:, :, 0], [expected, 2.0 * expected], atol=1e-12)

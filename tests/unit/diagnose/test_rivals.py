@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.linear import coulomb_response, linearise
-from raccoon.diagnose.naming import _telling, confounded
+from raccoon.diagnose.naming import _telling, _told, confounded, parameters
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
 from raccoon.diagnose.select.rivals import CLOSE, compared
+from raccoon.diagnose.spread import Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
 
 CAUSES = {
@@ -46,6 +48,23 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
         (slip,) = (each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip")
         assert (slip.lead < CLOSE) == one
         assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
+
+
+def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.04]))
+    truth = late.with_cause("drive.wheel_slip", np.array([0.04]))
+    search = searched(problem, truth, late)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, late))
+    assert compared(search) is None
+    cause, settings = CAUSES["imu.latency"], problem.settings(truth)
+    rivals = confounded(search, cause)
+    assert rivals == ("drive.wheel_slip",)
+    values = parameters(search, cause, Spread.of(search))
+    whole = settings[("imu.latency", None, "seconds")] + settings[("drive.wheel_slip", "left", "time")]
+    assert values["seconds"].value == pytest.approx(whole, abs=2.0 * values["seconds"].std)
+    assert values["seconds"].std < 0.25 * whole
+    assert "With drive.wheel_slip beside it this is the sum of their times." in _told(cause, values, rivals)
+    assert "sum" not in _told(cause, values, ())
 
 
 def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:

@@ -37,7 +37,7 @@ from raccoon.diagnose.select.outlook import (
     start_search,
 )
 from raccoon.diagnose.select.refits import shared_lags
-from raccoon.diagnose.select.search import SURE, _fails_held_out, known_after_all
+from raccoon.diagnose.select.search import SURE, _fails_held_out, _too_little, known_after_all
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
@@ -171,6 +171,12 @@ def test_the_surer_a_cause_the_more_it_may_fall_short_on_blocks_left_out() -> No
     assert not _fails_held_out(25.0, EVIDENCE_GATE, -0.4)
     assert _fails_held_out(25.0, EVIDENCE_GATE, -20.0)
     assert not _fails_held_out(SURE, EVIDENCE_GATE, -20.0)
+
+
+def test_what_shows_in_a_moment_or_two_is_told_from_what_does_not_show() -> None:
+    """Wheels that stick were worth 105 in 12 s, nearly all of it where one broke loose."""
+    assert _too_little(3.8, 105.1, EVIDENCE_GATE).startswith("shows in too few moments of this recording")
+    assert _too_little(3.8, 5.0, EVIDENCE_GATE) == "explains too little (log evidence +3.8)"
 
 
 def test_relatives_of_the_best_are_fitted_from_every_column_too(problem: Problem) -> None:

@@ -62,7 +62,7 @@ def forward(search: Search) -> tuple[Search, bool]:
     for name, fit, gain in ranked:
         needed = _required_evidence(search, name, alone=not search.fit.point.active)
         if gain < needed:
-            search.failed[name] = f"explains too little (log evidence {gain:+.1f})"
+            search.failed[name] = _too_little(gain, fit.evidence - settled.evidence, needed)
             continue
         held_out = held_out_score(fit) - reference_held_out
         if _fails_held_out(gain, needed, held_out):
@@ -77,6 +77,15 @@ def forward(search: Search) -> tuple[Search, bool]:
     if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
         return _with_unknown(search, probe), True
     return search, False
+
+
+def _too_little(lead: float, evidence: float, needed: float) -> str:
+    """Why a cause is not named. lead: its log evidence, no event counting for much; evidence: all of it."""
+    if evidence > needed:
+        return (
+            f"shows in too few moments of this recording (log evidence {lead:+.1f} of {evidence:+.1f} counts)"
+        )
+    return f"explains too little (log evidence {lead:+.1f})"
 
 
 def _required_evidence(search: Search, name: str, alone: bool) -> float:
