@@ -34,8 +34,10 @@ class Job:
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
     """The files, those inside folders in the order of their names. Raises FileNotFoundError."""
+    from raccoon.trace.loading import recording_file
+
     found: list[Path] = []
-    for path in paths:
+    for path in map(recording_file, paths):
         if path.is_dir():
             inside = sorted(each for each in path.rglob("*") if each.name.endswith(ENDINGS))
             found += [each for each in inside if each.name != METADATA]

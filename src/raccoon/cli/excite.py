@@ -38,6 +38,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.manoeuvres import CHECKUP
+    from raccoon.trace.loading import recording_file
 
     robot = load_robot(args.robot)
     _check(args)
@@ -52,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
         _look_at(robot, chosen, args)
     if args.record is not None:
         _drive(robot, chosen, args)
-        print(f"{args.record}: recorded {chosen!r}")
+        print(f"{recording_file(args.record)}: recorded {chosen!r}")
     return 0
 
 

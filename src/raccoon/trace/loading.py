@@ -12,6 +12,7 @@ from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv
 from raccoon.trace.foreign import emps, fleet_steps, motor_steps, optiodom
 from raccoon.trace.format import Trace, read_trace
+from raccoon.trace.record import recording_paths
 from raccoon.trace.recording import Recording
 
 TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
@@ -36,13 +37,21 @@ def load_runs(path: str | Path) -> list[Run]:
     Doubtful values are blank and listed in `Recording.problems`. Raises TraceError where there is nothing
     that can be read, FileNotFoundError where there is no such path.
     """
-    path = Path(path)
+    path = recording_file(path)
     if not path.is_dir():
         return [load_run(path)]
     runs = [run for file in _recordings(path) for run in load_runs(file)]
     if not runs:
         raise TraceError(f"{path}: there is no recording in this folder")
     return runs
+
+
+def recording_file(path: str | Path) -> Path:
+    """Where a recording is, by the name under which it was asked for: `run` and `run.jsonl` are packed into
+    `run.jsonl.gz` when the run has ended. The path itself where it exists, and where neither does."""
+    path = Path(path)
+    packed = recording_paths(path)[1]
+    return packed if packed.exists() and not path.exists() else path
 
 
 def _recordings(folder: Path) -> Iterator[Path]:
@@ -59,7 +68,7 @@ def _is_recording(path: Path) -> bool:
 
 def load_run(path: str | Path) -> Run:
     """One run, of whatever kind its name and first line say. Raises as `load_runs`."""
-    path = Path(path)
+    path = recording_file(path)
     if path.name.endswith(TRACE_ENDINGS):
         trace = read_trace(path)
         return Run(path.name, recording_of(trace), trace.header.config, trace)

@@ -3,9 +3,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raccoon.cli.diagnose_many import recordings
 from raccoon.core.errors import TraceError
 from raccoon.trace.csv import write_csv
-from raccoon.trace.loading import load_run, load_runs
+from raccoon.trace.loading import load_run, load_runs, recording_file
 from raccoon.trace.recording import Recording
 from unit.trace.recordings import record
 
@@ -20,6 +21,22 @@ def test_kind_is_found_by_name_and_first_line(tmp_path: Path) -> None:
     assert load_run(tmp_path / "run.csv").recording.columns.keys() == trace.recording.columns.keys()
     (tmp_path / "motor_1_x.csv").write_text("time_s,command_percent,velocity_rad_s\n0,1,0\n1,1,0\n2,1,0\n")
     assert "motor.1.speed" in load_run(tmp_path / "motor_1_x.csv").recording
+
+
+@pytest.mark.parametrize("name", ["run", "run.jsonl", "run.jsonl.gz"])
+def test_a_recording_is_found_by_the_name_it_was_made_under(tmp_path: Path, name: str) -> None:
+    made = record(tmp_path / "run")
+    assert made.name == "run.jsonl.gz"
+    assert load_run(tmp_path / name).name == made.name
+    assert recordings([tmp_path / name]) == [made]
+    with pytest.raises(FileNotFoundError, match="other: there is no such recording"):
+        recordings([tmp_path / "other"])
+
+
+def test_what_is_there_is_read_though_a_packed_recording_has_its_name(tmp_path: Path) -> None:
+    record(tmp_path / "run.jsonl")
+    (tmp_path / "run").mkdir()
+    assert recording_file(tmp_path / "run") == tmp_path / "run"
 
 
 def test_a_folder_gives_its_runs_in_order_with_their_robot(tmp_path: Path) -> None:

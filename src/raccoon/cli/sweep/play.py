@@ -18,6 +18,7 @@ from raccoon.sweep.match import Match, play, seed_of
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import sweep, with_nominal_end
 from raccoon.sweep.workers import dask_crew, process_crew
+from raccoon.trace.loading import recording_file
 
 
 def sweep_and_print(args: argparse.Namespace) -> int:
@@ -36,7 +37,7 @@ def one(args: argparse.Namespace) -> int:
     match = match_of(args)
     print_row(play(match, args.only, seed_of(args.seed, args.only), args.record))
     if args.record is not None:
-        print(f"recorded: {args.record}")
+        print(f"recorded: {recording_file(args.record)}")
     return 0
 
 
