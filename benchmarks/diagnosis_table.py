@@ -15,6 +15,7 @@ from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment import DECIDES
 from raccoon.diagnose.hypotheses import INSIDE, Coordinate, base_coordinates
+from raccoon.diagnose.select.refits import SCALE
 from raccoon.sim.effects import effect
 
 Result = dict[str, Any]
@@ -73,8 +74,8 @@ def hit(cause: dict[str, Any], true: Iterable[str]) -> bool:
     Both motors' resistance is a class with inertia and friction together, not with one of them.
     """
     members = set(cause["class"])
-    if cause["name"] == "motor.armature_resistance" and len(members & set(true)) < 2:
-        members = set()
+    if cause["name"] == "motor.armature_resistance" and len(members & set(SCALE) & set(true)) < 2:
+        members -= set(SCALE)
     return bool(({cause["name"]} | members) & set(true))
 
 

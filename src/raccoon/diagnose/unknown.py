@@ -4,8 +4,9 @@ A probe is a free curve over a covariate (the wheel's angle, the place, the spee
 or as an addition to a sensor. The robot forgets a torque within 0.1 s, so the response to a torque that
 varies more slowly is the response to a constant one, times its course: no further simulation is needed.
 
-Angles and places come from the readings. Speeds come from the simulation: a curve over a reading would hold
-that reading's own noise, and so explain it.
+Angles and places come from the readings, as the working point understands them: an offset of two counts that
+was left in them turned a wheel by 2 rad too much in 40 s, and a motor that cogs was not seen. Speeds come
+from the simulation: a curve over a reading would hold that reading's own noise, and so explain it.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from numpy.typing import NDArray
 
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.features import BIN, Features
+from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.linear import Group, Linear, coulomb_response
 from raccoon.diagnose.problem import Problem
+from raccoon.sim.parameters import SIDES
 
 Array = NDArray[np.float64]
 
@@ -71,19 +74,25 @@ class Motion:
     time: Array
 
 
-def motion_of(problem: Problem) -> Motion | None:
-    """Motion from back-EMF (or speeds) and gyro; None where no wheel is measured."""
+def motion_of(problem: Problem, settings: Settings) -> Motion | None:
+    """Motion from back-EMF (or speeds) and gyro, with the settings of a working point; None where no wheel is
+    measured."""
     features = problem.features
-    speed = _wheel_speed(problem, features.measured)
+    speed = _wheel_speed(problem, features.measured, settings)
     if speed is None:
         return None
     drive = problem.robot.model.drive
-    radius, track = drive.wheel_radius.value, drive.track_width.value
-    rate = (speed[:, 1] - speed[:, 0]) * radius / track
+    way = speed * [
+        drive.wheel_radius.value * settings[("drive.wheel_radius", side, "factor")] for side in SIDES
+    ]
+    track = drive.track_width.value * settings[("drive.track_width", None, "factor")]
+    rate = (way[:, 1] - way[:, 0]) / track
     if "gyro" in features.roles:
-        rate = features.measured[:, features.roles.index("gyro")]
+        scale = problem.robot.model.imu.gyro_scale.value * settings[("imu.gyro_scale", None, "factor")]
+        bias = settings[("imu.gyro_bias", None, "rate")]
+        rate = (features.measured[:, features.roles.index("gyro")] - bias) / scale
     heading = np.cumsum(rate) * BIN
-    forward = speed.mean(axis=1) * radius * BIN
+    forward = way.mean(axis=1) * BIN
     return Motion(
         speed,
         np.cumsum(speed, axis=0) * BIN,
@@ -94,37 +103,38 @@ def motion_of(problem: Problem) -> Motion | None:
     )
 
 
-def _wheel_speed(problem: Problem, readings: Array) -> Array | None:
-    """Speeds (bins, 2) in rad/s as readings (bins, channels) give them."""
+def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
+    """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
+    point."""
     model, roles = problem.robot.model, problem.features.roles
     columns = []
     for side, motor in (("left", model.left), ("right", model.right)):
         if f"speed_{side}" in roles:
             columns.append(readings[:, roles.index(f"speed_{side}")])
         elif f"bemf_{side}" in roles:
-            counts = readings[:, roles.index(f"bemf_{side}")]
-            columns.append(counts * BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value)
+            counts = readings[:, roles.index(f"bemf_{side}")] - settings[("bemf.offset", side, "counts")]
+            factor = settings[("motor.back_emf_constant", side, "factor")]
+            volts = counts * BEMF_VOLTS_PER_COUNT / settings[("bemf.scale", side, "factor")]
+            columns.append(volts / (motor.back_emf_constant.value * factor))
     return np.column_stack(columns) if len(columns) == 2 else None
 
 
 def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
-    """The probes of a recording; their curves are fixed, their responses follow the working point."""
-    motion = motion_of(problem)
-    if motion is None:
-        return lambda _: ()
-    curves = _torque_curves(motion)
-    sensors = _sensor_probes(problem.features, motion)
+    """The probes of a recording; their curves and responses follow the working point."""
 
     def probes(linear: Linear) -> Sequence[Probe]:
-        wheels = _wheel_speed(problem, problem.features.measured - linear.residual)
-        assert wheels is not None  # a motion was found
+        settings = problem.settings(linear.point)
+        motion = motion_of(problem, settings)
+        wheels = _wheel_speed(problem, problem.features.measured - linear.residual, settings)
+        if motion is None or wheels is None:
+            return ()
         speed = np.abs(wheels).mean(axis=1)
-        every = [*curves, _Torque("speed", None, True, _hats(speed, 6), speed, RATE)]
+        every = [*_torque_curves(motion), _Torque("speed", None, True, _hats(speed, 6), speed, RATE)]
         return [
             *_torque_probes(problem, linear, motion, every),
             *_inertia_probes(problem, linear, motion),
             *_gyro_over_speed(problem.features, wheels.mean(axis=1)),
-            *sensors,
+            *_sensor_probes(problem.features, motion),
         ]
 
     return probes

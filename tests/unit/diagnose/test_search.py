@@ -11,10 +11,12 @@ import pytest
 
 from blind.drives import exciting
 from blind.generator import Noise, make
-from blind.hidden import draw
+from blind.hidden import Hidden, draw
 from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.features import BIN
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_afresh, fit_at, fit_point
 from raccoon.diagnose.forms import form_error
 from raccoon.diagnose.gain import HeldOut, contributions, size_of
@@ -30,6 +32,7 @@ from raccoon.diagnose.select.joint import _all_straight, _of_their_families
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
     Search,
+    best_probe,
     estimated,
     lead,
     look_around,
@@ -37,9 +40,9 @@ from raccoon.diagnose.select.outlook import (
     start_search,
 )
 from raccoon.diagnose.select.refits import shared_lags
-from raccoon.diagnose.select.search import SURE, _fails_held_out, _too_little, known_after_all
+from raccoon.diagnose.select.search import PROBE_ALONE, SURE, _fails_held_out, _too_little, known_after_all
 from raccoon.diagnose.select.visible import shows_from
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.unknown import motion_of, probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.effects import effect
@@ -332,6 +335,39 @@ def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> 
         )
         np.testing.assert_allclose(disturbed, clean, atol=1e-9)
         assert np.abs(clean).max() > 0.0
+
+
+def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> None:
+    """Two counts of offset turned a wheel by 2 rad too much in 40 s, and its cogging was not seen."""
+    settings = dict(problem.settings(problem.nominal()))
+    model, roles = ROBOT.model, problem.features.roles
+    speeds, bias = {"left": 5.0, "right": 7.0}, 0.02
+    settings |= {("bemf.offset", side, "counts"): 9.0 for side in speeds}
+    settings |= {("bemf.scale", side, "factor"): 0.99 for side in speeds}
+    settings |= {("motor.back_emf_constant", side, "factor"): 1.03 for side in speeds}
+    settings |= {("drive.wheel_radius", side, "factor"): 1.01 for side in speeds}
+    settings |= {("imu.gyro_bias", None, "rate"): bias, ("imu.gyro_scale", None, "factor"): 1.05}
+    measured = np.zeros_like(problem.features.measured)
+    for side, motor in (("left", model.left), ("right", model.right)):
+        volts = 0.99 * 1.03 * motor.back_emf_constant.value * speeds[side]
+        measured[:, roles.index(f"bemf_{side}")] = 9.0 + volts / BEMF_VOLTS_PER_COUNT
+    measured[:, roles.index("gyro")] = bias + 1.05 * model.imu.gyro_scale.value * 0.5
+    found = motion_of(replace(problem, features=replace(problem.features, measured=measured)), settings)
+    assert found is not None
+    bins = len(measured)
+    assert found.angle[-1] == pytest.approx([5.0 * bins * BIN, 7.0 * bins * BIN])
+    assert found.heading[-1] == pytest.approx(0.5 * bins * BIN)
+    way = np.hypot(np.diff(found.x), np.diff(found.y)).sum()
+    assert way == pytest.approx(6.0 * 1.01 * model.drive.wheel_radius.value * (bins - 1) * BIN)
+
+
+def test_a_motor_that_cogs_is_seen_though_its_readings_have_an_offset() -> None:
+    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
+    columns = make(10, [hidden], seconds=40.0).columns
+    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    found = best_probe(start_search(real, probes_for(real)))
+    assert found.name == "unknown: wheel angle left"
+    assert found.lead > PROBE_ALONE
 
 
 def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:

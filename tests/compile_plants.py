@@ -1,0 +1,17 @@
+"""Compiles the simulated robots while the linters run, so that two test processes do not both have to."""
+
+import numpy as np
+
+from blind.generator import make
+from raccoon.core.config import RobotConfig
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.rollout import rollout
+
+ROBOT = Parameters.from_robot(RobotConfig())
+LOOSE = ROBOT.with_effect("drive.backlash", angle=0.1)
+TIME = np.arange(3) * 0.005
+
+for robots in ([ROBOT], [ROBOT, ROBOT], [LOOSE, LOOSE]):
+    rollout(robots, Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME))
+make(1, seconds=1.0)
