@@ -14,4 +14,4 @@ TIME = np.arange(3) * 0.005
 
 for robots in ([ROBOT], [ROBOT, ROBOT], [LOOSE, LOOSE]):
     rollout(robots, Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME))
-make(1, seconds=1.0)
+make(1, seconds=4.0)
