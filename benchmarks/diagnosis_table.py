@@ -15,7 +15,7 @@ from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment import DECIDES
 from raccoon.diagnose.hypotheses import INSIDE, Coordinate, base_coordinates
-from raccoon.diagnose.select.refits import SCALE
+from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.sim.effects import effect
 
 Result = dict[str, Any]
@@ -25,8 +25,6 @@ PRACTICAL = 0.05
 TIE = 0.8
 LIKELY = (0.0, 0.5, 0.8, 0.95, 1.01)
 """Edges of the probabilities that are counted together."""
-LAGS = ({"imu.latency", "drive.wheel_slip"},)
-"""Classes whose times add up, and are said to."""
 UNKNOWN_NAMES = {"cogging": "wheel angle left", "payload": "time (inertia)", "patch": "position",
                  "gyro_speed": "gyro over speed"}  # fmt: skip
 
@@ -224,14 +222,15 @@ def _measured(result: Result, cause: dict[str, Any]) -> bool:
     is not."""
     for parameter, true in result["true"].get(cause["name"], {}).items():
         value, std, nominal = cause["parameters"][parameter]
-        true += sum(_lag(result, other) for other in cause["class"] if {cause["name"], other} in LAGS)
+        true += sum(_lag(result, other) for other in cause["class"] if delay_alike(cause["name"], other))
         return bool(abs(value - true) <= 2.0 * std < abs(value - nominal))
     return False
 
 
 def _lag(result: Result, name: str) -> float:
-    """s by which a hidden cause delays readings; 0 where it is not hidden."""
-    return float(next(iter(result["true"].get(name, {"time": 0.0}).values())))
+    """s by which a hidden cause delays readings more than is assumed; 0 where it is not hidden."""
+    nominal = result["nominal"].get(name, {})
+    return float(sum(value - nominal[key] for key, value in result["true"].get(name, {}).items()))
 
 
 def _acts(result: Result, cause: dict[str, Any]) -> bool:

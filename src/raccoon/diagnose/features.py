@@ -30,7 +30,7 @@ def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array
     after = np.clip(np.searchsorted(filled, grid), 0, len(filled) - 1)
     before = np.clip(np.where(filled[after] == grid, after, after - 1), 0, len(filled) - 1)
     width = np.maximum(filled[after] - filled[before], 1)
-    share = np.where(before == after, 0.0, np.clip((grid - filled[before]) / width, 0.0, 1.0))
+    share = np.clip((grid - filled[before]) / width, 0.0, 1.0)
     weights = np.concatenate([1.0 - share, share])
     bridges = csr_array((weights, (np.tile(grid, 2), np.concatenate([before, after]))), (count, len(filled)))
     whole = csr_array(bridges @ means)
@@ -81,7 +81,5 @@ class Features:
 
     def simulated(self, channels: Array) -> Array:
         """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""
-        binned = np.empty((len(channels), len(self.time), len(self.maps)))
-        for index, bins in enumerate(self.maps):
-            binned[:, :, index] = (bins @ channels[:, index].T).T
-        return binned
+        binned = [(bins @ channels[:, index].T).T for index, bins in enumerate(self.maps)]
+        return np.stack(binned, axis=-1)

@@ -13,7 +13,7 @@ from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.select.refits import LAGS, SCALE
+from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.diagnose.select.rivals import CLOSE
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.diagnose.spread import Spread
@@ -62,7 +62,7 @@ def _told(cause: Cause, values: dict[str, ParameterResult], rivals: tuple[str, .
     if cause.own is not None:
         return cause.own.told({name: each.value for name, each in values.items()})
     said = explanation(cause.id, cause.where, values)
-    both = [each for each in rivals if any({cause.name, each} <= set(family) for family in LAGS)]
+    both = [each for each in rivals if delay_alike(cause.name, each)]
     return f"{said} With {' or '.join(both)} beside it this is the sum of their times." if both else said
 
 

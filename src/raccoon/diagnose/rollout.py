@@ -131,10 +131,8 @@ class PlantRollout:
     def _samples(self, variants: Sequence[Settings], commands: Commands) -> Array:
         """What the sensors say, (variants, channels, rows)."""
         run = rollout(self._lanes(variants), commands, channels=self._names, longest_step=LONGEST_STEP)
-        samples = np.empty((len(self._names), len(self._time), len(variants)))  # as the lanes lie: no turning
-        for index, name in enumerate(self._names):
-            samples[index] = run[name].T
-        return samples.transpose(2, 0, 1)
+        lying = np.stack([run[name].T for name in self._names])  # in memory as the lanes lie: no turning
+        return lying.transpose(2, 0, 1)
 
     def _with_own(self, variants: Sequence[Settings]) -> Array:
         """The same with a team's own effects: robots whose commands are the same run side by side."""

@@ -12,7 +12,7 @@ from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv
 from raccoon.trace.foreign import emps, fleet_steps, motor_steps, optiodom
 from raccoon.trace.format import Trace, read_trace
-from raccoon.trace.record import recording_paths
+from raccoon.trace.record import already_there
 from raccoon.trace.recording import Recording
 
 TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
@@ -37,7 +37,7 @@ def load_runs(path: str | Path) -> list[Run]:
     Doubtful values are blank and listed in `Recording.problems`. Raises TraceError where there is nothing
     that can be read, FileNotFoundError where there is no such path.
     """
-    path = recording_file(path)
+    path = Path(path)
     if not path.is_dir():
         return [load_run(path)]
     runs = [run for file in _recordings(path) for run in load_runs(file)]
@@ -47,11 +47,10 @@ def load_runs(path: str | Path) -> list[Run]:
 
 
 def recording_file(path: str | Path) -> Path:
-    """Where a recording is, by the name under which it was asked for: `run` and `run.jsonl` are packed into
-    `run.jsonl.gz` when the run has ended. The path itself where it exists, and where neither does."""
+    """The path itself where it exists, and where nothing does; else the recording that was made under this
+    name: `run` and `run.jsonl` are packed into `run.jsonl.gz` when the run has ended."""
     path = Path(path)
-    packed = recording_paths(path)[1]
-    return packed if packed.exists() and not path.exists() else path
+    return path if path.exists() else already_there(path) or path
 
 
 def _recordings(folder: Path) -> Iterator[Path]:

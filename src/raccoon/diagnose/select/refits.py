@@ -38,6 +38,11 @@ CLOSE_ENOUGH = 0.35
 """Part of the best one's, from which a refit may still become the best."""
 
 
+def delay_alike(name: str, other: str) -> bool:
+    """Whether two causes delay the same readings, so that what one adds is as well the other's."""
+    return any({name, other} <= set(family) for family in LAGS)
+
+
 def candidates(search: Search) -> Screened:
     """The best variants of the causes worth a true refit.
 
