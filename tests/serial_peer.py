@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import select
+import sys
+import termios
+import time
 import tty
 from pathlib import Path
+
+ARRIVAL = 0.1
+"""s"""
 
 
 class SerialPeer:
@@ -31,7 +38,17 @@ class SerialPeer:
         self._master = self._slave = -1
 
     def say(self, data: bytes) -> None:
+        """Send it, and see it arrive: the kernel carries it over on its own time, and a frame of two that are
+        there would be read without the other. One that a thread of ours reads meanwhile is not waited for."""
+        there = self._arrived()
         assert os.write(self._master, data) == len(data)
+        deadline = time.monotonic() + ARRIVAL
+        while self._arrived() < there + len(data) and time.monotonic() < deadline:
+            os.sched_yield()
+
+    def _arrived(self) -> int:
+        """Bytes that our side could read."""
+        return int.from_bytes(fcntl.ioctl(self._slave, termios.FIONREAD, bytes(4)), sys.byteorder)
 
     def heard(self, timeout: float = 0.0) -> bytes:
         """Everything told so far; waits up to `timeout` s for the first byte."""
