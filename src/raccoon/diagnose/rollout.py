@@ -64,7 +64,8 @@ def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConf
     return replace(robot, model=replace(robot.model, drive=changed))
 
 
-LONGEST_STEP = 0.001
+LONGEST_STEP = 0.00105
+"""s; a little above 1 ms, so that a cycle of 5 ms whose time stamp jitters still has five steps."""
 LEAST_ZONE = 2.0
 """Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below two can be
 told from it."""
@@ -107,7 +108,7 @@ class PlantRollout:
         own: Sequence[OwnEffect] = (),
     ) -> None:
         self._robot = replace(robot, motors={})  # the log's signs of wiring are already taken away
-        self._habits = habits
+        self._habits = replace(habits, chain=replace(habits.chain, cycle=_cycle(log, habits.chain.cycle)))
         self._neutral = neutral_settings(robot)
         ports = {"left": robot.drive.left, "right": robot.drive.right}
         self._heard = {} if plain else _readings(log)
@@ -187,6 +188,16 @@ class PlantRollout:
     def _turned(self, settings: Settings) -> RobotConfig:
         straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
         return self._robot if straight == turn == 1.0 else _with_inertia(self._robot, straight, turn)
+
+
+def _cycle(log: Log, usual: float) -> float:
+    """How often the controller samples, s: the recording's usual row is a whole number of its cycles.
+
+    Rows much shorter than a cycle say nothing of it.
+    """
+    row = float(np.median(np.diff(log.time)))
+    cycles = round(row / usual)
+    return row / cycles if cycles else usual
 
 
 def _values(own: OwnEffect, settings: Settings) -> dict[str, float]:

@@ -102,8 +102,8 @@ def advance(
     for row in range(begin, end):
         dt = times[row + 1] - times[row]
         cycles = cycle_count(dt, cycle)
-        if period != period_of(dt / cycles):
-            period = period_of(dt / cycles)
+        if period != period_of(dt / cycles, cycle):
+            period = period_of(dt / cycles, cycle)
             keeps = kept_shares(p, period)
         steps = step_count(dt / cycles, longest_step)
         h = dt / (cycles * steps)

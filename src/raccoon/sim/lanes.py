@@ -109,8 +109,8 @@ def advance_lanes(
         steps = step_count(dt / cycles, longest_step)
         h = dt / (cycles * steps)
         per_h = 1.0 / h
-        if period != period_of(dt / cycles):
-            period = period_of(dt / cycles)
+        if period != period_of(dt / cycles, cycle):
+            period = period_of(dt / cycles, cycle)
             for k in range(width):
                 p = Plant({plant})
                 keeps = kept_shares(p, period)

@@ -24,9 +24,15 @@ def reported(counts: float, dead_zone: float) -> float:
     return counts
 
 
-def period_of(dt: float) -> float:
-    """`dt` in whole 2^-40 s (1 ps), so that rounding of the clock does not make it another period."""
-    return int(dt * 1099511627776.0 + 0.5) * (1.0 / 1099511627776.0)
+def period_of(dt: float, cycle: float) -> float:
+    """For how long a cycle counts in the controller's filters, s.
+
+    The firmware mixes a fixed share of each sample in, whenever that comes: a cycle that is up to a quarter
+    off is one whose time stamp jitters. Others are rows of another rate, in whole 2^-40 s (1 ps), so that
+    rounding of the clock does not make it another period.
+    """
+    other = int(dt * 1099511627776.0 + 0.5) * (1.0 / 1099511627776.0)
+    return cycle if abs(dt - cycle) < 0.25 * cycle else other
 
 
 def kept_shares(p: Plant, dt: float) -> tuple[float, float, float]:

@@ -134,6 +134,24 @@ def test_noise_differs_between_robots_and_is_that_of_the_seed() -> None:
     assert np.std(scatter) == pytest.approx(6.0 * np.sqrt(share / (2.0 - share)), rel=0.05)
 
 
+def test_the_filter_takes_the_same_share_of_a_sample_whose_time_stamp_is_a_little_off() -> None:
+    """The firmware counts samples; a row of another rate is longer by what its time says."""
+    random = np.random.default_rng(4)
+    still = np.zeros(400)
+    regular = Commands.of_wheels(TIME, still, still)
+    shaken = Commands.of_wheels(TIME + random.uniform(-4e-4, 4e-4, 400), still, still)
+    robots = [nominal()] * 3
+    scatter, shaken_scatter = (
+        rollout(robots, each, noise=Noise(), seed=5)["motor.0.bemf"] for each in (regular, shaken)
+    )
+    np.testing.assert_allclose(shaken_scatter, scatter, rtol=1e-12)
+    slower = rollout(robots, Commands.of_wheels(1.4 * TIME, still, still), noise=Noise(), seed=5)
+    share = 1.0 - np.exp(-0.007 / 0.0225)
+    assert np.std(slower["motor.0.bemf"][:, 100:]) == pytest.approx(
+        6.0 * np.sqrt(share / (2.0 - share)), rel=0.1
+    )
+
+
 def test_gyro_effects() -> None:
     robot = (
         nominal()
