@@ -10,8 +10,9 @@ from raccoon.sim.rollout import rollout
 
 ROBOT = Parameters.from_robot(RobotConfig())
 LOOSE = ROBOT.with_effect("drive.backlash", angle=0.1)
+GIVING = ROBOT.with_effect("friction.presliding", compliance=0.001)
 TIME = np.arange(3) * 0.005
 
-for robots in ([ROBOT], [ROBOT, ROBOT], [LOOSE, LOOSE]):
+for robots in ([ROBOT], [ROBOT, ROBOT], [LOOSE, LOOSE], [GIVING, GIVING]):
     rollout(robots, Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME))
 make(1, seconds=4.0)

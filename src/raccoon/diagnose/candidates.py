@@ -161,6 +161,8 @@ def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
     return Cause(id, where, (first, second), guesses, joint)
 
 
+NO_CAUSE = ("friction.presliding",)
+"""Every robot has it, and it is refitted silently; see `hypotheses.PRESLIDING`."""
 SIDES_ONLY = ("drive.wheel_eccentricity",)
 
 
@@ -171,7 +173,7 @@ def drive_causes() -> tuple[Cause, ...]:
     """
     found: list[Cause] = []
     for entry in all_effects():
-        if entry.place is Place.TOPHAT:
+        if entry.place is Place.TOPHAT or entry.id in NO_CAUSE:
             continue
         if entry.place is not Place.SIDE or not entry.id.startswith(SIDES_ONLY):
             found.append(_cause(entry.id, None))

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
+from raccoon.diagnose.candidates import NO_CAUSE
 from raccoon.diagnose.hypotheses import neutral_settings, places
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.result import CauseResult
@@ -18,6 +19,7 @@ from raccoon.sim.parameters import Key, Parameters
 from raccoon.sim.provenance import Origin
 
 REFITTED = "refitted inside robot.toml's standard deviation"
+OF_EVERY_ROBOT = "refitted: every robot has it, and robot.toml does not say how much"
 GIVEN = "of the model that was started from"
 
 
@@ -56,7 +58,8 @@ def _origin(spread: Spread, causes: Sequence[CauseResult], key: Key) -> Origin:
             return _named(each)
     std = {each.name: spread.std((id_, place, each.name)) for each in effect(id_).parameters}
     fitted = {name: each for name, each in std.items() if each > 0.0}
-    return Origin(fitted, REFITTED if fitted else GIVEN)
+    refitted = OF_EVERY_ROBOT if id_ in NO_CAUSE else REFITTED
+    return Origin(fitted, refitted if fitted else GIVEN)
 
 
 def _with_inertia(robot: RobotConfig, spread: Spread) -> RobotConfig:

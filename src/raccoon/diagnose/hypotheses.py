@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.own import OwnEffect
@@ -22,6 +22,14 @@ Settings = dict[Setting, float]
 
 INSIDE = 3.5
 """Standard deviations around robot.toml's value inside which a parameter is refitted silently."""
+PRESLIDING = {"compliance": 0.001, "damping": 0.3}
+"""rad/(N m) and N m s/rad: how much a wheel gives before it slides. robot.toml does not say, and it is no
+cause: every gear gives a little, and what a robot does when it stops shows how much."""
+PRESLIDING_WIDTH = 0.7
+"""Of the logarithm of both: a factor of two is one standard deviation."""
+PRESLIDING_MOST = 1.7
+"""Standard deviations of both: three tenths to three times. Stiffer wheels ask for shorter steps than a
+millisecond, and differ from rigid ones by less than a reading's noise."""
 WIDTH_FACTOR = 2.0
 """Widths of a cause over the catalogue's: deviations that are called a cause are the larger ones."""
 
@@ -31,6 +39,7 @@ class Coordinate:
     """One number u. settings: what it moves; each gets `value(u)` added, or multiplied where `factor`.
 
     from_zero: what u = 1 adds instead to a setting of 0, which no factor moves.
+    usual: what a factor multiplies instead of a setting of 0.
     step: in u, over which columns are taken. Small: where wheels break loose the response has kinks, and
     columns over longer steps do not add up to nothing along directions in which nothing changes.
     """
@@ -43,6 +52,7 @@ class Coordinate:
     high: float = math.inf
     step: float = 0.001
     from_zero: float = 0.0
+    usual: float = 0.0
 
     def apply(self, settings: Settings, u: float) -> None:
         """Move the settings."""
@@ -50,8 +60,8 @@ class Coordinate:
         for key in self.settings:
             if not self.factor:
                 settings[key] += change
-            elif settings[key] != 0.0:
-                settings[key] *= change
+            elif settings[key] != 0.0 or self.usual:
+                settings[key] = (settings[key] or self.usual) * change
             else:
                 settings[key] = max(self.from_zero * u, 0.0)
 
@@ -200,6 +210,10 @@ def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordi
     else:
         plus("friction.coulomb", None, "torque", model.friction.coulomb)
     plus("friction.viscous", None, "coefficient", model.friction.viscous)
+    for parameter, usual in PRESLIDING.items():
+        most = PRESLIDING_MOST
+        given = multiplied("friction.presliding", None, PRESLIDING_WIDTH, -most, most, parameter)
+        found.append(replace(given, usual=usual))
     plus("bemf.filter_lag", None, "time_constant", model.bemf.filter_time_constant)
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
     times("imu.gyro_scale", None, model.imu.gyro_scale)

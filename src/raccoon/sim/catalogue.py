@@ -106,6 +106,15 @@ _FRICTION = (
         (Parameter("coefficient", "N m s2/rad2", 0.0, Bounds(0.0, 0.5), 0.001),),
         Place.SIDE,
     ),
+    Effect(
+        "friction.presliding",
+        "What rubs gives a little before it slides, like the bristles of a brush: a wheel that stops swings "
+        "a few times, by some counts of its back-EMF.",
+        (
+            Parameter("compliance", "rad/(N m)", 0.0, Bounds(0.0, 0.05), 0.001),
+            Parameter("damping", "N m s/rad", None, Bounds(0.0, 20.0), 0.3, initial=0.3),
+        ),
+    ),
 )
 
 _DRIVE = (

@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from raccoon.core.files import write_atomically
-from raccoon.sim.lanes import SELDOM, lanes_text
+from raccoon.sim.lanes import RARE, lanes_text
 
 Advance = Callable[..., Any]
 _TEXTS = ("series.py", "equations.py", "sensing.py", "driver.py")
@@ -79,16 +79,15 @@ def advance_one() -> Advance:
 
 
 @cache
-def advance_lanes(plain: bool = False) -> Advance:
-    """The form for many robots (see `lanes`). plain: for robots with none of the effects in `SELDOM`.
+def advance_lanes(kind: str) -> Advance:
+    """The form for many robots (see `lanes`). kind: which robots, see `RARE`.
 
     That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
     """
-    text = source(without=SELDOM if plain else ())
+    text = source(without=RARE[kind])
     if has_numba() and not _lanes_cached(text):
         import logging
 
-        kind = "plain robots" if plain else "robots with seldom effects"
         logging.getLogger("raccoon").info("compiling the simulator of %s, the first time only", kind)
     return _made(text).advance_lanes  # type: ignore[no-any-return]
 

@@ -23,8 +23,8 @@ def substep(s: State, p: Plant, u: Command, h: float, per_h: float) -> State:
     """
     c = circuit(s, p, u, h)
     left, right = frictions(s, p, c, h)
-    speed_left, speed_right = driven(s, p, c, left, right, h)
-    return moved(s, p, u, c, speed_left, speed_right, h, per_h)
+    speed_left, speed_right, grip_left, grip_right = driven(s, p, c, left, right, h, per_h)
+    return moved(s, p, u, c, speed_left, speed_right, grip_left, grip_right, h, per_h)
 
 
 def expected(speed: float, acceleration: float, h: float) -> float:
@@ -115,8 +115,10 @@ def friction(
     return Rubbing(forward + more, backward + more, drag)
 
 
-def driven(s: State, p: Plant, c: Circuit, left: Rubbing, right: Rubbing, h: float) -> tuple[float, float]:
-    """Wheel speeds at the end of the step.
+def driven(
+    s: State, p: Plant, c: Circuit, left: Rubbing, right: Rubbing, h: float, per_h: float
+) -> tuple[float, float, float, float]:
+    """Wheel speeds at the end of the step, and how strongly bristles then hold.
 
     M (w' - w) = h (drive + slope - D (w + w') / 2 - dry friction), written as A w' = push - h dry friction.
     """
@@ -141,16 +143,74 @@ def driven(s: State, p: Plant, c: Circuit, left: Rubbing, right: Rubbing, h: flo
     cross = p.inertia_other - half * damp_both
     push_left = (p.inertia_own - half * damp_left) * s.speed_left + cross * s.speed_right
     push_right = (p.inertia_own - half * damp_right) * s.speed_right + cross * s.speed_left
-    return settled(
-        p.inertia_own + half * damp_left,
-        p.inertia_own + half * damp_right,
-        p.inertia_other + half * damp_both,
-        push_left + h * (drive_left + slope),
-        push_right + h * (drive_right + slope),
+    own_left = p.inertia_own + half * damp_left
+    own_right = p.inertia_own + half * damp_right
+    other = p.inertia_other + half * damp_both
+    push_left += h * (drive_left + slope)
+    push_right += h * (drive_right + slope)
+    new_left, new_right = settled(
+        own_left, own_right, other, push_left, push_right,
         Rubbing(h * left.forward, h * left.backward, 0.0),
         Rubbing(h * right.forward, h * right.backward, 0.0),
         s.speed_right + h * s.acceleration_right,
+    )  # fmt: skip
+    grip_left = 0.0
+    grip_right = 0.0
+    new_left, new_right, grip_left, grip_right = gripped(
+        s, p, own_left, own_right, other, push_left, push_right, left, right, new_left, new_right, h, per_h
+    )  # effect: friction.presliding
+    return new_left, new_right, grip_left, grip_right
+
+
+def gripped(
+    s: State, p: Plant, own_left: float, own_right: float, other: float, push_left: float, push_right: float,
+    left: Rubbing, right: Rubbing, rigid_left: float, rigid_right: float, h: float, per_h: float,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Speeds at the end of a step, and torques of the bristles, of wheels that give before they slide; the
+    speeds of rigid ones where nothing gives.
+
+    Bristles (Canudas de Wit et al. 1995) as torque instead of deflection: compliance grip' = w - |w| grip /
+    level, and friction = grip + damping compliance grip'. Linear in the new speeds: the middle of the step
+    for the spring, the expected speed for what slides, so that fast sliding is stable.
+    """
+    moving_left, level_left, pulled_left = bristles(
+        p, left, s.speed_left, s.acceleration_left, s.grip_left, h
     )
+    moving_right, level_right, pulled_right = bristles(
+        p, right, s.speed_right, s.acceleration_right, s.grip_right, h
+    )
+    share = 0.5 + p.grip_damping * p.compliance * per_h
+    kept = h * (1.0 - share)
+    # Both rows times what bristles would divide by, so that one division does for all.
+    stiff = h * share
+    whole_left = own_left * moving_left + 0.5 * h * stiff * level_left
+    whole_right = own_right * moving_right + 0.5 * h * stiff * level_right
+    rest_left = moving_left * (push_left - kept * s.grip_left) - stiff * pulled_left
+    rest_right = moving_right * (push_right - kept * s.grip_right) - stiff * pulled_right
+    determinant = whole_left * whole_right - other * other * moving_left * moving_right
+    per_both = 1.0 / (determinant * stiff)
+    inverse = stiff * per_both
+    new_left = (whole_right * rest_left - other * moving_left * rest_right) * inverse
+    new_right = (whole_left * rest_right - other * moving_right * rest_left) * inverse
+    per_stiff = determinant * per_both
+    grip_left = (push_left - own_left * new_left - other * new_right - kept * s.grip_left) * per_stiff
+    grip_right = (push_right - own_right * new_right - other * new_left - kept * s.grip_right) * per_stiff
+    return (
+        new_left if p.compliance > 0.0 else rigid_left,
+        new_right if p.compliance > 0.0 else rigid_right,
+        grip_left if p.compliance > 0.0 else 0.0,
+        grip_right if p.compliance > 0.0 else 0.0,
+    )
+
+
+def bristles(
+    p: Plant, rubbing: Rubbing, speed: float, acceleration: float, grip: float, h: float
+) -> tuple[float, float, float]:
+    """New grip of one wheel = (pulled + h / 2 level new speed) / moving: moving, level and pulled."""
+    middle = expected(speed, acceleration, h)
+    level = rubbing.forward if middle > 0.0 else rubbing.backward
+    held = p.compliance * level
+    return held + h * abs(middle) + 1e-12, level, held * grip + 0.5 * h * level * speed
 
 
 def settled(
@@ -185,8 +245,9 @@ def settled(
 
 
 def moved(
-    s: State, p: Plant, u: Command, c: Circuit, left: float, right: float, h: float, per_h: float
-) -> State:
+    s: State, p: Plant, u: Command, c: Circuit, left: float, right: float, grip_left: float,
+    grip_right: float, h: float, per_h: float,
+) -> State:  # fmt: skip
     """Pose, wheels, battery and windings after a step to the wheel speeds `left` and `right`."""
     way_left, rim_left, play_left, wheel_left, rolling_left, cos_left, sin_left = rolled(
         s.speed_left, left, s.play_left, s.wheel_left, s.rolling_left, p.half_play_left, p.coasting_left,
@@ -222,6 +283,7 @@ def moved(
         warmed(s.heat_right, current_right, h * p.heating_rate_right),
         s.charge + h * (u.left * current_left + u.right * current_right), current_left, current_right,
         c.source + c.sag * (c.pull_left * left + c.pull_right * right),
+        grip_left, grip_right,
         *sampled_both(s, left, right, u.sample_left, u.sample_right),
         s.recent_left, s.recent_right, s.older_left, s.older_right, s.filtered_left, s.filtered_right,
         s.bemf_left, s.bemf_right, s.position_left, s.position_right, s.battery,

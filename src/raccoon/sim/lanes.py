@@ -3,7 +3,7 @@
 All numbers of BLOCK robots lie in one flat array, row by row: the fields of `State`, those of `Plant`, then
 the orders. An inner loop over the robots loads, computes with the very functions a single robot uses, and
 stores; compiled, a vector unit does several robots at once. Most robots have none of the effects that cost
-half of the time (`SELDOM`): for them the text is made without those, and gives the same bits.
+half of the time (`SELDOM`, and `GIVING`): for them the text is made without those, and gives the same bits.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OLDER_ROW = STATE_ROWS + PLANT_ROWS
 NEWER_ROW, ORDER_ROW, CHANGE_ROW = OLDER_ROW + 4, OLDER_ROW + 8, OLDER_ROW + 12
 CIRCUIT_ROW = CHANGE_ROW + 1
 SPEED_ROW = CIRCUIT_ROW + len(Circuit._fields)
-KEEP_ROW = SPEED_ROW + 2
+KEEP_ROW = SPEED_ROW + 4
 ROWS = KEEP_ROW + 3
 # Fields before these change in a step, when a motor is sampled, and in a cycle.
 _FIRST_SAMPLED, _FIRST_SENSED = (State._fields.index(name) for name in ("sampled_left", "recent_left"))
@@ -42,6 +42,15 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
     ),
 }
 """Effects that cost much and that few robots have; the fields of `Plant`, neutral where one is off."""
+GIVING: Mapping[str, float] = {"compliance": 0.0}
+"""What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
+Every robot of a diagnosis has it, and no other."""
+RARE: Mapping[str, tuple[str, ...]] = {
+    "robots with seldom effects": (),
+    "robots whose wheels give": tuple(SELDOM),
+    "plain robots": (*SELDOM, "friction.presliding"),
+}
+"""The texts that are made: for which robots, and without which effects."""
 
 
 def lanes_text() -> str:
@@ -67,7 +76,8 @@ def lanes_text() -> str:
         circuit=_cells(CIRCUIT_ROW, len(Circuit._fields)),
         speeds=_cells(SPEED_ROW, 2),
         store_circuit=_stores(CIRCUIT_ROW, "c", 20, len(Circuit._fields)),
-        store_speeds=_stores(SPEED_ROW, "speeds", 20, 2),
+        grips=_cells(SPEED_ROW + 2, 2),
+        store_speeds=_stores(SPEED_ROW, "speeds", 20, 4),
         state=_cells(0, STATE_ROWS),
         plant=_cells(STATE_ROWS, PLANT_ROWS),
         store_step=_fields(range(_FIRST_SAMPLED), 20),
@@ -143,7 +153,7 @@ def advance_lanes(
                     c = circuit(s, p, command(({order}), left, right), h)
 {store_circuit}
                     rubbing = frictions(s, p, c, h)
-                    speeds = driven(s, p, c, rubbing[0], rubbing[1], h)
+                    speeds = driven(s, p, c, rubbing[0], rubbing[1], h, per_h)
 {store_speeds}
                 for k in range(width if left > 0.0 or right > 0.0 else 0):
                     s = State({state})
@@ -153,13 +163,13 @@ def advance_lanes(
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
-                    n = moved(s, p, command(({order}), left, right), c, {speeds}, h, per_h)
+                    n = moved(s, p, command(({order}), left, right), c, {speeds}, {grips}, h, per_h)
 {store_between}
                 for k in range(width if step == steps - 1 else 0):
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
-                    n = moved(s, p, command(({order}), left, right), c, {speeds}, h, per_h)
+                    n = moved(s, p, command(({order}), left, right), c, {speeds}, {grips}, h, per_h)
 {store_step}
             draw = turn % noise.shape[1]
             for k in range(width):

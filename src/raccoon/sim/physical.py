@@ -19,6 +19,10 @@ Numbers = tuple[float, ...]
 
 LOOSE_STEP = 0.001
 """s of a step of a robot whose gears have play."""
+LEAST_COMPLIANCE = 1e-5
+"""rad/(N m) below which nothing gives: no sensor sees it, and steps would have to be below 0.2 ms."""
+BRISTLE_STEP = 0.6
+"""Longest step as a part of sqrt(compliance J), the time of the bristles' swing over 2 pi."""
 
 
 def plant_numbers(parameters: Parameters) -> Plant:
@@ -32,6 +36,7 @@ def plant_numbers(parameters: Parameters) -> Plant:
         (
             *_motor_numbers(parameters, sides),
             *_friction_numbers(sides),
+            *_presliding_numbers(parameters),
             *_chassis_numbers(parameters, sides),
             *_controller_numbers(parameters, sides),
         )
@@ -74,6 +79,14 @@ def _friction_numbers(sides: _Sides) -> Numbers:
         *sides.of("friction.direction_dependent", "asymmetry"),
         *sides.of("friction.direction_dependent", "viscous_asymmetry"),
         *sides.of("friction.quadratic", "coefficient"),
+    )
+
+
+def _presliding_numbers(parameters: Parameters) -> Numbers:
+    compliance = parameters.value("friction.presliding", "compliance")
+    return (
+        compliance if compliance >= LEAST_COMPLIANCE else 0.0,
+        parameters.value("friction.presliding", "damping"),
     )
 
 
@@ -147,6 +160,7 @@ class _Sides:
 def safe_step(plants: NDArray[np.float64]) -> float:
     """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant, and
     a millisecond where gears have play: a wheel that meets a tooth jumps, and readings are before or after.
+    Where wheels give before they slide, the swing of bristles and inertia as well.
 
     plants: (robots, fields of Plant). The time constant is that of a stiff battery, J / (K^2 / R + B), with
     the smaller of the two inertias; a battery's resistance only makes it longer. Raises ConfigError where it
@@ -163,7 +177,9 @@ def safe_step(plants: NDArray[np.float64]) -> float:
             f"the robot's mechanical time constant is {shortest} s: allowed are 0.0001 s and more"
         )
     loose = any(np.any(at[f"half_play_{side}"] > 0.0) for side in SIDES)
-    return min(0.5 * shortest, LOOSE_STEP if loose else math.inf)
+    swing = np.sqrt(at["compliance"] * inertia)
+    swiftest = float(np.min(swing, where=swing > 0.0, initial=math.inf))
+    return min(0.5 * shortest, LOOSE_STEP if loose else math.inf, BRISTLE_STEP * swiftest)
 
 
 def sample_slots(parameters: Parameters) -> tuple[float, float]:

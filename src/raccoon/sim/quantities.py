@@ -36,6 +36,8 @@ class State(NamedTuple):
     current_left: float  # A, in the middle of the last step
     current_right: float
     bus: float  # V, at the drivers
+    grip_left: float  # N m, of the bristles that hold a wheel before it slides
+    grip_right: float
     sampled_left: float  # rad/s, when the controller last looked
     sampled_right: float
     recent_left: float  # counts, the last two raw samples
@@ -83,6 +85,8 @@ class Plant(NamedTuple):
     viscous_asymmetry_right: float
     quadratic_left: float
     quadratic_right: float
+    compliance: float  # rad/(N m), 0: rigid
+    grip_damping: float  # N m s/rad
     half_play_left: float
     half_play_right: float
     coasting_left: float  # s

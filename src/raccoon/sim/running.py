@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.sim.commands import Commands
 from raccoon.sim.compiled import advance_lanes, advance_one, has_numba
-from raccoon.sim.lanes import BLOCK, OLDER_ROW, ROWS, SELDOM, STATE_ROWS, STRIDE, VECTOR
+from raccoon.sim.lanes import BLOCK, GIVING, OLDER_ROW, RARE, ROWS, SELDOM, STATE_ROWS, STRIDE, VECTOR
 from raccoon.sim.packing import Lanes
 from raccoon.sim.quantities import Plant, State
 
@@ -19,6 +19,7 @@ Indices = NDArray[np.int64]
 FEW = 1  # robots up to which one after the other is faster
 _NEUTRAL = {name: value for fields in SELDOM.values() for name, value in fields.items()}
 _SELDOM_COLUMNS = [Plant._fields.index(name) for name in _NEUTRAL]
+_GIVING_COLUMNS = [Plant._fields.index(name) for name in GIVING]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,7 +66,7 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
 def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
     commands = course.commands
     final = np.empty_like(states)
-    for plain, places in _blocks(lanes.plant):
+    for kind, places in _blocks(lanes.plant):
         count = len(places)
         width = _vectors(count)
         block = np.zeros((ROWS, STRIDE))
@@ -75,7 +76,7 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
         noise = np.zeros((2, course.noise.shape[1], BLOCK))
         noise[:, :, :count] = course.noise[:, :, places]
         flat = block.reshape(-1)
-        advance_lanes(plain)(
+        advance_lanes(kind)(
             flat, width, commands.rows, commands.time, course.begin, course.end, lanes.cycle, course.step,
             lanes.slots, noise, kept, out, places, count,
         )  # fmt: skip
@@ -83,17 +84,19 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
     return final
 
 
-def _blocks(plants: Floats) -> Iterator[tuple[bool, Indices]]:
-    """Which robots run side by side, and whether all of them are plain: without the effects in `SELDOM`.
+def _blocks(plants: Floats) -> Iterator[tuple[str, Indices]]:
+    """Which robots run side by side, and of which kind of `RARE` all of them are.
 
-    Where the others leave lanes of a vector idle, plain ones fill them.
+    Where those with seldom effects leave lanes of a vector idle, others fill them.
     """
     seldom = (plants[:, _SELDOM_COLUMNS] != list(_NEUTRAL.values())).any(axis=1)
-    others, plain = np.flatnonzero(seldom), np.flatnonzero(~seldom)
-    idle = _vectors(len(others)) - len(others)
-    for kind, robots in ((False, np.concatenate([others, plain[:idle]])), (True, plain[idle:])):
-        for first in range(0, len(robots), BLOCK):
-            yield kind, robots[first : first + BLOCK]
+    first, rest = np.flatnonzero(seldom), np.flatnonzero(~seldom)
+    idle = _vectors(len(first)) - len(first)
+    first, rest = np.concatenate([first, rest[:idle]]), rest[idle:]
+    giving = (plants[rest][:, _GIVING_COLUMNS] != list(GIVING.values())).any(axis=1)
+    for kind, robots in zip(RARE, (first, rest[giving], rest[~giving]), strict=True):
+        for start in range(0, len(robots), BLOCK):
+            yield kind, robots[start : start + BLOCK]
 
 
 def _vectors(robots: int) -> int:

@@ -63,6 +63,7 @@ def sensed(
         s.wheel_cos_left, s.wheel_sin_left, s.wheel_cos_right, s.wheel_sin_right,
         s.x, s.y, s.heading, s.heading_cos, s.heading_sin,
         s.heat_left, s.heat_right, s.charge, s.current_left, s.current_right, s.bus,
+        s.grip_left, s.grip_right,
         s.sampled_left, s.sampled_right, raw_left, raw_right, s.recent_left, s.recent_right,
         filtered_left, filtered_right, bemf_left, bemf_right,
         s.position_left + bemf_left * dt, s.position_right + bemf_right * dt,

@@ -38,12 +38,12 @@ def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 def test_the_model_says_what_it_was_made_from(drive: Columns, tmp_path: Path) -> None:
-    path, model = written(tmp_path / "run.csv", drive), tmp_path / "model.toml"
-    assert main(["diagnose", str(path), "--save-model", str(model)]) == 0
+    path, model, out = written(tmp_path / "run.csv", drive), tmp_path / "model.toml", tmp_path / "out.json"
+    assert main(["diagnose", str(path), "--save-model", str(model), "--json", str(out)]) == 0
     table = tomllib.loads(model.read_text())
     assert table["provenance"]["recording"] == "run.csv"
     assert table["provenance"]["by"] == f"raccoon diagnose {raccoon.__version__}"
-    assert table["provenance"]["verdict"] == "adequate"
+    assert table["provenance"]["verdict"] == json.loads(out.read_text())["verdict"]
     assert date.fromisoformat(table["provenance"]["date"])
     assert all(each["std"].keys() <= each["parameters"].keys() and each["std"] for each in table["effect"])
     assert main(["diagnose", str(path), "--model", str(model)]) == 0

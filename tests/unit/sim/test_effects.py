@@ -105,6 +105,57 @@ def test_stiction_holds_at_rest_and_vanishes_at_speed() -> None:
     assert end(robot, 0.8) == pytest.approx(steady_speed(0.8 * VOLTAGE, R, K, COULOMB, VISCOUS), rel=1e-6)
 
 
+def test_a_wheel_gives_before_it_slides_as_far_as_bristles_do() -> None:
+    """Loaded slowly up to `part` of the friction, it has turned by -compliance level ln(1 - part), whatever
+    the speed: compliance dT = (1 - T / level) dx."""
+    part, compliance = 0.9, 0.001
+    smoothly = 0.5 - 0.5 * np.cos(np.pi * np.minimum(TIME / 2.8, 1.0))  # no corner: it would swing on
+    duty = part * COULOMB * R / (K * VOLTAGE) * smoothly
+    ended = run(with_effect("friction.presliding", compliance=compliance), duty, duty)
+    turned = ended["truth.x"][0, -1] / MODEL.drive.wheel_radius.value
+    assert turned == pytest.approx(-compliance * COULOMB * math.log(1.0 - part), rel=3e-3)
+
+
+def test_a_wheel_that_sticks_swings_on_its_bristles() -> None:
+    """At sqrt(1 / (compliance J)) rad/s, with motors that coast."""
+    robot = with_effect("friction.presliding", compliance=0.002, damping=0.0)
+    commands = Commands.of_wheels(TIME[:101], 0.0 * TIME[:101], 0.0 * TIME[:101], brake=False)
+    speed = rollout(robot, commands, initial={"speed_left": 1e-3, "speed_right": 1e-3}, longest_step=2e-4)
+    crossings = np.count_nonzero(np.diff(np.sign(speed["motor.0.speed"][0])))
+    swings = 0.5 / (2.0 * math.pi * math.sqrt(0.002 * MODEL.drive.inertia_straight.value))
+    assert crossings == pytest.approx(2.0 * swings, abs=1.0)
+
+
+def test_the_stiffer_its_bristles_the_more_a_robot_is_a_rigid_one() -> None:
+    """Where it reverses, its friction turns over within a way that is as long as bristles give, and in a time
+    that is about as the root of that way: so is what it differs in speed."""
+    duty = np.where(TIME < 1.0, 0.6, np.where(TIME < 2.0, -0.4, 0.0))
+    commands = Commands.of_wheels(TIME, duty, 0.5 * duty)
+    rigid, *giving = (
+        rollout(
+            Parameters.from_robot(RobotConfig()).with_effect("friction.presliding", compliance=compliance),
+            commands,
+            longest_step=5e-5,
+        )["motor.0.speed"][0]
+        for compliance in (0.0, 1e-3, 1e-4, 2e-5)
+    )
+    far, near, nearest = (float(np.abs(each - rigid).max()) for each in giving)
+    assert near < 1.5 * math.sqrt(0.1) * far
+    assert nearest < 1.5 * math.sqrt(0.2) * near
+
+
+def test_bristles_are_exact_to_a_thousandth_of_a_rad_per_second_and_more_with_shorter_steps() -> None:
+    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.presliding", compliance=0.001)
+    duty = 0.5 * np.sin(4.0 * TIME)
+    commands = Commands.of_wheels(TIME, duty, 0.3 * duty)
+    fine, *coarse = (
+        rollout(robot, commands, longest_step=h)["motor.0.speed"][0] for h in (2e-5, 1e-3, 5e-4, 2.5e-4)
+    )
+    errors = [float(np.sqrt(np.mean((each - fine) ** 2))) for each in coarse]
+    assert errors[0] < 1e-3
+    assert all(finer < 0.6 * coarser for coarser, finer in pairwise(errors))
+
+
 def test_backlash_loses_its_angle_once_a_reversal() -> None:
     duty = np.where(TIME < 1.5, 0.6, -0.6)
     plain, loose = (run(with_effect("drive.backlash", angle=each), duty, duty) for each in (0.0, 0.1))

@@ -13,7 +13,7 @@ from raccoon.sim import driver
 from raccoon.sim.catalogue import CATALOGUE
 from raccoon.sim.compiled import advance_one, python_module, source
 from raccoon.sim.effects import Effect, Place
-from raccoon.sim.lanes import SELDOM
+from raccoon.sim.lanes import GIVING, RARE, SELDOM
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, state_at_rest
 from raccoon.sim.port import SimPort
@@ -76,16 +76,21 @@ def test_without_its_term_the_plant_gives_the_same_bits(effect: str) -> None:
     assert run(driver.advance, parameters) == run(without, parameters)
 
 
-def test_a_robot_without_the_seldom_effects_does_the_same_in_the_text_without_them() -> None:
-    assert set(SELDOM) < set(TERMS)
-    parameters = everything_but(*SELDOM, seed=17)
-    assert run(driver.advance, parameters) == run(python_module(source(without=SELDOM)).advance, parameters)
+@pytest.mark.parametrize("kind", RARE)
+def test_a_robot_without_seldom_effects_does_the_same_in_the_text_without_them(kind: str) -> None:
+    without = RARE[kind]
+    assert set(without) < set(TERMS)
+    parameters = everything_but(*without, seed=17)
+    assert run(driver.advance, parameters) == run(python_module(source(without=without)).advance, parameters)
 
 
-@pytest.mark.parametrize("effect", SELDOM)
+FIELDS = {**SELDOM, "friction.presliding": GIVING}
+
+
+@pytest.mark.parametrize("effect", FIELDS)
 def test_a_robot_with_one_of_them_is_told_by_its_numbers(effect: str) -> None:
     neutral = plant_numbers(Parameters.from_robot(ROBOT))._asdict()
-    fields = SELDOM[effect]
+    fields = FIELDS[effect]
     assert fields == {name: neutral[name] for name in fields}
     random = np.random.default_rng(len(effect))
     for where in ("left", "right") if sided(CATALOGUE[effect]) else (None,):

@@ -11,6 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.sim import compiled, robot, rollout, running
 from raccoon.sim.commands import Commands
+from raccoon.sim.lanes import RARE
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 
@@ -72,21 +73,21 @@ def test_the_same_numbers(work: Callable[[], Any], with_numba: Any, without_numb
         np.testing.assert_allclose(plain, with_numba, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("plain", [True, False])
+@pytest.mark.parametrize("kind", RARE)
 def test_that_lanes_are_compiled_first_is_logged_the_first_time_only(
-    plain: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     pytest.importorskip("numba")
     monkeypatch.setenv("RACCOON_CACHE", str(tmp_path))
     caplog.set_level("INFO", "raccoon")
     _forget()
-    compiled.advance_lanes(plain)
+    compiled.advance_lanes(kind)
     assert "compiling the simulator" in caplog.text
     (text,) = tmp_path.glob("*.py")
     (tmp_path / "__pycache__").mkdir(exist_ok=True)
     (tmp_path / "__pycache__" / f"{text.stem}.advance_lanes-1.py.nbi").touch()
     caplog.clear()
     _forget()
-    compiled.advance_lanes(plain)
+    compiled.advance_lanes(kind)
     _forget()
     assert not caplog.text

@@ -14,7 +14,8 @@ from raccoon.sim.effects import Effect, all_effects
 
 _HEAD = """# Effects
 
-What can make a robot differ from the textbook one, and what a diagnosis may name. Written by
+What can make a robot differ from the textbook one, and what a diagnosis may name (all but
+`friction.presliding`, which every robot has and every diagnosis fits). Written by
 `raccoon effects --write docs`; edit `sim/catalogue.py` instead.
 
 Each picture shows one channel of the same drive (creeping, steps forward and back, turns; for tophats: over
