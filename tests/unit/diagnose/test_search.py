@@ -16,6 +16,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import BIN
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_afresh, fit_at, fit_point
 from raccoon.diagnose.forms import form_error
@@ -26,9 +27,9 @@ from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.rollout import IMPOSSIBLE, Variant, heard, parameters_of
+from raccoon.diagnose.rollout import IMPOSSIBLE, Variant, _cycle, heard, parameters_of
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
-from raccoon.diagnose.select.joint import _all_straight, _of_their_families
+from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
     Search,
@@ -39,7 +40,7 @@ from raccoon.diagnose.select.outlook import (
     screen,
     start_search,
 )
-from raccoon.diagnose.select.refits import shared_lags
+from raccoon.diagnose.select.refits import MOST_AFRESH, refits_afresh, shared_lags
 from raccoon.diagnose.select.search import PROBE_ALONE, SURE, _fails_held_out, _too_little, known_after_all
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown import motion_of, probes_for
@@ -195,6 +196,33 @@ def test_relatives_of_the_best_are_fitted_from_every_column_too(problem: Problem
         fits.append(Fit(point, white, np.zeros((1, 4)), 0.0, np.ones(1, bool)))
     assert _of_their_families(fits, fits[:3]) == [fits[3]]
     assert _of_their_families(fits, fits[1:3]) == []
+
+
+def test_of_fits_that_predict_the_same_one_is_looked_at() -> None:
+    fits = []
+    for offset in (0.0, 0.3, 2.0, 2.2, 5.0):  # the last numbers as the first are 0.36, 16, 19.4 and 100 apart
+        point = Point(np.zeros(1), {f"cause{offset}": np.zeros(1)})
+        fits.append(Fit(point, np.full(4, offset), np.zeros((1, 4)), 0.0, np.ones(1, bool)))
+    assert _distinct(fits, 3) == [fits[0], fits[2], fits[4]]
+    assert _distinct(fits, 1) == fits[:1]
+
+
+def test_two_causes_that_one_stands_for_are_proposed_at_its_place(problem: Problem) -> None:
+    """A track that is wider and a K_E that is smaller than robot.toml's were taken for a smaller wheel."""
+    names = ("drive.track_width", "motor.back_emf_constant@right", "drive.wheel_radius@left")
+    point = problem.nominal()
+    truth = point.with_cause(names[0], np.array([0.5])).with_cause(names[1], np.array([-0.5]))
+    problem = replace(
+        problem, features=replace(problem.features, measured=problem.predict([truth])[0])
+    )  # without noise: what is proposed is algebra
+    search = search_at(problem, point)
+    search = replace(search, fit=fit_point(problem, search.whitener, point.with_cause(names[2], np.zeros(1))))
+    linear = linearise(problem, search.fit.point, names)
+    table, plain = tabulate(linear, [], search.whitener, len(problem.base))
+    search = replace(search, linear=linear, table=table, plain=plain)
+    proposed = [set(each.active) for each in _nearby(search)]
+    assert set(names[:2]) in proposed
+    assert {names[2]} not in proposed
 
 
 def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem) -> None:
@@ -451,6 +479,33 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
     _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     assert habits.chain == chain
+
+
+@pytest.mark.parametrize(
+    ("row", "cycle"), [(0.005, 0.005), (0.02, 0.005), (0.0042, 0.0042), (0.011, 0.0055), (0.001, 0.005)]
+)
+def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: float) -> None:
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    shaken = row * (np.arange(len(log.time)) + np.random.default_rng(2).uniform(-0.05, 0.05, len(log.time)))
+    assert _cycle(replace(log, time=shaken), 0.005) == pytest.approx(cycle, rel=0.02)
+
+
+def test_a_small_deadband_is_found_beside_others_that_are_on(problem: Problem) -> None:
+    """Its columns are kinked: a fit that comes from elsewhere stops where it finds nothing."""
+    others = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    others = others.with_cause("actuation.latency", np.array([0.2]))
+    truth = others.with_cause("actuation.deadband", np.array([0.3]))
+    features = problem.features
+    noise = features.floors * np.random.default_rng(2).normal(size=features.measured.shape)
+    measured = problem.predict([truth])[0] + noise
+    problem = replace(problem, features=replace(features, measured=measured))
+    search = search_at(problem, others)
+    linear = linearise(problem, others, ["actuation.deadband", "friction.load_dependent", "drive.turn_scrub"])
+    table, _ = tabulate(linear, [], search.whitener, len(problem.base))
+    found = dict(refits_afresh(replace(search, table=table), []))
+    assert len(found) <= MOST_AFRESH
+    assert max(found, key=lambda name: found[name].evidence).startswith("actuation.deadband")
+    assert found["actuation.deadband"].point.active["actuation.deadband"] == pytest.approx(0.3, abs=0.03)
 
 
 def held(residual: np.ndarray) -> HeldOut:

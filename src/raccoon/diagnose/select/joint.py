@@ -21,13 +21,15 @@ from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
-from raccoon.diagnose.select.sets import Chosen, Sets, overlap
+from raccoon.diagnose.select.sets import Chosen, Member, Sets, overlap
 
 Array = NDArray[np.float64]
 
 PROPOSED = 3
 POLISHED = 3
 """Of all proposals, those that are fitted with every column simulated anew."""
+SAME = 1.0
+"""Sum of squares, in units of the noise, up to which two fits say the same."""
 HOPE = 60.0
 """Log evidence that a proposal may lack before that."""
 ALIKE = 0.3
@@ -52,16 +54,28 @@ def better_set(search: Search) -> Fit | None:
     """Another set of causes that explains more, fitted; None where there is none."""
     problem, whitener = search.problem, search.whitener
     others = _exchanged(search) if search.fit.point.active else _alone(search)
-    starts = [*_proposed(search), *others]
+    starts = [*_proposed(search), *_nearby(search), *others]
     settled = fit_point(problem, whitener, search.fit.point, 3)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, starts, base, 4)
     fits.sort(key=lambda fit: -net_lead(search, fit, settled))
-    best = [*fits[:POLISHED], *_of_their_families(fits, fits[:POLISHED])]
+    best = _distinct(fits, POLISHED)
+    best += _of_their_families(fits, best)
     hopeful = [each.point for each in best if net_lead(search, each, settled) > -HOPE]
     polished = [_without_unneeded(search, fit) for fit in fit_afresh(problem, whitener, hopeful, 4)]
     first = max(polished, key=lambda fit: net_lead(search, fit, settled), default=None)
     return first if first is not None and net_lead(search, first, settled) > BETTER else None
+
+
+def _distinct(fits: Sequence[Fit], most: int) -> list[Fit]:
+    """The first fits that do not predict what one before them does: twins would take every place."""
+    found: list[Fit] = []
+    for fit in fits:
+        if all(float(((fit.white - each.white) ** 2).sum()) > SAME for each in found):
+            found.append(fit)
+        if len(found) == most:
+            break
+    return found
 
 
 def _of_their_families(fits: Sequence[Fit], best: Sequence[Fit]) -> list[Fit]:
@@ -96,9 +110,33 @@ def _proposed(search: Search) -> Iterator[Point]:
     sets.climb(sets.dropped(frozenset(acting)))
     sets.climb(frozenset(i for i in on if sets.members[i].name in now))
     sets.climb(frozenset())
-    for chosen in sets.best(PROPOSED):
-        if sets.names(chosen) != now:
-            yield _start(around, sets, chosen)
+    yield from _best_of(around, sets, now)
+
+
+def _nearby(search: Search) -> Iterator[Point]:
+    """The best sets as the linear model at the working point sees them: where one cause stands for two
+    others, it was taken when the columns were those of a point without it."""
+    sets, now = Sets.of(search), frozenset(range(len(search.fit.point.active)))
+    sets.climb(now)
+    yield from _best_of(search, sets, sets.names(now))
+
+
+def _best_of(search: Search, sets: Sets, now: frozenset[str]) -> Iterator[Point]:
+    """Where to start the best sets that are not `now`, and each without what would be new in it and is
+    kinked: a dead zone that a straight line foresaw made a set 80 worse that was 28 ahead without it."""
+    found = {now}
+    for best in sets.best(PROPOSED):
+        straight = frozenset(
+            i for i in best if sets.names(frozenset({i})) <= now or not _kinked(sets.members[i])
+        )
+        for chosen in (best, straight):
+            if sets.names(chosen) not in found:
+                found.add(sets.names(chosen))
+                yield _start(search, sets, chosen)
+
+
+def _kinked(member: Member) -> bool:
+    return member.one_sided and member.name not in STRAIGHT
 
 
 def _all_straight(search: Search) -> Point:

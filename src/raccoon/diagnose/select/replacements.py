@@ -10,12 +10,10 @@ from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit
 from raccoon.diagnose.select.outlook import Search, lead
-from raccoon.diagnose.select.refits import SCALE, both_signs, strained
+from raccoon.diagnose.select.refits import SCALE, both_signs, doubtful
 
 AS_MUCH = 3.0
 """Log evidence that one cause alone may lack to stand for several."""
-FAR_BENT = 2.5
-"""Standard deviations of robot.toml by which a base number is bent where causes may have gone unseen."""
 
 
 def merged(search: Search) -> Search:
@@ -69,8 +67,7 @@ def rearranged(search: Search) -> tuple[Search, bool]:
     """Another set of causes where it explains more, again and again."""
     changed = False
     for _ in range(3):
-        doubtful = len(search.fit.point.active) > 1 or strained(search.fit, FAR_BENT)
-        fit = better_set(search) if doubtful else None
+        fit = better_set(search) if doubtful(search.fit) else None
         if fit is None:
             break
         search, changed = replaced_by(search, fit), True

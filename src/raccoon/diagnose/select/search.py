@@ -20,7 +20,7 @@ from raccoon.diagnose.select.outlook import (
     look_around,
     start_search,
 )
-from raccoon.diagnose.select.refits import ranking, refit_candidates
+from raccoon.diagnose.select.refits import doubtful, ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.select.replacements import merged, rearranged, simplified
 from raccoon.diagnose.select.rivals import compared
 
@@ -39,7 +39,7 @@ PROBE_LEAD = 1.3
 PROBE_FAR = 1.5
 """The same for leads: a cause with a few large moments right, and the rest of the drive not, is none."""
 BESIDE_UNKNOWN = 0.33
-MOST_CAUSES = 10
+MOST_CAUSES = 14
 WEAK = 3.0
 """Gates up to which a cause's worth, as the columns of the fit with it have it, is doubted."""
 
@@ -52,13 +52,29 @@ def forward(search: Search) -> tuple[Search, bool]:
     refits = refit_candidates(search)
     settled = settled_fit(search)
     ranked = ranking(search.problem, refits, settled)
-    reference_held_out = held_out_score(settled)
     probe = best_probe(search)
     known = refits[0][1].evidence - settled.evidence if refits else 0.0
     far_ahead = probe.evidence > PROBE_LEAD * max(known, 0.0)
     far_ahead |= probe.lead > PROBE_FAR * max((gain for _, _, gain in ranked), default=0.0)
     if probe.lead > PROBE_GATE and far_ahead:
         return _with_unknown(search, probe), True
+    taken = _first_that_passes(search, ranked, settled)
+    if taken is None and doubtful(settled):
+        ranked = ranking(search.problem, refits_afresh(search, refits), settled)
+        taken = _first_that_passes(search, ranked, settled)
+    if taken is not None:
+        return taken, True
+    if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
+        return _with_unknown(search, probe), True
+    return search, False
+
+
+def _first_that_passes(
+    search: Search, ranked: Sequence[tuple[str, Fit, float]], settled: Fit
+) -> Search | None:
+    """The search with the first cause that has the evidence it needs and helps on blocks left out; None where
+    there is none. Why the others are not taken is noted."""
+    reference_held_out = held_out_score(settled)
     for name, fit, gain in ranked:
         needed = _required_evidence(search, name, alone=not search.fit.point.active)
         if gain < needed:
@@ -73,10 +89,8 @@ def forward(search: Search) -> tuple[Search, bool]:
             for other, each, its in ranked
             if other != name and its > EVIDENCE_GATE
         ]
-        return accepted(search, name, fit, rivals), True
-    if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
-        return _with_unknown(search, probe), True
-    return search, False
+        return accepted(search, name, fit, rivals)
+    return None
 
 
 def _too_little(lead: float, evidence: float, needed: float) -> str:
