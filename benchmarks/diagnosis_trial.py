@@ -17,7 +17,7 @@ from scipy.optimize import lsq_linear
 
 from blind.generator import Blind
 from blind.hidden import Hidden
-from blind.plant import COASTING_RATE, NEUTRAL
+from blind.plant import BRISTLE, BRISTLE_DAMPING, COASTING_RATE, NEUTRAL
 from diagnosis_cases import ROWS, TWINS, Case, hidden_of, recording
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
@@ -86,6 +86,8 @@ def true_settings(robot: Mapping[str, float]) -> Settings:
     """The blind plant's numbers as settings of the package's simulator."""
     settings = neutral_settings(RobotConfig())
     _set(settings, "drive.backlash", "coasting", None, 1.0 / COASTING_RATE)
+    _set(settings, "friction.presliding", "compliance", None, 1.0 / BRISTLE)
+    _set(settings, "friction.presliding", "damping", None, BRISTLE_DAMPING)
     for plant, value in robot.items():
         stem, _, side = plant.rpartition("_")
         if stem in _FACTORS:
@@ -103,8 +105,9 @@ def true_settings(robot: Mapping[str, float]) -> Settings:
 def true_coordinate(coordinate: Coordinate, truth: Settings, neutral: Settings) -> float:
     """Where the truth lies along a coordinate that moves plain numbers."""
     key = coordinate.settings[0]
-    if coordinate.factor and neutral[key] != 0.0:
-        return math.log(truth[key] / neutral[key]) / math.log(coordinate.value(1.0))
+    usual = neutral[key] or coordinate.usual
+    if coordinate.factor and usual != 0.0:
+        return math.log(truth[key] / usual) / math.log(coordinate.value(1.0))
     return (truth[key] - neutral[key]) / (coordinate.from_zero or coordinate.value(1.0))
 
 
