@@ -1,8 +1,9 @@
 """A two-wheel robot written apart from the package: its own equations, step and sensor chain.
 
-It shares no line with `raccoon.sim`. Different on purpose: friction is a bristle model with presliding
-(no clamp), backlash is a stiff damped contact (no play operator), the current limit saturates smoothly,
-heating has two thermal masses, the step is 0.25 ms and the firmware's cycle jitters.
+It shares no line with `raccoon.sim`. Different on purpose: friction is the deflection of bristles, stepped
+implicitly (no clamp, no torque of bristles), backlash is a stiff damped contact (no play operator), the
+current limit saturates smoothly, heating has two thermal masses, the step is 0.25 ms and the firmware's cycle
+jitters.
 
 Torques in N m at the wheel shaft, left before right; SI throughout.
 """

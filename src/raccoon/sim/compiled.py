@@ -19,7 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from raccoon.core.files import write_atomically
-from raccoon.sim.lanes import RARE, lanes_text
+from raccoon.sim.lanes import KINDS, lanes_text
 
 Advance = Callable[..., Any]
 _TEXTS = ("series.py", "equations.py", "sensing.py", "driver.py")
@@ -80,11 +80,11 @@ def advance_one() -> Advance:
 
 @cache
 def advance_lanes(kind: str) -> Advance:
-    """The form for many robots (see `lanes`). kind: which robots, see `RARE`.
+    """The form for many robots (see `lanes`). kind: which robots, see `KINDS`.
 
     That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
     """
-    text = source(without=RARE[kind])
+    text = source(without=KINDS[kind])
     if has_numba() and not _lanes_cached(text):
         import logging
 

@@ -45,12 +45,12 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
 GIVING: Mapping[str, float] = {"compliance": 0.0}
 """What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
 Every robot of a diagnosis has it, and no other."""
-RARE: Mapping[str, tuple[str, ...]] = {
+KINDS: Mapping[str, tuple[str, ...]] = {
     "robots with seldom effects": (),
     "robots whose wheels give": tuple(SELDOM),
     "plain robots": (*SELDOM, "friction.presliding"),
 }
-"""The texts that are made: for which robots, and without which effects."""
+"""Robots for which a text is made, and the effects it is made without."""
 
 
 def lanes_text() -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.sim.commands import Commands
 from raccoon.sim.compiled import advance_lanes, advance_one, has_numba
-from raccoon.sim.lanes import BLOCK, GIVING, OLDER_ROW, RARE, ROWS, SELDOM, STATE_ROWS, STRIDE, VECTOR
+from raccoon.sim.lanes import BLOCK, GIVING, KINDS, OLDER_ROW, ROWS, SELDOM, STATE_ROWS, STRIDE, VECTOR
 from raccoon.sim.packing import Lanes
 from raccoon.sim.quantities import Plant, State
 
@@ -85,7 +85,7 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
 
 
 def _blocks(plants: Floats) -> Iterator[tuple[str, Indices]]:
-    """Which robots run side by side, and of which kind of `RARE` all of them are.
+    """Which robots run side by side, and of which kind of `KINDS` all of them are.
 
     Where those with seldom effects leave lanes of a vector idle, others fill them.
     """
@@ -94,7 +94,7 @@ def _blocks(plants: Floats) -> Iterator[tuple[str, Indices]]:
     idle = _vectors(len(first)) - len(first)
     first, rest = np.concatenate([first, rest[:idle]]), rest[idle:]
     giving = (plants[rest][:, _GIVING_COLUMNS] != list(GIVING.values())).any(axis=1)
-    for kind, robots in zip(RARE, (first, rest[giving], rest[~giving]), strict=True):
+    for kind, robots in zip(KINDS, (first, rest[giving], rest[~giving]), strict=True):
         for start in range(0, len(robots), BLOCK):
             yield kind, robots[start : start + BLOCK]
 

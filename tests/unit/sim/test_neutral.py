@@ -13,7 +13,7 @@ from raccoon.sim import driver
 from raccoon.sim.catalogue import CATALOGUE
 from raccoon.sim.compiled import advance_one, python_module, source
 from raccoon.sim.effects import Effect, Place
-from raccoon.sim.lanes import GIVING, RARE, SELDOM
+from raccoon.sim.lanes import GIVING, KINDS, SELDOM
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, state_at_rest
 from raccoon.sim.port import SimPort
@@ -76,9 +76,9 @@ def test_without_its_term_the_plant_gives_the_same_bits(effect: str) -> None:
     assert run(driver.advance, parameters) == run(without, parameters)
 
 
-@pytest.mark.parametrize("kind", RARE)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_robot_without_seldom_effects_does_the_same_in_the_text_without_them(kind: str) -> None:
-    without = RARE[kind]
+    without = KINDS[kind]
     assert set(without) < set(TERMS)
     parameters = everything_but(*without, seed=17)
     assert run(driver.advance, parameters) == run(python_module(source(without=without)).advance, parameters)

@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.sim import compiled, robot, rollout, running
 from raccoon.sim.commands import Commands
-from raccoon.sim.lanes import RARE
+from raccoon.sim.lanes import KINDS
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 
@@ -73,7 +73,7 @@ def test_the_same_numbers(work: Callable[[], Any], with_numba: Any, without_numb
         np.testing.assert_allclose(plain, with_numba, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("kind", RARE)
+@pytest.mark.parametrize("kind", KINDS)
 def test_that_lanes_are_compiled_first_is_logged_the_first_time_only(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:

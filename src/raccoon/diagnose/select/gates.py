@@ -11,7 +11,8 @@ LONE_GATE = 6.0
 """Where nothing else is named, whose form could be wrong, and chance does not imitate it: on 245 clean robots
 a motor, a wheel or the IMU got 5.4 at most."""
 FLOOR_GATE = 15.0
-"""For what a real floor imitates in ways that no noise model holds: it differs by direction."""
+"""For what a real floor imitates in ways that no noise model holds: it differs by direction, and pushes tell
+most where a robot creeps. On 105 clean robots stiction got 13.7 and the scale of both readings 11.7."""
 WHEEL_GATE = 20.0
 """For what holds back one wheel only, which it imitates best: a patch under one side."""
 SLOPE_GATE = 11.0
@@ -23,8 +24,10 @@ _IMITATED = ("friction.", "actuation.deadband", "drive.turn_scrub", "bemf.")
 _ONE_WHEEL = ("friction.", "actuation.deadband")
 _GATES = {
     "friction.direction_dependent": FLOOR_GATE,
-    "drive.slope": SLOPE_GATE,
+    "friction.stiction": FLOOR_GATE,
     "bemf.scale@": SCALE_GATE,
+    "bemf.scale": FLOOR_GATE,
+    "drive.slope": SLOPE_GATE,
 }
 
 
