@@ -210,7 +210,8 @@ def bristles(
     middle = expected(speed, acceleration, h)
     level = rubbing.forward if middle > 0.0 else rubbing.backward
     held = p.compliance * level
-    return held + h * abs(middle) + 1e-12, level, held * grip + 0.5 * h * level * speed
+    least = 1e-12  # not 0 for a rigid wheel at rest either, whose speeds are not taken from here
+    return held + h * abs(middle) + least, level, held * grip + 0.5 * h * level * speed
 
 
 def settled(
