@@ -119,7 +119,10 @@ def test_the_headline_says_what_else_it_may_be() -> None:
     assert "acts instead" not in alone
 
 
-def test_a_page_without_causes_still_has_a_headline() -> None:
+def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
     empty = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
-    assert "nothing that matters is wrong" in page(empty, "run")
-    assert "data:image" not in page(empty, "run")
+    shown, _, as_text = page(empty, "run").partition("<pre")
+    assert shown.count("nothing that matters is wrong") == 1
+    assert "nothing that matters is wrong" in as_text
+    assert "data:image" not in shown
+    assert "The simulation is wrong; a part of it has a name." in page(FOUND, "run")
