@@ -22,13 +22,15 @@ OLDER_ROW = STATE_ROWS + PLANT_ROWS
 NEWER_ROW, ORDER_ROW, CHANGE_ROW = OLDER_ROW + 4, OLDER_ROW + 8, OLDER_ROW + 12
 CIRCUIT_ROW = CHANGE_ROW + 1
 SPEED_ROW = CIRCUIT_ROW + len(Circuit._fields)
-KEEP_ROW = SPEED_ROW + 4
+KEEP_ROW = SPEED_ROW + 2
 ROWS = KEEP_ROW + 3
 # Fields before these change in a step, when a motor is sampled, and in a cycle.
 _FIRST_SAMPLED, _FIRST_SENSED = (State._fields.index(name) for name in ("sampled_left", "recent_left"))
 # What no step reads of the one before: only a cycle's last step has to work it out.
 _UNREAD = ("forward_speed", "yaw_rate", "bus")
-_BETWEEN = [row for row, name in enumerate(State._fields[:_FIRST_SAMPLED]) if name not in _UNREAD]
+_GRIPS = ("grip_left", "grip_right")  # known with the speeds, and read by nothing before the next step
+_STEPPED = [row for row, name in enumerate(State._fields[:_FIRST_SAMPLED]) if name not in _GRIPS]
+_BETWEEN = [row for row in _STEPPED if State._fields[row] not in _UNREAD]
 
 SELDOM: Mapping[str, Mapping[str, float]] = {
     "motor.heating": {"heating_left": 0.0, "heating_right": 0.0},
@@ -76,11 +78,11 @@ def lanes_text() -> str:
         circuit=_cells(CIRCUIT_ROW, len(Circuit._fields)),
         speeds=_cells(SPEED_ROW, 2),
         store_circuit=_stores(CIRCUIT_ROW, "c", 20, len(Circuit._fields)),
-        grips=_cells(SPEED_ROW + 2, 2),
-        store_speeds=_stores(SPEED_ROW, "speeds", 20, 4),
+        store_speeds=_stores(SPEED_ROW, "speeds", 20, 2),
+        store_grips=_stores(State._fields.index(_GRIPS[0]), "grips", 20, 2),
         state=_cells(0, STATE_ROWS),
         plant=_cells(STATE_ROWS, PLANT_ROWS),
-        store_step=_fields(range(_FIRST_SAMPLED), 20),
+        store_step=_fields(_STEPPED, 20),
         store_between=_fields(_BETWEEN, 20),
         store_sampled=_stores(_FIRST_SAMPLED, "looked", 20, 2),
         store_cycle=_fields(range(_FIRST_SENSED, STATE_ROWS), 16),
@@ -155,6 +157,8 @@ def advance_lanes(
                     rubbing = frictions(s, p, c, h)
                     speeds = driven(s, p, c, rubbing[0], rubbing[1], h, per_h)
 {store_speeds}
+                    grips = speeds[2:]
+{store_grips}
                 for k in range(width if left > 0.0 or right > 0.0 else 0):
                     s = State({state})
                     looked = sampled_both(s, {speeds}, left, right)
@@ -163,13 +167,15 @@ def advance_lanes(
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
-                    n = moved(s, p, command(({order}), left, right), c, {speeds}, {grips}, h, per_h)
+                    u = command(({order}), left, right)
+                    n = moved(s, p, u, c, {speeds}, s.grip_left, s.grip_right, h, per_h)
 {store_between}
                 for k in range(width if step == steps - 1 else 0):
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
-                    n = moved(s, p, command(({order}), left, right), c, {speeds}, {grips}, h, per_h)
+                    u = command(({order}), left, right)
+                    n = moved(s, p, u, c, {speeds}, s.grip_left, s.grip_right, h, per_h)
 {store_step}
             draw = turn % noise.shape[1]
             for k in range(width):
