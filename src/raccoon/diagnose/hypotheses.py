@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.own import OwnEffect
@@ -60,8 +60,8 @@ class Coordinate:
         for key in self.settings:
             if not self.factor:
                 settings[key] += change
-            elif settings[key] != 0.0 or self.usual:
-                settings[key] = (settings[key] or self.usual) * change
+            elif number := settings[key] or self.usual:
+                settings[key] = number * change
             else:
                 settings[key] = max(self.from_zero * u, 0.0)
 
@@ -175,10 +175,11 @@ def multiplied(
     low: float = -math.inf,
     high: float = math.inf,
     parameter: str = "factor",
+    usual: float = 0.0,
 ) -> Coordinate:
-    """A coordinate whose u multiplies an effect's parameter by exp(u widths)."""
+    """A coordinate whose u multiplies an effect's parameter, or `usual` where that is 0, by exp(u widths)."""
     keys = tuple((id, place, parameter) for place in places(id, where))
-    return Coordinate(f"{id}.{parameter}", keys, lambda u: math.exp(width * u), True, low, high)
+    return Coordinate(f"{id}.{parameter}", keys, lambda u: math.exp(width * u), True, low, high, usual=usual)
 
 
 def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordinate, ...]:
@@ -211,9 +212,8 @@ def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordi
         plus("friction.coulomb", None, "torque", model.friction.coulomb)
     plus("friction.viscous", None, "coefficient", model.friction.viscous)
     for parameter, usual in PRESLIDING.items():
-        most = PRESLIDING_MOST
-        given = multiplied("friction.presliding", None, PRESLIDING_WIDTH, -most, most, parameter)
-        found.append(replace(given, usual=usual))
+        width, most = PRESLIDING_WIDTH, PRESLIDING_MOST
+        found.append(multiplied("friction.presliding", None, width, -most, most, parameter, usual))
     plus("bemf.filter_lag", None, "time_constant", model.bemf.filter_time_constant)
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
     times("imu.gyro_scale", None, model.imu.gyro_scale)

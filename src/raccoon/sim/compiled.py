@@ -22,7 +22,7 @@ from raccoon.core.files import write_atomically
 from raccoon.sim.lanes import KINDS, lanes_text
 
 Advance = Callable[..., Any]
-_TEXTS = ("series.py", "equations.py", "sensing.py", "driver.py")
+_TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
 _HEAD = """from __future__ import annotations
 
 from raccoon.sim.quantities import Circuit, Command, Plant, Rubbing, State

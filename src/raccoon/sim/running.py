@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,6 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 FEW = 1  # robots up to which one after the other is faster
 _NEUTRAL = {name: value for fields in SELDOM.values() for name, value in fields.items()}
-_SELDOM_COLUMNS = [Plant._fields.index(name) for name in _NEUTRAL]
-_GIVING_COLUMNS = [Plant._fields.index(name) for name in GIVING]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,14 +87,20 @@ def _blocks(plants: Floats) -> Iterator[tuple[str, Indices]]:
 
     Where those with seldom effects leave lanes of a vector idle, others fill them.
     """
-    seldom = (plants[:, _SELDOM_COLUMNS] != list(_NEUTRAL.values())).any(axis=1)
+    seldom = _differ(plants, _NEUTRAL)
     first, rest = np.flatnonzero(seldom), np.flatnonzero(~seldom)
     idle = _vectors(len(first)) - len(first)
     first, rest = np.concatenate([first, rest[:idle]]), rest[idle:]
-    giving = (plants[rest][:, _GIVING_COLUMNS] != list(GIVING.values())).any(axis=1)
+    giving = _differ(plants[rest], GIVING)
     for kind, robots in zip(KINDS, (first, rest[giving], rest[~giving]), strict=True):
         for start in range(0, len(robots), BLOCK):
             yield kind, robots[start : start + BLOCK]
+
+
+def _differ(plants: Floats, neutral: Mapping[str, float]) -> NDArray[np.bool_]:
+    """Which robots have other numbers than these."""
+    columns = [Plant._fields.index(name) for name in neutral]
+    return np.asarray((plants[:, columns] != list(neutral.values())).any(axis=1))
 
 
 def _vectors(robots: int) -> int:

@@ -121,8 +121,9 @@ def test_the_headline_says_what_else_it_may_be() -> None:
 
 def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
     empty = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
-    shown, _, as_text = page(empty, "run").partition("<pre")
+    text = page(empty, "run")
+    shown, _, as_text = text.partition("<pre")
     assert shown.count("nothing that matters is wrong") == 1
     assert "nothing that matters is wrong" in as_text
-    assert "data:image" not in shown
+    assert "data:image" not in text
     assert "The simulation is wrong; a part of it has a name." in page(FOUND, "run")

@@ -22,9 +22,9 @@ Each picture shows one channel of the same drive (creeping, steps forward and ba
 lines), grey without and red with the effect, in the channel in which it shows most. An effect that is off
 sits at its neutral value, where it changes nothing, exactly.
 
-Adding an effect: an entry in `sim/catalogue.py`, its term in `sim/equations.py` (a statement that ends with
-`# effect: ID`), its numbers in `sim/physical.py`, and this page written again. The tests of neutral values
-take it up by themselves; [the simulator's page](simulator.md) says more.
+Adding an effect: an entry in `sim/catalogue.py`, its term in `sim/equations.py` or `friction.py` (a
+statement that ends with `# effect: ID`), its numbers in `sim/physical.py`, and this page written again. The
+tests of neutral values take it up by themselves; [the simulator's page](simulator.md) says more.
 """
 
 

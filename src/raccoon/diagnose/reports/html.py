@@ -39,7 +39,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         diagnosis=diagnosis,
         verdict=str(diagnosis.verdict).replace("_", " "),
         headline=_headline(diagnosis),
-        sentence=VERDICTS[diagnosis.verdict].removesuffix(":").removesuffix(".") + ".",
+        sentence=VERDICTS[diagnosis.verdict].rstrip(":.") + ".",
         todo=[_todo(each) for each in diagnosis.causes],
         errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
         rest=[rest_text(diagnosis, each) for each in diagnosis.channels],

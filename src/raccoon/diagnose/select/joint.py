@@ -21,7 +21,7 @@ from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
-from raccoon.diagnose.select.sets import Chosen, Member, Sets, overlap
+from raccoon.diagnose.select.sets import Chosen, Member, Sets, apart
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ def _proposed(search: Search) -> Iterator[Point]:
     sets.climb(sets.dropped(frozenset(acting)))
     sets.climb(frozenset(i for i in on if sets.members[i].name in now))
     sets.climb(frozenset())
-    yield from _best_of(around, sets, now)
+    yield from _starts(around, sets, now)
 
 
 def _nearby(search: Search) -> Iterator[Point]:
@@ -118,10 +118,10 @@ def _nearby(search: Search) -> Iterator[Point]:
     others, it was taken when the columns were those of a point without it."""
     sets, now = Sets.of(search), frozenset(range(len(search.fit.point.active)))
     sets.climb(now)
-    yield from _best_of(search, sets, sets.names(now))
+    yield from _starts(search, sets, sets.names(now))
 
 
-def _best_of(search: Search, sets: Sets, now: frozenset[str]) -> Iterator[Point]:
+def _starts(search: Search, sets: Sets, now: frozenset[str]) -> Iterator[Point]:
     """Where to start the best sets that are not `now`, and each without what would be new in it and is
     kinked: a dead zone that a straight line foresaw made a set 80 worse that was 28 ahead without it."""
     found = {now}
@@ -146,7 +146,7 @@ def _all_straight(search: Search) -> Point:
         u = point.active[name]
         point = point.without_cause(name).with_cause(f"{name}@left", u).with_cause(f"{name}@right", u)
     for name in STRAIGHT:
-        if name in causes and not any(overlap(name, each) for each in point.active):
+        if name in causes and apart(name, point.active):
             point = point.with_cause(name, np.array([LEAST if causes[name].one_sided else 0.0]))
     return point
 

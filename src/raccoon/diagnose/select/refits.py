@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
-from raccoon.diagnose.select.sets import overlap
+from raccoon.diagnose.select.sets import apart
 
 Array = NDArray[np.float64]
 
@@ -62,9 +62,7 @@ def candidates(search: Search) -> Screened:
     for table, most in ((search.table, REFITS), (search.plain, PLAIN_REFITS)):
         seen: dict[str, int] = {}
         for gain, group, mean in screen(search, table):
-            if group.name not in search.problem.causes:
-                continue
-            if any(overlap(group.name, each) for each in search.fit.point.active):
+            if group.name not in search.problem.causes or not apart(group.name, search.fit.point.active):
                 continue
             count = seen.get(group.name, 0)
             if gain < 1.0 or count >= 2 or (count == 0 and len(seen) >= most):
@@ -104,8 +102,7 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
         return []
     starts = [start for _, start in named]
     fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4)
-    best = _polished(search, _best_of([name for name, _ in named], fits))
-    return sorted(best.items(), key=lambda each: -each[1].evidence)
+    return _most_evidence_first(_polished(search, _best_of([name for name, _ in named], fits)))
 
 
 def _best_of(names: Sequence[str], fits: Sequence[Fit]) -> dict[str, Fit]:
@@ -115,6 +112,10 @@ def _best_of(names: Sequence[str], fits: Sequence[Fit]) -> dict[str, Fit]:
         if name not in best or fit.evidence > best[name].evidence:
             best[name] = fit
     return best
+
+
+def _most_evidence_first(fits: Mapping[str, Fit]) -> list[tuple[str, Fit]]:
+    return sorted(fits.items(), key=lambda each: -each[1].evidence)
 
 
 def ranking(
@@ -155,7 +156,7 @@ def shared_lags(search: Search) -> list[tuple[str, Point]]:
             (own,) = causes[name].coordinates
             half = 0.5 * point.active[name]
             for other in family:
-                if other in causes and not any(overlap(other, each) for each in point.active):
+                if other in causes and apart(other, point.active):
                     (coordinate,) = causes[other].coordinates
                     u = half * own.value(1.0) / coordinate.value(1.0)
                     found.append((other, point.with_cause(name, half).with_cause(other, u)))
@@ -182,15 +183,14 @@ def refits_afresh(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tup
         name = group.name
         if len(starts) >= MOST_AFRESH:
             break
-        if name in causes and name not in starts and not any(overlap(name, each) for each in point.active):
+        if name in causes and name not in starts and apart(name, point.active):
             starts[name] = [point.with_cause(name, first_guess(search, group, mean))]
     for name, own in starts.items():
         if causes[name].one_sided:
             own.append(point.with_cause(name, np.array([SMALL, *own[0].active[name][1:]])))
     named = [(name, each) for name, own in starts.items() for each in own]
     fits = fit_afresh(search.problem, search.whitener, [each for _, each in named], 4)
-    best = _best_of([name for name, _ in named], fits)
-    return sorted(best.items(), key=lambda each: -each[1].evidence)
+    return _most_evidence_first(_best_of([name for name, _ in named], fits))
 
 
 def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:

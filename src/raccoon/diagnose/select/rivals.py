@@ -13,7 +13,7 @@ from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import first_guess
-from raccoon.diagnose.select.sets import Sets, overlap
+from raccoon.diagnose.select.sets import Sets, apart
 
 Array = NDArray[np.float64]
 Other = tuple[float, Group, Array]
@@ -76,11 +76,7 @@ def _exchanged(search: Search) -> Iterator[tuple[str, str, Point]]:
     for name, u in point.active.items():
         near = {**alike(search, name, SIMILAR, MOST_RIVALS), **_losing_least(search, sets, name)}
         less, whole = point.without_cause(name), name.partition("@")[0]
-        if (
-            whole != name
-            and whole in search.problem.causes
-            and not any(overlap(whole, each) for each in less.active)
-        ):
+        if whole != name and whole in search.problem.causes and apart(whole, less.active):
             near[whole] = less.with_cause(whole, u)
         yield from ((name, rival, start) for rival, start in near.items())
 
@@ -126,6 +122,6 @@ def _replaced(search: Search, less: Point, others: list[Other], most: int) -> di
     for _, group, u in sorted(others, key=lambda each: each[0]):
         if len(found) == most:
             break
-        if group.name not in found and not any(overlap(group.name, each) for each in less.active):
+        if group.name not in found and apart(group.name, less.active):
             found[group.name] = less.with_cause(group.name, first_guess(search, group, u))
     return found

@@ -58,10 +58,11 @@ def forward(search: Search) -> tuple[Search, bool]:
     far_ahead |= probe.lead > PROBE_FAR * max((gain for _, _, gain in ranked), default=0.0)
     if probe.lead > PROBE_GATE and far_ahead:
         return _with_unknown(search, probe), True
-    taken = _first_that_passes(search, ranked, settled)
+    held_out = held_out_score(settled)
+    taken = _first_that_passes(search, ranked, settled, held_out)
     if taken is None and doubtful(settled):
         ranked = ranking(search.problem, refits_afresh(search, refits), settled)
-        taken = _first_that_passes(search, ranked, settled)
+        taken = _first_that_passes(search, ranked, settled, held_out)
     if taken is not None:
         return taken, True
     if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
@@ -70,17 +71,16 @@ def forward(search: Search) -> tuple[Search, bool]:
 
 
 def _first_that_passes(
-    search: Search, ranked: Sequence[tuple[str, Fit, float]], settled: Fit
+    search: Search, ranked: Sequence[tuple[str, Fit, float]], settled: Fit, settled_held_out: float
 ) -> Search | None:
     """The search with the first cause that has the evidence it needs and helps on blocks left out; None where
     there is none. Why the others are not taken is noted."""
-    reference_held_out = held_out_score(settled)
     for name, fit, gain in ranked:
         needed = _required_evidence(search, name, alone=not search.fit.point.active)
         if gain < needed:
             search.failed[name] = _too_little(gain, fit.evidence - settled.evidence, needed)
             continue
-        held_out = held_out_score(fit) - reference_held_out
+        held_out = held_out_score(fit) - settled_held_out
         if _fails_held_out(gain, needed, held_out):
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue

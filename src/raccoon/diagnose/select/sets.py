@@ -7,7 +7,7 @@ have to be named.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -129,7 +129,12 @@ class Sets:
                     yield (chosen - {out}) | {new}
 
     def _fits(self, new: int, chosen: Chosen) -> bool:
-        return not any(overlap(self.members[new].name, self.members[each].name) for each in chosen)
+        return apart(self.members[new].name, self.names(chosen))
+
+
+def apart(name: str, others: Collection[str]) -> bool:
+    """Whether a cause overlaps none of the others, so that it can be on beside them."""
+    return not any(overlap(name, each) for each in others)
 
 
 def overlap(one: str, other: str) -> bool:
