@@ -15,4 +15,10 @@ TIME = np.arange(3) * 0.005
 
 for robots in ([ROBOT], [ROBOT, ROBOT], [LOOSE, LOOSE], [GIVING, GIVING]):
     rollout(robots, Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME))
+rollout(
+    [GIVING, GIVING],
+    Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME),
+    channels=("imu.gyro.z",),
+    readings_only=True,
+)
 make(1, seconds=4.0)

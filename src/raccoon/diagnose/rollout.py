@@ -131,7 +131,13 @@ class PlantRollout:
 
     def _samples(self, variants: Sequence[Settings], commands: Commands) -> Array:
         """What the sensors say, (variants, channels, rows)."""
-        run = rollout(self._lanes(variants), commands, channels=self._names, longest_step=LONGEST_STEP)
+        run = rollout(
+            self._lanes(variants),
+            commands,
+            channels=self._names,
+            longest_step=LONGEST_STEP,
+            readings_only=True,
+        )
         lying = np.stack([run[name].T for name in self._names])  # in memory as the lanes lie: no turning
         return lying.transpose(2, 0, 1)
 

@@ -11,7 +11,7 @@ import hashlib
 import importlib.util
 import os
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -19,9 +19,10 @@ from types import ModuleType
 from typing import Any
 
 from raccoon.core.files import write_atomically
-from raccoon.sim.lanes import KINDS, lanes_text
+from raccoon.sim.lanes import KINDS, Kind, lanes_text
 
 Advance = Callable[..., Any]
+ANY = Kind()
 _TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
 _HEAD = """from __future__ import annotations
 
@@ -36,12 +37,14 @@ def has_numba() -> bool:
     return importlib.util.find_spec("numba") is not None
 
 
-def source(without: Collection[str] = ()) -> str:
-    """Text of all functions of the plant; `without`: effects whose terms it leaves out."""
+def source(kind: Kind = ANY) -> str:
+    """Text of all functions of the plant, for robots of a kind."""
     texts = [files("raccoon.sim").joinpath(name).read_text("utf-8") for name in _TEXTS]
-    for effect in without:
-        texts = [_without(text, effect) for text in texts]
-    return "\n\n".join((_HEAD, *map(_functions, texts), lanes_text()))
+    tags = [f"# effect: {each}" for each in kind.without]
+    tags += [f"# without effect: {each}" for each in kind.always]
+    for tag in tags:
+        texts = [_without(text, tag) for text in texts]
+    return "\n\n".join((_HEAD, *map(_functions, texts), lanes_text(kind.unfollowed)))
 
 
 def _functions(text: str) -> str:
@@ -50,13 +53,13 @@ def _functions(text: str) -> str:
     return "\n\n\n".join("\n".join(lines[node.lineno - 1 : node.end_lineno]) for node in nodes)
 
 
-def _without(text: str, effect: str) -> str:
-    """A text less the statements that end with the effect's tag."""
+def _without(text: str, tag: str) -> str:
+    """A text less the statements that end with a tag."""
     lines: list[str | None] = list(text.split("\n"))
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Assign | ast.AugAssign) and node.end_lineno is not None:
             last = lines[node.end_lineno - 1]
-            if last is not None and last.endswith(f"# effect: {effect}"):
+            if last is not None and last.endswith(tag):
                 lines[node.lineno - 1 : node.end_lineno] = [None] * (node.end_lineno - node.lineno + 1)
     return "\n".join(line for line in lines if line is not None)
 
@@ -84,7 +87,7 @@ def advance_lanes(kind: str) -> Advance:
 
     That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
     """
-    text = source(without=KINDS[kind])
+    text = source(KINDS[kind])
     if has_numba() and not _lanes_cached(text):
         import logging
 

@@ -111,12 +111,14 @@ def driven(
     other = p.inertia_other + half * damp_both
     push_left += h * (drive_left + slope)
     push_right += h * (drive_right + slope)
+    sliding_left = Rubbing(h * left.forward, h * left.backward, 0.0)
+    sliding_right = Rubbing(h * right.forward, h * right.backward, 0.0)
+    guess = s.speed_right + h * s.acceleration_right
+    new_left = 0.0
+    new_right = 0.0
     new_left, new_right = settled(
-        own_left, own_right, other, push_left, push_right,
-        Rubbing(h * left.forward, h * left.backward, 0.0),
-        Rubbing(h * right.forward, h * right.backward, 0.0),
-        s.speed_right + h * s.acceleration_right,
-    )  # fmt: skip
+        own_left, own_right, other, push_left, push_right, sliding_left, sliding_right, guess
+    )  # without effect: friction.presliding
     grip_left = 0.0
     grip_right = 0.0
     new_left, new_right, grip_left, grip_right = gripped(
@@ -196,7 +198,8 @@ def rolled(
     )  # effect: drive.backlash
     turn -= taken
     cosine, sine = rotated(cosine, sine, turn)
-    behind = after + free * (alone - after)
+    behind = after
+    behind += free * (alone - after)  # effect: drive.backlash
     follows = behind
     follows = lagging(rolling, wheel, behind, slip, h, per_h)  # effect: drive.wheel_slip
     turn -= slip * (follows - rolling)  # effect: drive.wheel_slip

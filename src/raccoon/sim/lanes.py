@@ -4,12 +4,14 @@ All numbers of BLOCK robots lie in one flat array, row by row: the fields of `St
 the orders. An inner loop over the robots loads, computes with the very functions a single robot uses, and
 stores; compiled, a vector unit does several robots at once. Most robots have none of the effects that cost
 half of the time (`SELDOM`, and `GIVING`): for them the text is made without those, and gives the same bits.
+So it is for robots of which only readings are asked.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 
 from raccoon.sim.quantities import Circuit, Plant, State
 
@@ -29,8 +31,7 @@ _FIRST_SAMPLED, _FIRST_SENSED = (State._fields.index(name) for name in ("sampled
 # What no step reads of the one before: only a cycle's last step has to work it out.
 _UNREAD = ("forward_speed", "yaw_rate", "bus")
 _GRIPS = ("grip_left", "grip_right")  # known with the speeds, and read by nothing before the next step
-_STEPPED = [row for row, name in enumerate(State._fields[:_FIRST_SAMPLED]) if name not in _GRIPS]
-_BETWEEN = [row for row in _STEPPED if State._fields[row] not in _UNREAD]
+_STEPPED = [name for name in State._fields[:_FIRST_SAMPLED] if name not in _GRIPS]
 
 SELDOM: Mapping[str, Mapping[str, float]] = {
     "motor.heating": {"heating_left": 0.0, "heating_right": 0.0},
@@ -47,21 +48,46 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
 GIVING: Mapping[str, float] = {"compliance": 0.0}
 """What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
 Every robot of a diagnosis has it, and no other."""
-KINDS: Mapping[str, tuple[str, ...]] = {
-    "robots with seldom effects": (),
-    "robots whose wheels give": tuple(SELDOM),
-    "plain robots": (*SELDOM, "friction.presliding"),
+NO_READING = (
+    "time", "x", "y", "wheel_cos_left", "wheel_sin_left", "wheel_cos_right", "wheel_sin_right", "play_left",
+    "play_right", "wheel_left", "wheel_right", "rolling_left", "rolling_right", "heat_left", "heat_right",
+)  # fmt: skip
+"""Fields of `State` on which no reading of a robot without seldom effects depends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Robots for which a text is made: effects that none of them has, effects that all of them have, and
+    fields of the state that nobody asks for."""
+
+    without: tuple[str, ...] = ()
+    always: tuple[str, ...] = ()
+    unfollowed: tuple[str, ...] = ()
+
+
+SELDOM_KIND = "robots with seldom effects"
+GIVING_KIND = "robots whose wheels give"
+READ_KIND = "readings of robots whose wheels give"
+PLAIN_KIND = "plain robots"
+KINDS: Mapping[str, Kind] = {
+    SELDOM_KIND: Kind(),
+    GIVING_KIND: Kind(tuple(SELDOM), ("friction.presliding",)),
+    READ_KIND: Kind(tuple(SELDOM), ("friction.presliding",), NO_READING),
+    PLAIN_KIND: Kind((*SELDOM, "friction.presliding")),
 }
-"""Robots for which a text is made, and the effects it is made without."""
 
 
-def lanes_text() -> str:
+def lanes_text(unfollowed: Collection[str] = ()) -> str:
     """Source of `advance_lanes`, which brings count <= BLOCK robots from times[begin] to times[end].
 
     Its arguments: a is the flat array, of whose lanes the first `width` are advanced, best a multiple of
     what a vector holds; the others are as in `driver.advance`, except that noise[i] has a column a robot and
     out[i, r + 1, places[k]] gets the field of robot k < count.
+
+    unfollowed: fields of the state that are not kept; compiled, what only they need is not computed.
     """
+    stepped = [State._fields.index(name) for name in _STEPPED if name not in unfollowed]
+    between = [row for row in stepped if State._fields[row] not in _UNREAD]
     return _TEXT.format(
         stride=STRIDE,
         change=_cell(CHANGE_ROW),
@@ -82,8 +108,8 @@ def lanes_text() -> str:
         store_grips=_stores(State._fields.index(_GRIPS[0]), "grips", 20, 2),
         state=_cells(0, STATE_ROWS),
         plant=_cells(STATE_ROWS, PLANT_ROWS),
-        store_step=_fields(_STEPPED, 20),
-        store_between=_fields(_BETWEEN, 20),
+        store_step=_fields(stepped, 20),
+        store_between=_fields(between, 20),
         store_sampled=_stores(_FIRST_SAMPLED, "looked", 20, 2),
         store_cycle=_fields(range(_FIRST_SENSED, STATE_ROWS), 16),
     )

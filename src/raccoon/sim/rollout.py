@@ -13,6 +13,7 @@ from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.model.imu import rate_between
 from raccoon.sim.chain import Noise
 from raccoon.sim.commands import Commands
+from raccoon.sim.lanes import NO_READING
 from raccoon.sim.packing import Lanes
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import safe_step, states_at_rest
@@ -30,7 +31,8 @@ _SIDES = ("left", "right")
 class Rollout:
     """Channels by trace name, each of shape (robots, rows); row i is at time[i].
 
-    final: state of each robot at the last row (array (robots, fields of State)), to go on from.
+    final: state of each robot at the last row (array (robots, fields of State)), to go on from; NaN in fields
+    that were not followed.
     """
 
     time: Floats
@@ -53,6 +55,7 @@ def rollout(
     begin: int = 0,
     end: int | None = None,
     longest_step: float = 0.0025,
+    readings_only: bool = False,
     noise: Noise | None = None,
     seed: int = 0,
 ) -> Rollout:
@@ -71,20 +74,25 @@ def rollout(
     initial: a State, or fields of it by name (a number, or one a robot) over a robot at rest; where a speed
     is given, the back-EMF filter has settled on it unless its fields are given too. longest_step: s of one
     physics step; a row is cut into equal steps no longer than it, and shorter ones where a robot's time
-    constant asks for that. noise: how much the readings scatter, other numbers for each robot, from one
-    seed; by default not at all.
+    constant asks for that. readings_only: what no reading depends on (place, angles of the wheels, heat) is
+    not followed, which is faster for robots whose wheels give; truth.x and truth.y cannot be asked for then,
+    and `final` is nothing to go on from. noise: how much the readings scatter, other numbers for each robot,
+    from one seed; by default not at all.
 
     Row i of a channel is at commands.time[begin + i]: row 0 is the initial state, and the command of row i
     acts between rows i and i + 1. The equations are `sim.equations`; the result is the same, bit for bit,
     for a robot alone and in a lane, with and without numba.
 
-    Raises ConfigError for unknown channels or fields, rows out of range and steps that are not above 0.
+    Raises ConfigError for unknown channels or fields, channels that are not followed, rows out of range and
+    steps that are not above 0.
     """
     lanes = _packed(robots)
     end = len(commands) - 1 if end is None else end
     _check(begin, end, len(commands), longest_step)
     names = tuple(channels) if channels is not None else channel_names(lanes.ports)
     fields = _fields_of(names, lanes.ports)
+    if readings_only:
+        _check_readings(fields)
     states = initial_states(lanes.plant, initial)
     kept = np.array([State._fields.index(each) for each in fields], dtype=np.int64)
     raw = np.empty((len(kept), end - begin + 1, len(states)))
@@ -96,8 +104,11 @@ def rollout(
         end,
         min(longest_step, safe_step(lanes.plant)),
         _bemf_noise(noise, random, cycles_of(commands, begin, end, lanes.cycle), len(states)),
+        readings_only,
     )
     final = run(lanes, states, course, kept, raw)
+    if readings_only:
+        final[:, [State._fields.index(each) for each in NO_READING]] = np.nan
     recorded = {name: raw[row].T for row, name in enumerate(fields)}
     time = commands.time[begin : end + 1]
     age = time - commands.time[0]
@@ -110,6 +121,12 @@ def _check(begin: int, end: int, rows: int, longest_step: float) -> None:
         raise ConfigError(f"rows {begin} to {end}: allowed are 0 <= begin < end <= {rows - 1}")
     if not 0.0 < longest_step <= 0.02:
         raise ConfigError(f"longest_step is {longest_step} s: allowed are numbers above 0 up to 0.02")
+
+
+def _check_readings(fields: Sequence[str]) -> None:
+    for each in fields:
+        if each in NO_READING:
+            raise ConfigError(f"truth.{each} is no reading: ask for it without readings_only")
 
 
 def _bemf_noise(noise: Noise | None, random: np.random.Generator, cycles: int, robots: int) -> Floats:

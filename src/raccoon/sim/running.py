@@ -10,7 +10,20 @@ from numpy.typing import NDArray
 
 from raccoon.sim.commands import Commands
 from raccoon.sim.compiled import advance_lanes, advance_one, has_numba
-from raccoon.sim.lanes import BLOCK, GIVING, KINDS, OLDER_ROW, ROWS, SELDOM, STATE_ROWS, STRIDE, VECTOR
+from raccoon.sim.lanes import (
+    BLOCK,
+    GIVING,
+    GIVING_KIND,
+    OLDER_ROW,
+    PLAIN_KIND,
+    READ_KIND,
+    ROWS,
+    SELDOM,
+    SELDOM_KIND,
+    STATE_ROWS,
+    STRIDE,
+    VECTOR,
+)
 from raccoon.sim.packing import Lanes
 from raccoon.sim.quantities import Plant, State
 
@@ -24,7 +37,8 @@ _NEUTRAL = {name: value for fields in SELDOM.values() for name, value in fields.
 class Course:
     """What robots run along: rows begin to end of commands, in steps no longer than `step` s.
 
-    noise: counts on each raw back-EMF sample, (2, cycles, robots).
+    noise: counts on each raw back-EMF sample, (2, cycles, robots). readings_only: fields of the state on
+    which no reading depends (`lanes.NO_READING`) need not be followed.
     """
 
     commands: Commands
@@ -32,6 +46,7 @@ class Course:
     end: int
     step: float
     noise: Floats
+    readings_only: bool = False
 
 
 def cycles_of(commands: Commands, begin: int, end: int, cycle: float) -> int:
@@ -64,7 +79,7 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
 def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
     commands = course.commands
     final = np.empty_like(states)
-    for kind, places in _blocks(lanes.plant):
+    for kind, places in _blocks(lanes.plant, course.readings_only):
         count = len(places)
         width = _vectors(count)
         block = np.zeros((ROWS, STRIDE))
@@ -82,7 +97,7 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
     return final
 
 
-def _blocks(plants: Floats) -> Iterator[tuple[str, Indices]]:
+def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]]:
     """Which robots run side by side, and of which kind of `KINDS` all of them are.
 
     Where those with seldom effects leave lanes of a vector idle, others fill them.
@@ -92,7 +107,12 @@ def _blocks(plants: Floats) -> Iterator[tuple[str, Indices]]:
     idle = _vectors(len(first)) - len(first)
     first, rest = np.concatenate([first, rest[:idle]]), rest[idle:]
     giving = _differ(plants[rest], GIVING)
-    for kind, robots in zip(KINDS, (first, rest[giving], rest[~giving]), strict=True):
+    kinds = {
+        SELDOM_KIND: first,
+        READ_KIND if readings_only else GIVING_KIND: rest[giving],
+        PLAIN_KIND: rest[~giving],
+    }
+    for kind, robots in kinds.items():
         for start in range(0, len(robots), BLOCK):
             yield kind, robots[start : start + BLOCK]
 

@@ -13,7 +13,7 @@ from raccoon.sim import driver
 from raccoon.sim.catalogue import CATALOGUE
 from raccoon.sim.compiled import advance_one, python_module, source
 from raccoon.sim.effects import Effect, Place
-from raccoon.sim.lanes import GIVING, KINDS, SELDOM
+from raccoon.sim.lanes import GIVING, KINDS, SELDOM, Kind
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, state_at_rest
 from raccoon.sim.port import SimPort
@@ -72,16 +72,16 @@ def test_the_terms_are_those_of_the_catalogue() -> None:
 @pytest.mark.parametrize("effect", TERMS)
 def test_without_its_term_the_plant_gives_the_same_bits(effect: str) -> None:
     parameters = everything_but(effect, seed=len(effect))
-    without = python_module(source(without=[effect])).advance
+    without = python_module(source(Kind((effect,)))).advance
     assert run(driver.advance, parameters) == run(without, parameters)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_robot_without_seldom_effects_does_the_same_in_the_text_without_them(kind: str) -> None:
-    without = KINDS[kind]
+    without = KINDS[kind].without
     assert set(without) < set(TERMS)
     parameters = everything_but(*without, seed=17)
-    assert run(driver.advance, parameters) == run(python_module(source(without=without)).advance, parameters)
+    assert run(driver.advance, parameters) == run(python_module(source(KINDS[kind])).advance, parameters)
 
 
 FIELDS = {**SELDOM, "friction.presliding": GIVING}
@@ -103,7 +103,7 @@ def test_away_from_neutral_its_term_does_something(effect: str) -> None:
     parameters = everything_but("none", seed=len(effect))
     # Wide enough that the readings of this run fall into it.
     parameters = parameters.with_effect("bemf.dead_zone", counts=80.0)
-    without = python_module(source(without=[effect])).advance
+    without = python_module(source(Kind((effect,)))).advance
     assert run(driver.advance, parameters) != run(without, parameters)
 
 

@@ -59,6 +59,36 @@ def test_plain_robots_and_others_side_by_side_do_the_same_as_one_by_one(
     np.testing.assert_array_equal(together.final, alone.final)
 
 
+def test_readings_alone_are_the_same_bits() -> None:
+    names = [f"motor.{port}.{kind}" for port in (0, 1) for kind in ("bemf", "position", "current", "speed")]
+    names += ["imu.gyro.z", "battery.voltage", "truth.heading"]
+    random = np.random.default_rng(8)
+    robots = [
+        nominal()
+        .with_effect("friction.presliding", compliance=random.uniform(5e-4, 2e-3), damping=1.0)
+        .with_effect("friction.quadratic", coefficient=random.uniform(0.0, 1e-4))
+        .with_effect("drive.slope", along_x=random.uniform(0.0, 0.05))
+        .with_effect("battery.discharge", volts_per_coulomb=random.uniform(0.0, 0.01))
+        for _ in range(9)
+    ]
+    whole = rollout([*robots, nominal(), *some_robots(2)], STEPS)
+    asked = rollout([*robots, nominal(), *some_robots(2)], STEPS, channels=names, readings_only=True)
+    assert set(asked.channels) == set(names)
+    for name in names:
+        np.testing.assert_array_equal(asked[name], whole[name], err_msg=name)
+
+
+def test_what_is_no_reading_cannot_be_asked_for_with_readings_only() -> None:
+    with pytest.raises(ConfigError, match=r"truth\.x is no reading"):
+        rollout(nominal(), STEPS, channels=("truth.x",), readings_only=True)
+
+
+def test_a_final_state_of_readings_only_is_nothing_to_go_on_from() -> None:
+    end = rollout(nominal(), STEPS, channels=("imu.gyro.z",), readings_only=True).final
+    with pytest.raises(ConfigError, match="allowed are finite numbers"):
+        rollout(nominal(), STEPS, initial=dict(zip(_fields(), end[0], strict=True)))
+
+
 def test_robots_in_lanes_cost_a_fraction_of_robots_alone() -> None:
     pytest.importorskip("numba")
     one, few, many = (Lanes.of([nominal()] * count) for count in (1, 8, 128))
