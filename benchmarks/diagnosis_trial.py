@@ -40,6 +40,7 @@ from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.effects import effect
 from raccoon.sim.parameters import SIDES, Parameters
+from raccoon.sim.physical import LOOSE_STEP
 from raccoon.sim.rollout import rollout
 
 Array = NDArray[np.float64]
@@ -141,7 +142,7 @@ class Unseen:
 
     def of_settings(self, settings: Sequence[Settings]) -> Array:
         """Residuals (settings, bins, channels) over the whole drive."""
-        simulated = PlantRollout(self.log, RobotConfig(), self._habits, plain=True)(settings)
+        simulated, _ = PlantRollout(self.log, RobotConfig(), self._habits, plain=True)(settings)
         return np.asarray(self.features.measured - self.features.simulated(simulated), float)
 
     def of_model(self, model: Parameters) -> Array:
@@ -149,7 +150,7 @@ class Unseen:
         duty = np.clip(self.log.duty, -1.0, 1.0)
         commands = Commands.of_wheels(self.log.time, duty[:, 0], duty[:, 1], False)
         names = ("motor.0.bemf", "motor.1.bemf", "imu.gyro.z", "battery.voltage")
-        run = rollout([model], commands, channels=names, longest_step=0.001)
+        run = rollout([model], commands, channels=names, longest_step=LOOSE_STEP)
         simulated = np.stack([run[each] for each in names], axis=1)
         return np.asarray(self.features.measured - self.features.simulated(simulated)[0], float)
 

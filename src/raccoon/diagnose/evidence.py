@@ -92,6 +92,10 @@ class Gram:
         """||y - X mean||^2."""
         return float(self.power - 2.0 * self.projection @ mean + mean @ self.matrix @ mean)
 
+    def scaled(self, sizes: Array) -> Gram:
+        """Each column times a number: what its prior's standard deviation is then."""
+        return Gram(self.matrix * np.outer(sizes, sizes), self.projection * sizes, self.power)
+
     def shifted(self, held: Array) -> Gram:
         """The target less what the columns at `held` make of it."""
         pull = self.matrix @ held

@@ -86,29 +86,33 @@ def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parame
     choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
     if not any(each.role in WHEELS for each in log.channels):
         return choices[0]
-    scores = [_habit_score(drive_problem(wheels, robot, causes, each, model)) for each in choices]
-    best = 1 if len(scores) > 1 and scores[1] < scores[0] - CLEARLY else 0
+    problems = [_loosened(drive_problem(wheels, robot, causes, each, model)) for each in choices]
+    found = [_fitted(each, _late_start(each)) for each in problems]
+    best = 1 if len(found) > 1 and found[1][0] < found[0][0] - CLEARLY else 0
+    misfit, point = found[best]
     another = Habits(other, choices[best].brake)
-    score = _habit_score(drive_problem(wheels, robot, causes, another, model))
-    return another if score < scores[best] - USUAL else choices[best]
+    anothers, _ = _fitted(_loosened(drive_problem(wheels, robot, causes, another, model)), point)
+    return another if anothers < misfit - USUAL else choices[best]
 
 
-def _habit_score(problem: Problem) -> float:
-    """Log misfit of the wheels with a latency, which resembles a slower filter, and all base numbers free.
+def _loosened(problem: Problem) -> Problem:
+    """With all base numbers free, the filter's time constant among them: kept near robot.toml, a robot with a
+    shorter filter would seem to have another one."""
+    return replace(problem, base=base_coordinates(problem.robot, inside=FAR))
 
-    The filter's time constant is among them: kept near robot.toml, a robot with a shorter filter would seem
-    to have another one.
-    """
-    loose = replace(problem, base=base_coordinates(problem.robot, inside=FAR))
+
+def _late_start(problem: Problem) -> Point:
+    """Where to start a fit with a latency, which resembles a slower filter."""
     start = problem.nominal()
-    if LATE in problem.causes:
-        starts = [start.with_cause(LATE, np.array([u])) for u in LATENESS]
-        errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
-        start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
-    return _log_misfit(loose, start)
+    if LATE not in problem.causes:
+        return start
+    starts = [start.with_cause(LATE, np.array([u])) for u in LATENESS]
+    errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
+    return starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
 
 
-def _log_misfit(problem: Problem, start: Point) -> float:
+def _fitted(problem: Problem, start: Point) -> tuple[float, Point]:
+    """Log misfit of the wheels where a fit arrives, and where that is."""
     features = problem.features
     residual = features.measured - problem.predict([start])[0]
     scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), features.floors)
@@ -118,4 +122,4 @@ def _log_misfit(problem: Problem, start: Point) -> float:
     final = features.measured - problem.predict([fit.point])[0]
     size = np.maximum(np.std(features.measured, axis=0), features.floors)
     wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
-    return float(np.log(np.abs(final).mean(axis=0) / size)[wheels].mean())
+    return float(np.log(np.abs(final).mean(axis=0) / size)[wheels].mean()), fit.point

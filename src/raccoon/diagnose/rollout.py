@@ -17,7 +17,7 @@ from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import plant_numbers, sample_slots, wiring_signs
+from raccoon.sim.physical import LOOSE_STEP, plant_numbers, safe_step, sample_slots, wiring_signs
 from raccoon.sim.quantities import Plant
 from raccoon.sim.rollout import Lanes, rollout
 
@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 class Rollout(Protocol):
     """What a diagnosis asks of a simulator."""
 
-    def __call__(self, variants: Sequence[Settings]) -> Array:
-        """Simulated samples (variants, channels, rows) of the log's channels at the log's times."""
+    def __call__(self, variants: Sequence[Settings]) -> tuple[Array, float]:
+        """Simulated samples (variants, channels, rows) of the log's channels at the log's times, and s of the
+        steps that made them, as long for all: what steps of another length make is a little different."""
         ...
 
 
@@ -64,8 +65,6 @@ def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConf
     return replace(robot, model=replace(robot.model, drive=changed))
 
 
-LONGEST_STEP = 0.00105
-"""s; a little above 1 ms, so that a cycle of 5 ms whose time stamp jitters still has five steps."""
 LEAST_ZONE = 2.0
 """Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below two can be
 told from it."""
@@ -118,30 +117,26 @@ class PlantRollout:
         self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)
         self._commands = self._commanded(self._duty)
 
-    def __call__(self, variants: Sequence[Settings]) -> Array:
-        samples = self._with_own(variants) if self._own else self._samples(variants, self._commands)
+    def __call__(self, variants: Sequence[Settings]) -> tuple[Array, float]:
+        lanes = self._lanes(variants)
+        step = min(LOOSE_STEP, safe_step(lanes.plant))
+        samples = self._with_own(variants, step) if self._own else self._samples(lanes, self._commands, step)
         for index, (side, measured) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)
             samples[deaf, index] = heard(samples[deaf, index], zones[deaf, None], measured)
-        return samples
+        return samples, step
 
     def _commanded(self, duty: Array) -> Commands:
         return Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
 
-    def _samples(self, variants: Sequence[Settings], commands: Commands) -> Array:
+    def _samples(self, lanes: Lanes, commands: Commands, step: float) -> Array:
         """What the sensors say, (variants, channels, rows)."""
-        run = rollout(
-            self._lanes(variants),
-            commands,
-            channels=self._names,
-            longest_step=LONGEST_STEP,
-            readings_only=True,
-        )
+        run = rollout(lanes, commands, channels=self._names, longest_step=step, readings_only=True)
         lying = np.stack([run[name].T for name in self._names])  # in memory as the lanes lie: no turning
         return lying.transpose(2, 0, 1)
 
-    def _with_own(self, variants: Sequence[Settings]) -> Array:
+    def _with_own(self, variants: Sequence[Settings], step: float) -> Array:
         """The same with a team's own effects: robots whose commands are the same run side by side."""
         acting = [
             [(own, values) for own in self._own if (values := _values(own, each)) != own.neutral()]
@@ -156,7 +151,8 @@ class PlantRollout:
             duty = self._duty
             for own, values in acting[same[0]]:
                 duty = own.commanded(self._time, duty, values)
-            samples[same] = self._samples([variants[each] for each in same], self._commanded(duty))
+            lanes = self._lanes([variants[each] for each in same])
+            samples[same] = self._samples(lanes, self._commanded(duty), step)
         for index, found in enumerate(acting):
             for own, values in found:
                 readings = dict(zip(self._roles, samples[index], strict=True))
@@ -166,12 +162,8 @@ class PlantRollout:
 
     def path(self, settings: Settings) -> tuple[Array, Array]:
         """x and y in m along the commands."""
-        run = rollout(
-            self._lanes([settings]),
-            self._commands,
-            channels=("truth.x", "truth.y"),
-            longest_step=LONGEST_STEP,
-        )
+        asked = ("truth.x", "truth.y")
+        run = rollout(self._lanes([settings]), self._commands, channels=asked, longest_step=LOOSE_STEP)
         return run["truth.x"][0], run["truth.y"][0]
 
     def _lanes(self, variants: Sequence[Settings]) -> Lanes:

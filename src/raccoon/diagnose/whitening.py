@@ -151,39 +151,39 @@ def _unexplained(noise: NoiseModel, every: Array, slow: Array, target: Array) ->
     white = noise.whiten(columns).reshape(len(columns), -1)
     goal = noise.whiten(target).reshape(-1)
     gram = Gram.of(white.T, goal)
-    scaled = {}
-    for share in FLOOR_SHARES if len(slow) else (0.0,):
-        scale = np.concatenate([np.ones(len(every)), np.full(len(slow), share)])
-        scaled[share] = Gram(gram.matrix * np.outer(scale, scale), gram.projection * scale, gram.power)
-    wander = max(scaled, key=lambda share: scaled[share].evidence())
-    scale = np.concatenate([np.ones(len(every)), np.full(len(slow), wander)])
-    parts = white * scale[:, None], columns * scale[:, None, None]
-    return foreseen_error(scaled[wander].matrix, *parts, goal, target), wander
+    sizes = {
+        share: np.concatenate([np.ones(len(every)), np.full(len(slow), share)])
+        for share in (FLOOR_SHARES if len(slow) else (0.0,))
+    }
+    wander = max(sizes, key=lambda share: gram.scaled(sizes[share]).evidence())
+    return foreseen_error(gram.matrix, white, columns, goal, target, sizes[wander]), wander
 
 
-def foreseen_error(gram: Array, white: Array, columns: Array, goal: Array, target: Array) -> Array:
+def foreseen_error(
+    gram: Array, white: Array, columns: Array, goal: Array, target: Array, sizes: Array
+) -> Array:
     """target less what columns fitted to all other half seconds make of each half second, (bins, channels).
 
-    With unit priors the fit's mean is m = C X' y, C = (1 + X' X)^-1. Leaving rows b out moves it to
-    m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury). white, goal: X' and y; gram: X' X; columns and
-    target: the same before whitening.
+    With priors of variance S the fit's mean is m = C X' y, C = (S^-1 + X' X)^-1. Leaving rows b out moves it
+    to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury). white, goal: X' and y; gram: X' X; sizes: the
+    root of S, (columns,); columns and target: the same as white and goal before whitening.
     """
-    powers, vectors = np.linalg.eigh(gram)
+    powers, vectors = np.linalg.eigh(gram * np.outer(sizes, sizes))
     strong = powers > FEEBLE
-    vectors = vectors[:, strong] / np.sqrt(1.0 + powers[strong])  # C = vectors vectors'
+    vectors = sizes[:, None] * (vectors[:, strong] / np.sqrt(1.0 + powers[strong]))  # C = vectors vectors'
     turned = vectors.T @ white
     mean = turned @ goal
     rest = goal - mean @ turned
-    bins, channels = target.shape
-    error = np.empty_like(target)
-    for start in range(0, bins, EVENT):
-        end = min(start + EVENT, bins)
-        rows = slice(start * channels, end * channels)
+    event = EVENT * target.shape[1]
+    flat = columns.reshape(len(columns), -1)
+    error = target.reshape(-1).copy()
+    for start in range(0, len(error), event):
+        rows = slice(start, start + event)
         part = turned[:, rows]
         pull = _pulled(np.eye(part.shape[1]) - part.T @ part, rest[rows])
         others = vectors @ (mean - part @ pull)
-        error[start:end] = target[start:end] - np.tensordot(others, columns[:, start:end], axes=1)
-    return error
+        error[rows] -= others @ flat[:, rows]
+    return error.reshape(target.shape)
 
 
 def _pulled(unforeseen: Array, rest: Array) -> Array:

@@ -96,6 +96,15 @@ def advance_lanes(kind: str) -> Advance:
 
 
 @cache
+def vector() -> int:
+    """Robots that the vector unit does at once; those beyond a whole number of vectors would go one by one,
+    which costs more than lanes that are idle."""
+    from llvmlite.binding import get_host_cpu_features
+
+    return 8 if get_host_cpu_features().get("avx512f") else 4
+
+
+@cache
 def _made(text: str) -> Any:
     """The module of a text: one for all functions of it that are asked for."""
     return compiled_module(text) if has_numba() else python_module(text)

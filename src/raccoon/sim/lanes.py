@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from raccoon.sim.quantities import Circuit, Plant, State
 
 BLOCK = 32  # robots: their numbers stay in the fastest cache
-VECTOR = 8  # robots that the widest vector unit does at once: the rest of them one by one would cost more
 STRIDE = 36  # from row to row: not a power of two, or rows would crowd into the same cache sets
 STATE_ROWS = len(State._fields)
 PLANT_ROWS = len(Plant._fields)

@@ -17,8 +17,9 @@ from raccoon.sim.quantities import Plant, State
 
 Numbers = tuple[float, ...]
 
-LOOSE_STEP = 0.001
-"""s of a step of a robot whose gears have play."""
+LOOSE_STEP = 0.00105
+"""s of a step of a robot whose gears have play: a little above 1 ms, so that a cycle of 5 ms whose time stamp
+jitters still has five."""
 LEAST_COMPLIANCE = 1e-5
 """rad/(N m) below which nothing gives: no sensor sees it, and steps would have to be below 0.2 ms."""
 BRISTLE_STEP = 0.6

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.sim.commands import Commands
-from raccoon.sim.compiled import advance_lanes, advance_one, has_numba
+from raccoon.sim.compiled import advance_lanes, advance_one, has_numba, vector
 from raccoon.sim.lanes import (
     BLOCK,
     GIVING,
@@ -22,7 +22,6 @@ from raccoon.sim.lanes import (
     SELDOM_KIND,
     STATE_ROWS,
     STRIDE,
-    VECTOR,
 )
 from raccoon.sim.packing import Lanes
 from raccoon.sim.quantities import Plant, State
@@ -125,4 +124,4 @@ def _differ(plants: Floats, neutral: Mapping[str, float]) -> NDArray[np.bool_]:
 
 def _vectors(robots: int) -> int:
     """Lanes of the vectors that hold so many robots."""
-    return -(-robots // VECTOR) * VECTOR
+    return -(-robots // vector()) * vector()

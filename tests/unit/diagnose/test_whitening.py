@@ -12,9 +12,19 @@ from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, WORST, faint_parts, fo
 BINS, CHANNELS = 6 * EVENT, 2
 
 
-def foreseen(columns: np.ndarray, target: np.ndarray) -> np.ndarray:
+def foreseen(columns: np.ndarray, target: np.ndarray, sizes: float | np.ndarray = 1.0) -> np.ndarray:
     white, goal = columns.reshape(len(columns), -1), target.reshape(-1)
-    return foreseen_error(Gram.of(white.T, goal).matrix, white, columns, goal, target)
+    gram = Gram.of(white.T, goal).matrix
+    return foreseen_error(gram, white, columns, goal, target, np.broadcast_to(sizes, len(columns)))
+
+
+def test_a_prior_is_as_wide_as_its_size_says() -> None:
+    rng = np.random.default_rng(6)
+    columns, target = rng.standard_normal((5, BINS, CHANNELS)), rng.standard_normal((BINS, CHANNELS))
+    sizes = np.array([1.0, 0.05, 0.3, 2.0, 0.0])
+    narrow = foreseen(columns, target, sizes)
+    assert narrow == pytest.approx(foreseen(columns * sizes[:, None, None], target))
+    assert narrow != pytest.approx(foreseen(columns, target), abs=1e-3)
 
 
 def test_each_half_second_is_foreseen_by_a_fit_of_all_others() -> None:
