@@ -86,7 +86,7 @@ def _check_gyro(log: Log, robot: RobotConfig) -> None:
 
 
 def _turning(duty: Array) -> NDArray[np.bool_]:
-    """Where the commands turn the robot: on straight lines unequal motors and scales make the wheels' difference."""
+    """Where the commands turn the robot. On a straight line unequal motors and scales part the wheels."""
     return np.abs(duty[:, 1] - duty[:, 0]) > 0.5 * np.abs(duty).max(axis=1)
 
 

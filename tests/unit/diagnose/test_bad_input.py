@@ -8,6 +8,7 @@ from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.quality import check_units
 from raccoon.diagnose.result import Verdict
 
@@ -43,6 +44,14 @@ def test_a_good_recording_passes(good: Columns) -> None:
 def test_wrong_units_and_signs_are_said(good: Columns, column: str, factor: float, said: str) -> None:
     with pytest.raises(TraceError, match=said):
         check({**good, column: factor * good[column]})
+
+
+def test_a_straight_line_says_nothing_of_the_gyros_sign() -> None:
+    """A robot that pulls to the left while the right counter reads too little is wired well."""
+    straight = dict(make(4, drive=manoeuvre("back and forth")).columns)
+    straight["imu.gyro.z"] = straight["imu.gyro.z"] + 0.1 * straight["motor.0.duty"]
+    straight["motor.1.bemf"] = 0.85 * straight["motor.1.bemf"]
+    check(straight)
 
 
 def test_empty() -> None:
