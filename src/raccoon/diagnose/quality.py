@@ -87,7 +87,8 @@ def _check_gyro(log: Log, robot: RobotConfig) -> None:
 
 def _turning(duty: Array) -> NDArray[np.bool_]:
     """Where the commands turn the robot. On a straight line unequal motors and scales part the wheels."""
-    return np.abs(duty[:, 1] - duty[:, 0]) > 0.5 * np.abs(duty).max(axis=1)
+    apart: NDArray[np.bool_] = np.abs(duty[:, 1] - duty[:, 0]) > 0.5 * np.abs(duty).max(axis=1)
+    return apart
 
 
 def _steady(duty: Array) -> Array:

@@ -109,6 +109,21 @@ def test_the_model_has_the_twin_that_the_reference_chose() -> None:
     assert found.value("imu.gyro_scale", "factor") == pytest.approx(1.07, abs=0.005)
 
 
+def test_a_reading_that_is_named_too_large_is_no_smaller_wheel() -> None:
+    """By the reference the wheels go less far than they say, whatever it is that makes them say so."""
+    columns = spinning()
+    columns["motor.0.bemf"] = 1.05 * columns["motor.0.bemf"]
+    numbers = {"factor": ParameterResult(1.05, 0.002, "", 1.0)}
+    cause = CauseResult("bemf.scale", "left", 1, numbers, Gain(4.0, 1.0, 1.0), 1.0, (), "reads too much.")
+    before = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
+    identified = with_reference(before, columns, ROBOT).identified
+    for name in ("wheel_radius", "track_width"):
+        number = identified[f"{name} by the reference"]
+        assert number.value == pytest.approx(1.0, abs=0.005)
+    unnamed = with_reference(replace(before, causes=()), columns, ROBOT).identified
+    assert unnamed["wheel_radius by the reference"].value < 0.985
+
+
 def test_without_a_reference_they_stay_a_class() -> None:
     before = twin("drive.track_width", 0.93)
     columns = without(spinning(gyro=1.07), "truth")

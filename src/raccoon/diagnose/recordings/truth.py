@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,8 @@ Columns = Mapping[str, Array]
 TWINS = ("imu.gyro_scale", "drive.track_width", "drive.wheel_radius")
 STRETCH = 1.0
 """S over which the gyro's turn is compared with the reference's."""
+READING = ("bemf.scale", "motor.back_emf_constant")
+"""What makes the counts of a turning wheel larger than assumed, and is no length."""
 CLEAR = 3.5
 LEAST_TURN = math.pi
 
@@ -45,7 +47,7 @@ def with_reference(
     found: Diagnosis, columns: Columns, robot: RobotConfig, device: Device = SI_WORDS
 ) -> Diagnosis:
     """The diagnosis with its twins decided by `truth.*`, where those are recorded and decide."""
-    factors = _factors(columns, robot, device)
+    factors = _factors(columns, robot, device, found.causes)
     if not factors:
         return found
     identified = {
@@ -83,24 +85,46 @@ def _others(cause: CauseResult, factors: Mapping[str, _Factor]) -> tuple[str, ..
     return tuple(each for each in cause.confounded_with if each not in factors and each not in TWINS)
 
 
-def _factors(columns: Columns, robot: RobotConfig, device: Device) -> dict[str, _Factor]:
+def _factors(
+    columns: Columns, robot: RobotConfig, device: Device, causes: Sequence[CauseResult]
+) -> dict[str, _Factor]:
     found: dict[str, _Factor] = {}
     gyro = _gyro(columns, robot)
     if gyro is not None:
         found["imu.gyro_scale"] = gyro
+    reading = {side: _reading(causes, side) for side in ("left", "right")}
     try:
-        fitted = calibrate_drive(robot, [manoeuvre(columns, robot, device=device)], device=device)
+        driven = manoeuvre(columns, robot, device=device)
+        driven = replace(
+            driven,
+            left=driven.left / reading["left"].value,
+            right=driven.right / reading["right"].value,
+        )
+        fitted = calibrate_drive(robot, [driven], device=device)
     except CalibrationError:
         return found
-    drive = robot.model.drive
-    found["drive.track_width"] = _factor(fitted.track_width, drive.track_width)
-    left, right = (_factor(each, drive.wheel_radius) for each in (fitted.left_radius, fitted.right_radius))
+    drive, unsure = robot.model.drive, max(each.std for each in reading.values())
+    found["drive.track_width"] = _factor(fitted.track_width, drive.track_width, unsure)
+    left, right = (
+        _factor(each, drive.wheel_radius, unsure) for each in (fitted.left_radius, fitted.right_radius)
+    )
     found["drive.wheel_radius"] = _Factor(0.5 * (left.value + right.value), 0.5 * (left.std + right.std))
     return found
 
 
-def _factor(fitted: Measured, configured: Measured) -> _Factor:
-    return _Factor(fitted.value / configured.value, math.hypot(fitted.std, configured.std) / configured.value)
+def _reading(causes: Sequence[CauseResult], side: str) -> _Factor:
+    """By what the causes that were named make a wheel's counts larger than assumed. Its std is relative."""
+    named = [
+        each.parameters["factor"] for each in causes if each.id in READING and each.where in (None, side)
+    ]
+    value = math.prod(each.value for each in named)
+    return _Factor(value, math.hypot(*(each.std / each.value for each in named)))
+
+
+def _factor(fitted: Measured, configured: Measured, unsure: float) -> _Factor:
+    """unsure: relative deviation of the readings themselves."""
+    std = math.hypot(fitted.std, configured.std, unsure * fitted.value)
+    return _Factor(fitted.value / configured.value, std / configured.value)
 
 
 def _gyro(columns: Columns, robot: RobotConfig) -> _Factor | None:
