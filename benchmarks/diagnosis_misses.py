@@ -9,9 +9,9 @@ values, under the same noise and by the same measure that the search goes by:
 * form: each of them is worth its gate, and yet what was said is ahead. The robot is not what this package's
   equations say, or chance made something else fit better.
 
-Where everything is off at once, and in the worst case, the question is which of the causes could be named:
-all that act are fitted from their true values, and those that are not worth their gate beside the others are
-dropped, least worth first. Of the practically relevant ones, those that are left could be named.
+Where everything is off at once, the question is how many of the causes could be named: all that act are
+fitted from their true values, and those that are not worth their gate beside the others are dropped, least
+worth first. Of the practically relevant ones, those that are left could be named.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis_cases import Case, drawn
-from diagnosis_table import exactly, main_acts_most, percent
+from diagnosis_table import exactly
 from diagnosis_trial import RELEVANT, shown, true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
 ASKED = ("single", "two", "several", "small", "contest", "short")
-MANY = ("everything", "worst")
+MANY = "everything"
 ACTING = 0.03
 """Change of the recording, in units of the noise, from which a cause takes part in the fit of all."""
 STARTS = 24
@@ -81,10 +81,13 @@ def main() -> None:
             counts[(key.partition("/")[0], why)] += 1
             print(f"{key:42s} {why:9s} {told}", flush=True)
         _print(counts, Counter(each["row"] for each in asked))
-        many = [each for each in lines if each.get("row") in MANY]
-        found = list(zip(many, pool.map(_worth_naming, many, [seed] * len(many)), strict=True))
-    for row in MANY:
-        _print_many(row, [(result, names) for result, names in found if result["row"] == row])
+        many = [each for each in lines if each.get("row") == MANY]
+        found = list(pool.map(_worth_naming, many, [seed] * len(many)))
+    relevant, could = sum(each[0] for each in found), sum(each[1] for each in found)
+    if relevant:
+        print(
+            f"\n{MANY}: of {relevant} relevant causes {could} ({100 * could / relevant:.1f} %) could be named"
+        )
 
 
 def _why(key: str, seed: int) -> tuple[str, str]:
@@ -123,8 +126,8 @@ def _weakest(search: Search, fit: Fit, iterations: int) -> tuple[str, float, Fit
     return min(found, key=lambda each: each[1])
 
 
-def _worth_naming(result: dict[str, Any], seed: int) -> set[str]:
-    """The causes of a recording that are worth their gate at the truth, beside each other."""
+def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int]:
+    """How many causes of a recording are relevant, and how many of them are worth their gate at the truth."""
     blind, search = _searched(result["key"], seed)
     problem = search.problem
     acting = [
@@ -140,7 +143,8 @@ def _worth_naming(result: dict[str, Any], seed: int) -> set[str]:
         if spare >= 0.0:
             break
         fit = less
-    return set(fit.point.active)
+    relevant = [name for name, size in result["alone"].items() if size > RELEVANT]
+    return len(relevant), len(set(relevant) & set(fit.point.active))
 
 
 def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: Point) -> list[Point]:
@@ -202,15 +206,6 @@ def _print(counts: Counter[tuple[str, str]], asked: dict[Any, int]) -> None:
     for row in (each for each in ASKED if each in asked):
         found = [counts[(row, kind)] for kind in kinds]
         print(f"| {row} | {asked[row]} | {sum(found)} | " + " | ".join(map(str, found)) + " |")
-
-
-def _print_many(row: str, found: Sequence[tuple[dict[str, Any], set[str]]]) -> None:
-    relevant = [
-        name in names for result, names in found for name, size in result["alone"].items() if size > RELEVANT
-    ]
-    main = [next(iter(result["hidden"])) in names for result, names in found if main_acts_most(result)]
-    print(f"\n{row}: relevant causes that could be named {percent(relevant)}; ", end="")
-    print(f"main cause, where it acts most, {percent(main)}")
 
 
 if __name__ == "__main__":

@@ -207,7 +207,7 @@ def _largest(results: Sequence[Result]) -> str:
 
 def _worst(results: Sequence[Result]) -> str:
     main = [each["causes"] and hit(each["causes"][0], [next(iter(each["hidden"]))]) for each in results]
-    largest = [flag for flag, each in zip(main, results, strict=True) if main_acts_most(each)]
+    largest = [flag for flag, each in zip(main, results, strict=True) if _main_acts_most(each)]
     wrong = [bool(each["causes"]) and not _acts(each, each["causes"][0]) for each in results]
     false = [
         flag and not _measured(each, each["causes"][0]) for flag, each in zip(wrong, results, strict=True)
@@ -248,7 +248,7 @@ def _acting(result: Result) -> list[str]:
     return names + [name for name in result["true"] if (_away(result, name) or 0.0) > INSIDE]
 
 
-def main_acts_most(result: Result) -> bool:
+def _main_acts_most(result: Result) -> bool:
     """Whether the main cause is practically relevant and none of the background acts more."""
     sizes, main = result["alone"], next(iter(result["hidden"]))
     return bool(sizes[main] > RELEVANT and sizes[main] >= max(sizes.values()))
