@@ -138,12 +138,13 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
 def contributions(search: Search) -> dict[str, float]:
     """What each cause changes that base numbers, inside robot.toml's bounds, cannot absorb.
 
-    Root mean square over the recording and its channels, in units of what nothing explains.
+    Root mean square over the recording and its channels, in units of what all of them together leave: in a
+    channel that no model follows closely, a cause does less.
     """
     problem, point = search.problem, search.fit.point
     names = list(point.active)
     outputs = problem.predict([point, *(point.without_cause(name) for name in names)])
-    floor = _floor(problem, search.whitener.rest)
+    floor = _floor(problem, search.linear.residual)
     count = len(problem.base)
     base = (search.linear.own[:count] / floor).reshape(count, -1)
     low, high = problem.limits(Point(point.base))
@@ -158,7 +159,7 @@ def contributions(search: Search) -> dict[str, float]:
 
 
 def _floor(problem: Problem, rest: Array) -> Array:
-    """Root mean square by channel of what nothing explains (bins, channels), not below a reading's own."""
+    """Root mean square by channel of what is not explained (bins, channels), not below a reading's own."""
     return np.asarray(np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors), float)
 
 
