@@ -82,7 +82,7 @@ def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, Parame
 def confounded(search: Search, cause: Cause) -> tuple[str, ...]:
     """Causes that explain this recording as well in its place, and those that no drive tells from one of
     them."""
-    close = [each.name for each in search.rivals.get(cause.name, []) if each.lead < CLOSE]
+    close = [each.name for each in search.rivals.get(cause.name, []) if each.lead < CLOSE or each.beside]
     close = [each for each in close if each not in search.fit.point.active]
     for twins in TWINS:
         if cause.name in twins:
@@ -99,9 +99,13 @@ def probability(search: Search, name: str, rivals: tuple[str, ...]) -> float:
 
     No model has a robot's form quite right, which makes a lead over a rival say less than it seems to.
     """
-    leads = {each.name: each.lead for each in search.rivals.get(name, [])}
+    tried = search.rivals.get(name, [])
+    leads = {each.name: each.lead for each in tried if not each.beside}
+    beside = {each.name for each in tried} - set(leads)
     against = math.exp(-min(search.gains.get(name, 50.0), 700.0))
-    against += sum(math.exp(-max(leads.get(each, 0.0), -50.0) / BY_FORM) for each in rivals)
+    against += sum(
+        math.exp(-max(leads.get(each, 0.0), -50.0) / BY_FORM) for each in rivals if each not in beside
+    )
     return 1.0 / (1.0 + against)
 
 

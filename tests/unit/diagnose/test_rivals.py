@@ -11,7 +11,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.linear import coulomb_response, linearise
-from raccoon.diagnose.naming import _telling, _told, confounded, parameters
+from raccoon.diagnose.naming import _telling, _told, confounded, parameters, probability
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
 from raccoon.diagnose.select.rivals import CLOSE, compared
@@ -45,7 +45,8 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
         late = problem.nominal().with_cause("imu.latency", np.array([widths]))
         search = searched(problem, late, late)
         assert compared(search) is None
-        (slip,) = (each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip")
+        tried = [each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"]
+        (slip,) = (each for each in tried if not each.beside)
         assert (slip.lead < CLOSE) == one
         assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
 
@@ -65,6 +66,19 @@ def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -
     assert values["seconds"].std < 0.25 * whole
     assert "With drive.wheel_slip beside it this is the sum of their times." in _told(cause, values, rivals)
     assert "sum" not in _told(cause, values, ())
+
+
+def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: Problem) -> None:
+    """Neither stands in for the other, and yet how much each is of the sum is not known."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    truth = late.with_cause("drive.wheel_slip", np.array([0.06]))
+    search = searched(problem, truth, late)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, late))
+    compared(search)
+    tried = {each.beside: each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"}
+    assert tried[False].lead > CLOSE
+    assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
+    assert probability(search, "imu.latency", ("drive.wheel_slip",)) > 0.999
 
 
 def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:

@@ -31,10 +31,14 @@ MOST_OF_EVENT = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """Another cause that was tried in the place of one that was taken. lead: log evidence it lacks."""
+    """Another cause that was tried in the place of one that was taken. lead: log evidence it lacks.
+
+    beside: not in its place, but with a part of it.
+    """
 
     name: str
     lead: float
+    beside: bool = False
 
 
 @dataclass(slots=True)

@@ -143,8 +143,8 @@ def _relatives(search: Search, names: Sequence[str]) -> list[tuple[str, Array]]:
     return [(name, np.array([u])) for name in found for u in RELATIVES_STARTS]
 
 
-def shared_lags(search: Search) -> list[tuple[str, Point]]:
-    """A lag that is on, half of it given to each other lag in the same reading.
+def shared_lags(search: Search, part: float = 0.5) -> list[tuple[str, Point]]:
+    """A lag that is on, a part of it given to each other lag in the same reading.
 
     Two lags d and e in a row act as one of d + e but for terms of the second order, so no straight line from
     the one points to the two.
@@ -154,12 +154,12 @@ def shared_lags(search: Search) -> list[tuple[str, Point]]:
     for family in LAGS:
         for name in (each for each in point.active if each in family):
             (own,) = causes[name].coordinates
-            half = 0.5 * point.active[name]
+            kept, given = (1.0 - part) * point.active[name], part * point.active[name]
             for other in family:
                 if other in causes and apart(other, point.active):
                     (coordinate,) = causes[other].coordinates
-                    u = half * own.value(1.0) / coordinate.value(1.0)
-                    found.append((other, point.with_cause(name, half).with_cause(other, u)))
+                    u = given * own.value(1.0) / coordinate.value(1.0)
+                    found.append((other, point.with_cause(name, kept).with_cause(other, u)))
     return found
 
 

@@ -7,12 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.evidence import bounded_least
 from raccoon.diagnose.fit import Fit, fit_afresh, fit_many, fit_point
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates
 from raccoon.diagnose.select.outlook import Rival, Search, lead
-from raccoon.diagnose.select.refits import first_guess
+from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
 
 Array = NDArray[np.float64]
@@ -30,6 +31,11 @@ needs what it needs to be named at all. Of 17 causes of blind robots that led a 
 wrong and the rival was hidden, where leads alone let expect less than one."""
 BETTER = 1.0
 """Log evidence beyond the gates that another set must have more."""
+PART = 0.25
+"""Of a lag, what may as well be another that delays the same reading, for both to be named."""
+DEVIATIONS = 2.0
+"""Within how many, of what is likeliest."""
+HELD_STEPS = 4
 HOPE = 15.0
 """Log evidence that one may lack before base numbers' columns are simulated anew beside it."""
 
@@ -55,10 +61,38 @@ def compared(search: Search) -> Fit | None:
         fits[index] = min(fits[index], fit, key=lacks)
     for (name, rival, _), fit in zip(tried, fits, strict=True):
         search.rivals[name].append(Rival(rival, lacks(fit)))
+    for name, other, lacking in _sums(search, settled):
+        search.rivals[name].append(Rival(other, lacking, beside=True))
     for each in search.rivals.values():
         each.sort(key=lambda rival: rival.lead)
     best = max(fits, key=lambda fit: net_lead(search, fit, settled))
     return best if net_lead(search, best, settled) > BETTER else None
+
+
+def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:
+    """Each lag of which another may be a good part, that other, and the log evidence that this lacks."""
+    for other, start in shared_lags(search, PART):
+        name = next(each for each in search.rivals if delay_alike(each, other))
+        lacks = 0.5 * (_cost_with_last_held(search, settled, start) - settled.cost)
+        if lacks < 0.5 * DEVIATIONS**2:
+            yield name, other, lacks
+
+
+def _cost_with_last_held(search: Search, settled: Fit, point: Point) -> float:
+    """What a fit costs whose last coordinate stays, all others going from a point to where they are best.
+
+    settled: the fit without it, whose columns are as good as those of the point.
+    """
+    problem, columns = search.problem, settled.jacobian
+    low, high = problem.limits(settled.point)
+    gram, costs = columns @ columns.T + np.eye(len(columns)), []
+    for _ in range(HELD_STEPS):
+        white = search.whitener(problem.features.measured - problem.predict([point]))[0]
+        vector, held = np.split(point.vector(), [-1])
+        costs.append(float(white @ white + vector @ vector))
+        step = bounded_least(gram, columns @ white - vector, low - vector, high - vector)
+        point = point.moved(np.concatenate([vector + step, held]))
+    return min(costs)
 
 
 def net_lead(search: Search, fit: Fit, settled: Fit) -> float:
