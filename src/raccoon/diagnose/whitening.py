@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.forms import form_factor
+from raccoon.diagnose.forms import USUAL_SHARE, form_error, form_factor
 from raccoon.diagnose.linear import Group, Linear, slow_friction
 from raccoon.diagnose.log import WHEELS
 from raccoon.diagnose.noise import (
@@ -46,7 +46,10 @@ FAINT = 0.006
 NEGLIGIBLE = 0.0125
 """Most of that, as a part of the effect's width. Both are multiplied by the effect's `form_factor`."""
 FORM_SHARE = 0.005
-"""Of the response to a cause, its error of form in the direction of any other effect."""
+"""Of the response to a cause of a usual `form_error`, its error of form in the direction of any other
+effect."""
+SPARED = 1.8
+"""Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
 WORST = 2.5
 """Most by which that raises what is faint."""
 FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
@@ -100,9 +103,13 @@ def whitener_for(
 
 
 def _acting(linear: Linear, noise: NoiseModel) -> float:
-    """Root mean square of the whitened response to the causes that are on and have a form to be wrong in."""
-    inexact = [each for name, each in linear.acting.items() if form_factor(name) >= 1.0]
-    return math.sqrt(sum(float((noise.whiten(each) ** 2).mean()) for each in inexact))
+    """Root mean square of the whitened response to the causes that are on, of each the more the less its form
+    is exact: a latency is wrong by nothing but its size."""
+    shares = {name: form_error(name) / USUAL_SHARE for name in linear.acting}
+    powers = (
+        shares[name] ** 2 * float((noise.whiten(each) ** 2).mean()) for name, each in linear.acting.items()
+    )
+    return math.sqrt(sum(powers))
 
 
 def faint_parts(names: Sequence[str], base: Array, columns: Array, acting: float = 0.0) -> Array:
@@ -111,7 +118,8 @@ def faint_parts(names: Sequence[str], base: Array, columns: Array, acting: float
     names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
     under their unit priors. acting: root mean square of the response to the causes that are on.
     """
-    worse = min(math.hypot(1.0, FORM_SHARE * acting / FAINT), WORST)
+    beyond = math.sqrt(max(acting**2 - SPARED**2, 0.0))
+    worse = min(math.hypot(1.0, FORM_SHARE * beyond / FAINT), WORST)
     size = int(np.prod(columns.shape[1:]))
     plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
     cross = rows @ plain.T

@@ -7,7 +7,7 @@ import pytest
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.noise import EVENT
-from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, WORST, faint_parts, foreseen_error
+from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, SPARED, WORST, faint_parts, foreseen_error
 
 BINS, CHANNELS = 6 * EVENT, 2
 
@@ -75,8 +75,10 @@ def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
     assert faint_parts(["drive.inertia"], base, weak)[0] == pytest.approx(NEGLIGIBLE)
     assert faint_parts(["imu.gyro_bias"], base, weak)[0] < NEGLIGIBLE  # a reading's own error is known
     assert faint_parts(["drive.slope"], base, weak)[0] > NEGLIGIBLE  # no floor is as even as a model
-    beside = faint_parts(["actuation.latency"], base, strong, acting=2.0)[0]
+    beside = faint_parts(["actuation.latency"], base, strong, acting=3.0)[0]
     assert beside > faint_parts(["actuation.latency"], base, strong)[0]  # what acts has a form error too
+    spared = faint_parts(["actuation.latency"], base, strong, acting=SPARED)[0]
+    assert spared == pytest.approx(FAINT / size)  # and the gates know of it
     assert faint_parts(["actuation.latency"], base, strong, acting=1e9)[0] == pytest.approx(
         WORST * FAINT / size
     )
