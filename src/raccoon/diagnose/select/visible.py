@@ -18,7 +18,8 @@ VISIBLE = 20.0
 def visibility(search: Search) -> dict[str, float]:
     """Evidence that one width of each effect would make beside all that is fitted: ||P d||^2 by id.
 
-    Of an effect of a side, at the side where it shows least.
+    Of an effect of a side, at the side where it shows least; of several starting guesses, or directions of a
+    pair, that which shows least: what is said to show must show.
     """
     table = search.table
     count = table.base + sum(len(each) for each in table.active.values())
@@ -26,8 +27,8 @@ def visibility(search: Search) -> dict[str, float]:
     found: dict[str, float] = {}
     for group, span in table.off:
         if group.name in search.problem.causes:
-            power = max(float(rest.matrix[i - count, i - count]) for i in span)
-            found[group.name] = max(found.get(group.name, 0.0), power)
+            power = min(float(rest.matrix[i - count, i - count]) for i in span)
+            found[group.name] = min(found.get(group.name, power), power)
     least: dict[str, float] = {}
     for name, power in found.items():
         id_ = search.problem.causes[name].id
