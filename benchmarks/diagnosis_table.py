@@ -100,6 +100,8 @@ def _single(results: Sequence[Result]) -> str:
     first, wrong = percent(map(first_right, results)), percent(map(_wrong, results))
     missed = [each for each in results if not first_right(each) and not each["causes"]]
     said = f"first {first}, wrong {wrong}, exactly {percent(map(exactly, results))}"
+    acting = [first_right(each) for each in results if _relevant(each)]
+    said = f"{said}; of those that act: first {percent(acting)}"
     rivals = percent(bool(each["causes"][0]["class"]) for each in results if each["causes"])
     said = f"{said}; named with others that it is not told from {rivals}"
     return f"{said}; of the silent ones said to be too small to show: {percent(map(announced, missed))}"
@@ -180,7 +182,7 @@ def _found(result: Result) -> set[str]:
 
 
 def _relevant(result: Result, kind: str = "alone") -> list[str]:
-    return [name for name, size in result[kind].items() if size > RELEVANT]
+    return [name for name, size in result.get(kind, {}).items() if size > RELEVANT]
 
 
 def _many(results: Sequence[Result]) -> str:
@@ -194,15 +196,19 @@ def _many(results: Sequence[Result]) -> str:
 
 
 def _largest(results: Sequence[Result]) -> str:
-    exact, tied = [], []
-    for each in results:
-        sizes = each["alone"]
-        most = max(sizes.values())
-        names = {each["causes"][0]["name"], *each["causes"][0]["class"]} if each["causes"] else set()
-        best = max((sizes[name] for name in names if name in sizes), default=0.0)
-        exact.append(best >= most)
-        tied.append(best >= TIE * most)
-    return f"largest first {percent(exact)}, within 20 % {percent(tied)}"
+    """How often nothing that is hidden acts more than what was named first: a class is what its hidden
+    members are together."""
+    shares = [_first_size(each) / max(each["alone"].values()) for each in results]
+    exact, tied = (percent(share >= least for share in shares) for least in (1.0, TIE))
+    return f"largest first {exact}, within 20 % {tied}"
+
+
+def _first_size(result: Result) -> float:
+    """What the cause that was named first changes, in units of the noise; 0 where it is not hidden."""
+    for first in result["causes"][:1]:
+        sizes = [result["alone"].get(name, 0.0) for name in (first["name"], *first["class"])]
+        return float(max(*sizes, result["together"].get(first["name"], 0.0)))
+    return 0.0
 
 
 def _worst(results: Sequence[Result]) -> str:

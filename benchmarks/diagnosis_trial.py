@@ -312,7 +312,7 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     }  # fmt: skip
     if row.tail:
         result["gain"] = gain(blind, said, row.seconds)
-    if len(blind.hidden) > 1:
+    if hidden and case.row != "unknown":
         result |= contributions(blind, row.seconds, _classes(said, blind))
     return result
 
