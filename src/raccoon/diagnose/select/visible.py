@@ -18,8 +18,8 @@ VISIBLE = 20.0
 def visibility(search: Search) -> dict[str, float]:
     """Evidence that one width of each effect would make beside all that is fitted: ||P d||^2 by id.
 
-    Of an effect of a side, at the side where it shows least; of several starting guesses, or directions of a
-    pair, that which shows least: what is said to show must show.
+    Of an effect of a side, at the side where it shows least; of several starting guesses that which shows
+    least: what is said to show must show. Of a pair the first, whose size is said.
     """
     table = search.table
     count = table.base + sum(len(each) for each in table.active.values())
@@ -27,7 +27,7 @@ def visibility(search: Search) -> dict[str, float]:
     found: dict[str, float] = {}
     for group, span in table.off:
         if group.name in search.problem.causes:
-            power = min(float(rest.matrix[i - count, i - count]) for i in span)
+            power = float(rest.matrix[span[0] - count, span[0] - count])
             found[group.name] = min(found.get(group.name, power), power)
     least: dict[str, float] = {}
     for name, power in found.items():
