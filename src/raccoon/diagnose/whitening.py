@@ -11,7 +11,7 @@ the others.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,7 @@ def whitener_for(
     names = [linear.groups[place].name for place in places]
     columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
     white = noise.whiten(columns)
-    parts = faint_parts(names, own, white, _acting(linear, noise))[:, None, None]
+    parts = faint_parts(names, own, white, acting(linear.acting, noise))[:, None, None]
     one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
     spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
     unnamed = [each.columns for each in extra if each.name in unknown]
@@ -102,23 +102,21 @@ def whitener_for(
     return Whitener(noise, *_slow_directions(directions), rest, spread)
 
 
-def _acting(linear: Linear, noise: NoiseModel) -> float:
-    """Root mean square of the whitened response to the causes that are on, of each the more the less its form
-    is exact: a latency is wrong by nothing but its size."""
-    shares = {name: form_error(name) / USUAL_SHARE for name in linear.acting}
-    powers = (
-        shares[name] ** 2 * float((noise.whiten(each) ** 2).mean()) for name, each in linear.acting.items()
-    )
-    return math.sqrt(sum(powers))
+def acting(responses: Mapping[str, Array], noise: NoiseModel) -> float:
+    """Root mean square, in units of the noise, of the responses (bins, channels) to causes that are on, each
+    counted for as much as its form is inexact: a latency is wrong by nothing but its size."""
+    shares = [form_error(name) / USUAL_SHARE for name in responses]
+    powers = [float((noise.whiten(each) ** 2).mean()) for each in responses.values()]
+    return math.sqrt(sum(share**2 * power for share, power in zip(shares, powers, strict=True)))
 
 
-def faint_parts(names: Sequence[str], base: Array, columns: Array, acting: float = 0.0) -> Array:
+def faint_parts(names: Sequence[str], base: Array, columns: Array, strength: float = 0.0) -> Array:
     """The part of each whitened column that no model is expected to get right, (columns,).
 
     names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
-    under their unit priors. acting: root mean square of the response to the causes that are on.
+    under their unit priors. strength: how much the causes that are on do; see `acting`.
     """
-    beyond = math.sqrt(max(acting**2 - SPARED**2, 0.0))
+    beyond = math.sqrt(max(strength**2 - SPARED**2, 0.0))
     worse = min(math.hypot(1.0, FORM_SHARE * beyond / FAINT), WORST)
     size = int(np.prod(columns.shape[1:]))
     plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.noise import EVENT
-from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, SPARED, WORST, faint_parts, foreseen_error
+from raccoon.diagnose.noise import EVENT, white_noise
+from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, SPARED, WORST, acting, faint_parts, foreseen_error
 
 BINS, CHANNELS = 6 * EVENT, 2
 
@@ -75,12 +75,22 @@ def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
     assert faint_parts(["drive.inertia"], base, weak)[0] == pytest.approx(NEGLIGIBLE)
     assert faint_parts(["imu.gyro_bias"], base, weak)[0] < NEGLIGIBLE  # a reading's own error is known
     assert faint_parts(["drive.slope"], base, weak)[0] > NEGLIGIBLE  # no floor is as even as a model
-    beside = faint_parts(["actuation.latency"], base, strong, acting=3.0)[0]
+    beside = faint_parts(["actuation.latency"], base, strong, strength=3.0)[0]
     assert beside > faint_parts(["actuation.latency"], base, strong)[0]  # what acts has a form error too
-    spared = faint_parts(["actuation.latency"], base, strong, acting=SPARED)[0]
+    spared = faint_parts(["actuation.latency"], base, strong, strength=SPARED)[0]
     assert spared == pytest.approx(FAINT / size)  # and the gates know of it
-    assert faint_parts(["actuation.latency"], base, strong, acting=1e9)[0] == pytest.approx(
+    assert faint_parts(["actuation.latency"], base, strong, strength=1e9)[0] == pytest.approx(
         WORST * FAINT / size
     )
     absorbed = faint_parts(["actuation.latency"], strong, strong)[0]
     assert absorbed > faint_parts(["actuation.latency"], base, strong)[0]  # base numbers do most of it
+
+
+def test_a_cause_counts_for_as_much_as_its_form_is_inexact() -> None:
+    response = np.ones((BINS, CHANNELS))
+    noise = white_noise(np.full(CHANNELS, 0.5), np.zeros(BINS, np.intp))
+    assert acting({}, noise) == 0.0
+    assert acting({"friction.load_dependent": response}, noise) == pytest.approx(2.0)
+    assert acting({"actuation.latency": response}, noise) < 0.5
+    both = {"friction.load_dependent": response, "friction.coulomb": 2.0 * response}
+    assert acting(both, noise) == pytest.approx(np.hypot(2.0, 4.0))
