@@ -54,7 +54,7 @@ HIGHEST_LIMIT = 2.0
 _GUESSES: Mapping[str, tuple[float, ...]] = {
     "actuation.latency": (0.5, 1.5),
     "imu.latency": (0.5, 1.2),
-    "drive.backlash": (0.1, 0.5, 1.0, 1.6),
+    "drive.backlash": (0.1, 0.5, 1.0),
     "drive.wheel_slip": (0.15, 0.5, 1.5),
     "bemf.dead_zone": (0.15, 0.3, 1.0, 2.0, 4.0),
     "actuation.deadband": (0.15, 0.5, 1.5),
