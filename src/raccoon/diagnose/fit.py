@@ -77,6 +77,8 @@ FARTHEST = 2.0
 """Most by which a step is lengthened where columns turned out too steep, as kinks make them."""
 SHORTER = 0.3
 """Part of a step that is tried next where the whole of it made things worse."""
+HELD_STEPS = 4
+"""Steps of a fit of which one coordinate stays."""
 
 
 @dataclass(slots=True)
@@ -186,3 +188,20 @@ def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: i
 def fit_at(problem: Problem, whitener: Whitening, point: Point) -> Fit:
     """The point as it is, with its columns, under a whitener."""
     return fit_point(problem, whitener, point, 1)
+
+
+def cost_with_last_held(problem: Problem, whitener: Whitening, settled: Fit, point: Point) -> float:
+    """What a fit costs whose last coordinate stays, all others going from a point to where they are best.
+
+    settled: the fit without it, whose columns are as good as those of the point.
+    """
+    columns = settled.jacobian
+    low, high = problem.limits(settled.point)
+    gram, costs = columns @ columns.T + np.eye(len(columns)), []
+    for _ in range(HELD_STEPS):
+        white = whitener(problem.features.measured - problem.predict([point]))[0]
+        vector, held = np.split(point.vector(), [-1])
+        costs.append(float(white @ white + vector @ vector))
+        step = bounded_least(gram, columns @ white - vector, low - vector, high - vector)
+        point = point.moved(np.concatenate([vector + step, held]))
+    return min(costs)

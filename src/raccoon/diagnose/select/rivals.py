@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.evidence import bounded_least
-from raccoon.diagnose.fit import Fit, fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit import Fit, cost_with_last_held, fit_afresh, fit_many, fit_point
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates
@@ -35,7 +34,6 @@ PART = 0.25
 """Of a lag, what may as well be another that delays the same reading, for both to be named."""
 DEVIATIONS = 2.0
 """Within how many, of what is likeliest."""
-HELD_STEPS = 4
 HOPE = 15.0
 """Log evidence that one may lack before base numbers' columns are simulated anew beside it."""
 
@@ -73,26 +71,9 @@ def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:
     """Each lag of which another may be a good part, that other, and the log evidence that this lacks."""
     for other, start in shared_lags(search, PART):
         name = next(each for each in search.rivals if delay_alike(each, other))
-        lacks = 0.5 * (_cost_with_last_held(search, settled, start) - settled.cost)
+        lacks = 0.5 * (cost_with_last_held(search.problem, search.whitener, settled, start) - settled.cost)
         if lacks < 0.5 * DEVIATIONS**2:
             yield name, other, lacks
-
-
-def _cost_with_last_held(search: Search, settled: Fit, point: Point) -> float:
-    """What a fit costs whose last coordinate stays, all others going from a point to where they are best.
-
-    settled: the fit without it, whose columns are as good as those of the point.
-    """
-    problem, columns = search.problem, settled.jacobian
-    low, high = problem.limits(settled.point)
-    gram, costs = columns @ columns.T + np.eye(len(columns)), []
-    for _ in range(HELD_STEPS):
-        white = search.whitener(problem.features.measured - problem.predict([point]))[0]
-        vector, held = np.split(point.vector(), [-1])
-        costs.append(float(white @ white + vector @ vector))
-        step = bounded_least(gram, columns @ white - vector, low - vector, high - vector)
-        point = point.moved(np.concatenate([vector + step, held]))
-    return min(costs)
 
 
 def net_lead(search: Search, fit: Fit, settled: Fit) -> float:
