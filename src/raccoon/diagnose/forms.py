@@ -7,24 +7,42 @@ from __future__ import annotations
 
 from raccoon.diagnose.hypotheses import by_name
 
-USUAL_SHARE = 0.07
+_USUAL_SHARE = 0.07
 _SHARES = {
-    "battery.open_circuit_voltage": 0.01, "actuation.latency": 0.01, "drive.wheel_eccentricity": 0.01,
-    "imu.gyro_drift": 0.01, "battery.": 0.02, "bemf.filter_lag": 0.02, "bemf.offset": 0.02,
-    "imu.gyro_bias": 0.02, "actuation.deadband": 0.03, "imu.latency": 0.04, "bemf.scale": 0.05,
-    "drive.wheel_slip": 0.05, "drive.turn_scrub": 0.05, "motor.armature_resistance": 0.07, "motor.": 0.1,
-    "friction.stiction": 0.1, "friction.quadratic": 0.1, "drive.inertia": 0.1, "drive.track_width": 0.1,
-    "drive.wheel_radius": 0.15,
+    "imu.gyro_bias": 0.0, "battery.open_circuit_voltage": 0.001, "bemf.filter_lag": 0.002,
+    "actuation.latency": 0.004, "drive.wheel_eccentricity": 0.005, "imu.gyro_drift": 0.005,
+    "imu.latency": 0.005, "battery.": 0.013, "drive.wheel_slip": 0.013, "bemf.offset": 0.015,
+    "bemf.scale": 0.025, "friction.load_dependent": 0.025, "actuation.deadband": 0.03, "bemf.dead_zone": 0.03,
+    "drive.turn_scrub": 0.04, "drive.track_width": 0.04, "motor.back_emf_constant": 0.05,
+    "motor.armature_resistance": 0.06, "drive.backlash": 0.06, "friction.viscous": 0.09,
+    "friction.quadratic": 0.09, "motor.current_limit": 0.12, "motor.": 0.1, "friction.coulomb": 0.11,
+    "friction.stiction": 0.12, "drive.wheel_radius": 0.13,
 }  # fmt: skip
+LEAST_ERROR = 0.005
+"""Of a cause's width: what its number is off by, however small it is."""
 _FACTORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
     "bemf.offset": 0.5, "drive.wheel_eccentricity": 0.5, "drive.track_width": 0.5,
 }  # fmt: skip
+_WEIGHTS = {
+    "battery.open_circuit_voltage": 0.14, "actuation.latency": 0.14, "drive.wheel_eccentricity": 0.14,
+    "imu.gyro_drift": 0.14, "battery.": 0.3, "bemf.filter_lag": 0.3, "bemf.offset": 0.3,
+    "imu.gyro_bias": 0.3, "actuation.deadband": 0.4, "imu.latency": 0.6, "bemf.scale": 0.7,
+    "drive.wheel_slip": 0.7, "drive.turn_scrub": 0.7, "motor.armature_resistance": 1.0, "motor.": 1.4,
+    "friction.stiction": 1.4, "friction.quadratic": 1.4, "drive.inertia": 1.4, "drive.track_width": 1.4,
+    "drive.wheel_radius": 2.1,
+}  # fmt: skip
 
 
 def form_error(id_: str) -> float:
-    """Share of a deviation by which it is off, one standard deviation."""
-    return by_name(_SHARES, id_, USUAL_SHARE)
+    """Share of a deviation by which its number is off, one standard deviation."""
+    return by_name(_SHARES, id_, _USUAL_SHARE)
+
+
+def form_weight(name: str) -> float:
+    """How much of the response to a cause is inexact, over a usual one's. That is not its number's error: a
+    late reading is wrong by nothing but its time, and a wider track, however well known, turns on a floor."""
+    return by_name(_WEIGHTS, name, 1.0)
 
 
 def form_factor(name: str) -> float:

@@ -20,6 +20,9 @@ STAIRCASE = 0.05
 of the gyro may be a little wider, and no reading changes."""
 FLAT = 3.0
 """Norm of such a column below which the step from the fit tells nothing."""
+LEARNT = 10.0
+"""s of driving from which noise is known to its own size: on shorter drives numbers scatter by more than it
+says, as noise that is learnt from few moments is too small."""
 AWAY = (0.01, 0.02, 0.035, 0.06, 0.1, 0.18, 0.3, 0.55, 1.0)
 
 
@@ -58,7 +61,8 @@ def coordinate_covariance(search: Search) -> Array:
     says.
 
     Sandwich estimate H^-1 (sum_b g_b g_b') H^-1 of White (1982) over blocks; with few blocks it is noisy, so
-    only its mean ratio to the curvature's variance is used, and only where it is above 1.
+    only its mean ratio to the curvature's variance is used, and only where it is above 1. And widened the
+    more the shorter a recording is.
     """
     fit = search.fit
     columns = fit.jacobian
@@ -69,7 +73,8 @@ def coordinate_covariance(search: Search) -> Array:
     scores = np.stack([each.projection - each.matrix @ mean for each in blocks_of(fit)])
     spread = inverse[np.ix_(free, free)] @ (scores.T @ scores) @ inverse[np.ix_(free, free)]
     ratio = float(np.mean(np.diag(spread) / np.diag(inverse)[free]))
-    return inverse * max(1.0, ratio)
+    time = search.problem.features.time
+    return inverse * max(1.0, ratio) * (1.0 + LEARNT / float(time[-1] - time[0]))
 
 
 def _from_afar(search: Search) -> Array:

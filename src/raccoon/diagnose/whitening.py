@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.forms import USUAL_SHARE, form_error, form_factor
+from raccoon.diagnose.forms import form_factor, form_weight
 from raccoon.diagnose.linear import Group, Linear, slow_friction
 from raccoon.diagnose.log import WHEELS
 from raccoon.diagnose.noise import (
@@ -46,7 +46,7 @@ FAINT = 0.006
 NEGLIGIBLE = 0.0125
 """Most of that, as a part of the effect's width. Both are multiplied by the effect's `form_factor`."""
 FORM_SHARE = 0.005
-"""Of the response to a cause of a usual `form_error`, its error of form in the direction of any other
+"""Of the response to a cause of usual `form_weight`, its error of form in the direction of any other
 effect."""
 SPARED = 1.8
 """Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
@@ -105,9 +105,9 @@ def whitener_for(
 def acting(responses: Mapping[str, Array], noise: NoiseModel) -> float:
     """Root mean square, in units of the noise, of the responses (bins, channels) to causes that are on, each
     counted for as much as its form is inexact: a latency is wrong by nothing but its size."""
-    shares = [form_error(name) / USUAL_SHARE for name in responses]
+    weights = [form_weight(name) for name in responses]
     powers = [float((noise.whiten(each) ** 2).mean()) for each in responses.values()]
-    return math.sqrt(sum(share**2 * power for share, power in zip(shares, powers, strict=True)))
+    return math.sqrt(sum(weight**2 * power for weight, power in zip(weights, powers, strict=True)))
 
 
 def faint_parts(names: Sequence[str], base: Array, columns: Array, strength: float = 0.0) -> Array:

@@ -15,7 +15,7 @@ from raccoon.diagnose.naming import _telling, _told, confounded, parameters, pro
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
 from raccoon.diagnose.select.rivals import CLOSE, compared
-from raccoon.diagnose.spread import Spread
+from raccoon.diagnose.spread import LEARNT, Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
 
 CAUSES = {
@@ -79,6 +79,16 @@ def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: 
     assert tried[False].lead > CLOSE
     assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
     assert probability(search, "imu.latency", ("drive.wheel_slip",)) > 0.999
+
+
+def test_numbers_of_a_short_drive_are_less_sure(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    search = searched(problem, late, late)
+    features, key = problem.features, ("imu.latency", None, "seconds")
+    longer = replace(problem, features=replace(features, time=10.0 * features.time))
+    stds = [Spread.of(each).std(key) for each in (search, replace(search, problem=longer))]
+    span = float(features.time[-1] - features.time[0])
+    assert (stds[0] / stds[1]) ** 2 == pytest.approx((1.0 + LEARNT / span) / (1.0 + 0.1 * LEARNT / span))
 
 
 def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:

@@ -19,7 +19,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import BIN
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_afresh, fit_at, fit_point
-from raccoon.diagnose.forms import form_error
+from raccoon.diagnose.forms import form_error, form_weight
 from raccoon.diagnose.gain import HeldOut, contributions, size_of
 from raccoon.diagnose.habits import problem_of, starting_settings
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Settings, neutral_settings
@@ -322,8 +322,9 @@ def test_a_fit_of_everything_starts_where_nothing_has_changed(problem: Problem) 
 
 
 def test_an_effect_whose_form_is_exact_is_known_better_than_one_that_is_not() -> None:
-    exact, inexact = form_error("battery.open_circuit_voltage"), form_error("drive.backlash")
-    assert exact < form_error("battery.discharge") < inexact < form_error("drive.wheel_radius")
+    for known in (form_error, form_weight):
+        assert known("battery.open_circuit_voltage") < known("battery.discharge") < known("drive.backlash")
+        assert known("drive.backlash") < known("drive.wheel_radius")
 
 
 def test_steps_are_lengthened_as_much_as_columns_are_too_steep() -> None:
