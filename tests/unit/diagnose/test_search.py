@@ -40,7 +40,7 @@ from raccoon.diagnose.select.outlook import (
     screen,
     start_search,
 )
-from raccoon.diagnose.select.refits import MOST_AFRESH, refits_afresh, shared_lags
+from raccoon.diagnose.select.refits import AFRESH, ASTRAY, MOST_AFRESH, refits_afresh, shared_lags
 from raccoon.diagnose.select.search import PROBE_ALONE, SURE, _fails_held_out, _too_little, known_after_all
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown import motion_of, probes_for
@@ -523,6 +523,27 @@ def test_a_small_deadband_is_found_beside_others_that_are_on(problem: Problem) -
     assert len(found) <= MOST_AFRESH
     assert max(found, key=lambda name: found[name].evidence).startswith("actuation.deadband")
     assert found["actuation.deadband"].point.active["actuation.deadband"] == pytest.approx(0.3, abs=0.03)
+
+
+def test_what_went_astray_is_tried_from_little(problem: Problem) -> None:
+    """Play too small to be guessed, of wheels that coast less than usual: a fit from elsewhere stops where it
+    costs more than none."""
+    others = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    truth = others.with_cause("drive.backlash", np.array([0.03, -0.6]))
+    features = problem.features
+    noise = features.floors * np.random.default_rng(3).normal(size=features.measured.shape)
+    measured = problem.predict([truth])[0] + noise
+    problem = replace(problem, features=replace(features, measured=measured))
+    search = search_at(problem, others)
+    astray = fit_at(problem, search.whitener, others.with_cause("drive.backlash", np.array([0.3, 0.6])))
+    assert astray.evidence < search.fit.evidence - ASTRAY
+    before = [("imu.gyro_bias", fit_at(problem, search.whitener, others))] * AFRESH
+    table, _ = tabulate(linearise(problem, others, []), [], search.whitener, len(problem.base))
+    found = dict(refits_afresh(replace(search, table=table), [*before, ("drive.backlash", astray)]))
+    angle, coasting = found["drive.backlash"].point.active["drive.backlash"]
+    assert angle == pytest.approx(0.03, abs=0.005)
+    assert -1.0 < coasting < -0.2  # a few moments tell it from a usual one's 0
+    assert found["drive.backlash"].evidence > search.fit.evidence + 10.0
 
 
 def held(residual: np.ndarray) -> HeldOut:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +40,16 @@ OVERWHELMING = 300.0
 in all the moments that are not the few in which it acts."""
 AFRESH, MOST_AFRESH = 6, 10
 """Refits, and causes in all, that are looked at once more before a search ends."""
-SMALL = 0.25
+SMALL = (0.25, 0.03)
 """Widths from which one that is kinked is tried then: a fit of a deadband of 0.0074 beside six other causes
-stopped at half of it and lost 2 of log evidence, where from here it adds 16."""
+stopped at half of it and lost 2 of log evidence, where from a quarter it adds 16. Play of 0.003 rad was lost
+from a quarter, ten times as much."""
+SHAPES = (0.0, -0.6, 0.6)
+"""Widths from a usual one's that its shape has there: that play was lost, by 250 of log evidence, beside
+wheels that coast as far as usual, and adds 76 from where they coast half as far."""
+ASTRAY = 5.0
+"""Log evidence that a refit lost beside what is there without its cause: it went astray, since next to none
+of the cause costs less."""
 CLOSE_ENOUGH = 0.35
 """Part of the best one's, from which a refit may still become the best."""
 
@@ -176,7 +183,8 @@ def doubtful(fit: Fit) -> bool:
 def refits_afresh(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tuple[str, Fit]]:
     """The refits, and those of causes that a straight line says less for, with every column simulated anew:
     beside several causes that are a little off, the columns of the point before lead astray. What is on or
-    off, but not the other way round, is kinked, and tried from a small size as well."""
+    off, but not the other way round, is kinked, and tried from a small size as well, the more so where it
+    went astray."""
     causes, point = search.problem.causes, search.fit.point
     starts = {name: [fit.point] for name, fit in refits[:AFRESH]}
     for _, group, mean in screen(search):
@@ -185,12 +193,21 @@ def refits_afresh(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tup
             break
         if name in causes and name not in starts and apart(name, point.active):
             starts[name] = [point.with_cause(name, first_guess(search, group, mean))]
-    for name, own in starts.items():
+    ends = {name: each for name, (each, *_) in starts.items()}
+    ends |= {name: fit.point for name, fit in refits if fit.evidence < search.fit.evidence - ASTRAY}
+    for name, end in ends.items():
         if causes[name].one_sided:
-            own.append(point.with_cause(name, np.array([SMALL, *own[0].active[name][1:]])))
+            starts[name] = [*starts.get(name, ()), *_small(point, name, end.active[name][1:])]
     named = [(name, each) for name, own in starts.items() for each in own]
     fits = fit_afresh(search.problem, search.whitener, [each for _, each in named], 4)
     return _most_evidence_first(_best_of([name for name, _ in named], fits))
+
+
+def _small(point: Point, name: str, shape: Array) -> Iterator[Point]:
+    """A point with a little of a cause; where it has a shape, of several."""
+    shapes = [np.full(1, each) for each in SHAPES] if len(shape) else [shape]
+    for size in SMALL:
+        yield from (point.with_cause(name, np.array([size, *each])) for each in shapes)
 
 
 def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
