@@ -15,6 +15,7 @@ from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.diagnose.select.rivals import CLOSE
+from raccoon.diagnose.select.search import NOTHING
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.diagnose.spread import Spread
 
@@ -137,7 +138,7 @@ def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
     for name, reason in search.failed.items():
         if name.partition("@")[0] == id_:
             return f"{reason}{shows}"
-    return f"explains nothing that is left{shows}"
+    return f"{NOTHING}{shows}"
 
 
 def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:

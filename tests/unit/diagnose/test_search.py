@@ -41,7 +41,14 @@ from raccoon.diagnose.select.outlook import (
     start_search,
 )
 from raccoon.diagnose.select.refits import AFRESH, ASTRAY, MOST_AFRESH, refits_afresh, shared_lags
-from raccoon.diagnose.select.search import PROBE_ALONE, SURE, _fails_held_out, _too_little, known_after_all
+from raccoon.diagnose.select.search import (
+    NOTHING,
+    PROBE_ALONE,
+    SURE,
+    _fails_held_out,
+    _too_little,
+    known_after_all,
+)
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown import motion_of, probes_for
 from raccoon.sim.chain import Chain
@@ -182,6 +189,7 @@ def test_what_shows_in_a_moment_or_two_is_told_from_what_does_not_show() -> None
     """Wheels that stick were worth 105 in 12 s, nearly all of it where one broke loose."""
     assert _too_little(3.8, 105.1, EVIDENCE_GATE).startswith("shows in too few moments of this recording")
     assert _too_little(3.8, 5.0, EVIDENCE_GATE) == "explains too little (log evidence +3.8)"
+    assert _too_little(-3.8, -3.8, EVIDENCE_GATE) == NOTHING
 
 
 def test_relatives_of_the_best_are_fitted_from_every_column_too(problem: Problem) -> None:

@@ -39,6 +39,7 @@ PROBE_LEAD = 1.3
 PROBE_FAR = 1.5
 """The same for leads: a cause with a few large moments right, and the rest of the drive not, is none."""
 BESIDE_UNKNOWN = 0.33
+NOTHING = "explains nothing that is left"
 MOST_CAUSES = 14
 WEAK = 3.0
 """Gates up to which a cause's worth, as the columns of the fit with it have it, is doubted."""
@@ -99,6 +100,8 @@ def _too_little(lead: float, evidence: float, needed: float) -> str:
         return (
             f"shows in too few moments of this recording (log evidence {lead:+.1f} of {evidence:+.1f} counts)"
         )
+    if lead <= 0.0:
+        return NOTHING
     return f"explains too little (log evidence {lead:+.1f})"
 
 
