@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -42,6 +42,8 @@ def print_table(results: Sequence[Result]) -> None:
     alone = [each for name in _FULL for each in rows[name]]
     _line("names that are right themselves, by the probability that was said", "", _probabilities(alone))
     _line("parameters", "median <= 2 %, p90 <= 10 %, cover 92-98 %", _parameters(single))
+    covered = [f"{name} {_cover(rows[name])}" for name in _NUMBERED if rows[name]]
+    _line("95 % intervals of all that is named, other rows", "", ", ".join(covered))
     for name in ("single", "two", "several", "everything"):
         _line(f"gain, {name}", "median >= 0.98, p10 >= 0.95, never < 0", _gain(rows[name]))
     _line("CPU time, single", "median <= 4 s, p90 <= 12 s", _times(single))
@@ -226,11 +228,10 @@ def _worst(results: Sequence[Result]) -> str:
 def _measured(result: Result, cause: dict[str, Any]) -> bool:
     """Whether a cause is hidden, with the number that was said: within two of its deviations, where nominal
     is not."""
-    for parameter, true in result["true"].get(cause["name"], {}).items():
-        value, std, nominal = cause["parameters"][parameter]
-        true += sum(_lag(result, other) for other in cause["class"] if delay_alike(cause["name"], other))
-        return bool(abs(value - true) <= 2.0 * std < abs(value - nominal))
-    return False
+    return any(
+        abs(value - true) <= 2.0 * std < abs(value - nominal)
+        for value, std, true, nominal in _numbers(result, [cause])
+    )
 
 
 def _lag(result: Result, name: str) -> float:
@@ -296,25 +297,36 @@ def _probabilities(results: Sequence[Result]) -> str:
 
 
 def _parameters(results: Sequence[Result]) -> str:
-    errors, parts, covered = [], [], []
-    for each in results:
-        for cause in each["causes"][:1]:
-            for name, true in each["true"].get(cause["name"], {}).items():
-                value, std, nominal = cause["parameters"][name]
-                if name != next(iter(cause["parameters"])):
-                    continue
-                errors.append(abs(value - true) / abs(true))
-                away = true - nominal if nominal is not None and np.isfinite(nominal) else true
-                parts.append(abs(value - true) / abs(away))
-                covered.append(abs(value - true) <= 1.96 * std)
-    if not errors:
+    numbers = [each for result in results for each in _numbers(result, result["causes"][:1])]
+    if not numbers:
         return "none"
+    errors = [abs(value - true) / abs(true) for value, _, true, _ in numbers]
+    parts = [abs(value - true) / abs(true - nominal) for value, _, true, nominal in numbers]
     middle, high = np.quantile(errors, [0.5, 0.9])
     of_deviation = np.quantile(parts, [0.5, 0.9])
     return (
         f"median {100 * middle:.1f} %, p90 {100 * high:.1f} % (of the deviation: "
-        f"{100 * of_deviation[0]:.1f} %, {100 * of_deviation[1]:.1f} %), cover {percent(covered)}"
+        f"{100 * of_deviation[0]:.1f} %, {100 * of_deviation[1]:.1f} %), cover {_cover(results, 1)}"
     )
+
+
+def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[tuple[float, float, float, float]]:
+    """Of each of these causes that is hidden: value and deviation that were said, the true one (where lags
+    are not told apart, their sum), nominal."""
+    for cause in causes:
+        leading = next(iter(cause["parameters"]))
+        if leading not in result["true"].get(cause["name"], {}):
+            continue
+        value, std, nominal = cause["parameters"][leading]
+        true = result["true"][cause["name"]][leading]
+        true += sum(_lag(result, other) for other in cause["class"] if delay_alike(cause["name"], other))
+        yield value, std, true, nominal if nominal is not None and np.isfinite(nominal) else 0.0
+
+
+def _cover(results: Sequence[Result], causes: int | None = None) -> str:
+    """How often a number's 95 % interval holds the true one, of so many causes of each recording."""
+    numbers = [each for result in results for each in _numbers(result, result["causes"][:causes])]
+    return percent(abs(value - true) <= 1.96 * std for value, std, true, _ in numbers)
 
 
 def _gain(results: Sequence[Result]) -> str:
@@ -356,6 +368,7 @@ def _silent(result: Result) -> str:
     return f"unknown ({unknown})" if unknown else f"nothing ({re.split('[:;(]', _reason(result))[0].strip()})"
 
 
+_NUMBERED = ("two", "several", "everything", "small", "contest", "short", "worst", "advised")
 _FULL = ("single", "clean", "two", "several", "small", "contest", "short", "advised")
 """Rows in which all that is off is hidden on purpose."""
 _ROWS = {
