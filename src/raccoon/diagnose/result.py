@@ -74,7 +74,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class CauseResult:
-    """A named cause, ranked by what it contributes to the held-out error."""
+    """A named cause, ranked by what it changes that robot.toml's deviations cannot absorb."""
 
     id: str
     where: str | None

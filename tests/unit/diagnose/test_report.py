@@ -111,6 +111,15 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
         assert part in text
 
 
+def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
+    lag, other = replace(CAUSE, gain=Gain(1.11, 1.1, 0.01)), replace(CAUSE, where="right", rank=2)
+    said = "without it the others would make up for it"
+    for report in (terminal_report, lambda found: page(found, "run")):
+        assert said in report(replace(FOUND, causes=(lag, other)))
+        assert said not in report(replace(FOUND, causes=(lag,)))
+        assert said not in report(replace(FOUND, causes=(CAUSE, replace(other, gain=lag.gain))))
+
+
 def test_the_headline_says_what_else_it_may_be() -> None:
     two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
     text = page(replace(FOUND, causes=(two,)), "run")

@@ -13,6 +13,7 @@ from raccoon.diagnose.reports.terminal import (
     UNKNOWABLE,
     VERDICTS,
     left_text,
+    made_up,
     reasons,
     rest_text,
     shape_text,
@@ -51,6 +52,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},
         text=terminal_report(diagnosis),
         precise=with_deviation,
+        made_up=made_up,
     )
     return text
 

@@ -29,6 +29,9 @@ VERDICTS: Mapping[Verdict, str] = {
 NOT_WHITE = 0.01
 FAR_OFF = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
+MADE_UP = 0.05
+"""Share of what could be gained below which the others do nearly all that the first cause does, where it is
+missing."""
 UNKNOWABLE = "not "
 """How the reason of a cause begins that this recording cannot show at all."""
 
@@ -41,7 +44,7 @@ def terminal_report(diagnosis: Diagnosis) -> str:
 def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     yield VERDICTS[diagnosis.verdict]
     for cause in diagnosis.causes:
-        yield from _cause(cause)
+        yield from _cause(cause, made_up(cause, diagnosis))
     if diagnosis.unexplained.depends_on:
         yield f"  ? {left_text(diagnosis.unexplained)}: {', '.join(diagnosis.unexplained.depends_on)}."
     for shape in diagnosis.shapes:
@@ -139,7 +142,13 @@ def _identified(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
         yield f"  {name:26s} {number_text(each)}{assumed}"
 
 
-def _cause(cause: CauseResult) -> Iterator[str]:
+def made_up(cause: CauseResult, diagnosis: Diagnosis) -> str:
+    """What is to be said of the cause that changes most where the error is hardly larger without it."""
+    first = cause.rank == 1 and len(diagnosis.causes) > 1
+    return "without it the others would make up for it" if first and cause.gain.share < MADE_UP else ""
+
+
+def _cause(cause: CauseResult, remark: str) -> Iterator[str]:
     yield f"  {cause.rank}. {cause.explanation}"
     for name, each in cause.parameters.items():
         yield f"       {name} {number_text(each)} (assumed {each.nominal:.4g})"
@@ -149,5 +158,7 @@ def _cause(cause: CauseResult) -> Iterator[str]:
         f"{gain.heldout_rmse_after:.2f} with it "
         f"(1 is the noise), probability {cause.probability:.2f}"
     )
+    if remark:
+        yield f"       {remark}"
     if cause.confounded_with:
         yield f"       cannot be told apart here from: {', '.join(cause.confounded_with)}"
