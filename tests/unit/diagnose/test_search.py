@@ -40,7 +40,7 @@ from raccoon.diagnose.select.outlook import (
     screen,
     start_search,
 )
-from raccoon.diagnose.select.refits import AFRESH, ASTRAY, MOST_AFRESH, refits_afresh, shared_lags
+from raccoon.diagnose.select.refits import AFRESH, ASTRAY, MOST_AFRESH, _small, refits_afresh, shared_lags
 from raccoon.diagnose.select.search import (
     NOTHING,
     PROBE_ALONE,
@@ -552,6 +552,14 @@ def test_what_went_astray_is_tried_from_little(problem: Problem) -> None:
     assert angle == pytest.approx(0.03, abs=0.005)
     assert -1.0 < coasting < -0.2  # a few moments tell it from a usual one's 0
     assert found["drive.backlash"].evidence > search.fit.evidence + 10.0
+
+
+@pytest.mark.parametrize("shapes", [0, 1, 2])
+def test_a_little_of_a_cause_has_all_its_coordinates(problem: Problem, shapes: int) -> None:
+    point = problem.nominal()
+    tried = [each.active["team.own"] for each in _small(point, "team.own", np.ones(shapes))]
+    assert len(tried) == (2 if shapes == 0 else 6)
+    assert {len(each) for each in tried} == {1 + shapes}
 
 
 def held(residual: np.ndarray) -> HeldOut:

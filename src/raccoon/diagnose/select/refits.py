@@ -205,7 +205,7 @@ def refits_afresh(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tup
 
 def _small(point: Point, name: str, shape: Array) -> Iterator[Point]:
     """A point with a little of a cause; where it has a shape, of several."""
-    shapes = [np.full(1, each) for each in SHAPES] if len(shape) else [shape]
+    shapes = [np.full(len(shape), each) for each in SHAPES] if len(shape) else [shape]
     for size in SMALL:
         yield from (point.with_cause(name, np.array([size, *each])) for each in shapes)
 
