@@ -9,16 +9,17 @@ from raccoon.diagnose.hypotheses import by_name
 
 _USUAL_SHARE = 0.07
 _SHARES = {
-    "imu.gyro_bias": 0.0, "battery.open_circuit_voltage": 0.001, "bemf.filter_lag": 0.002,
-    "actuation.latency": 0.004, "drive.wheel_eccentricity": 0.005, "imu.gyro_drift": 0.005,
-    "imu.latency": 0.005, "battery.": 0.013, "drive.wheel_slip": 0.013, "bemf.offset": 0.015,
-    "bemf.scale": 0.025, "friction.load_dependent": 0.025, "actuation.deadband": 0.03, "bemf.dead_zone": 0.03,
-    "drive.turn_scrub": 0.04, "drive.track_width": 0.04, "motor.back_emf_constant": 0.05,
-    "motor.armature_resistance": 0.06, "drive.backlash": 0.06, "friction.viscous": 0.09,
-    "friction.quadratic": 0.09, "motor.current_limit": 0.12, "motor.": 0.1, "friction.coulomb": 0.11,
-    "friction.stiction": 0.12, "drive.wheel_radius": 0.13,
+    "imu.gyro_bias": 0.0, "battery.open_circuit_voltage": 0.0, "bemf.filter_lag": 0.001,
+    "actuation.latency": 0.003, "drive.wheel_eccentricity": 0.003, "imu.gyro_drift": 0.003,
+    "imu.latency": 0.004, "battery.discharge": 0.004, "bemf.offset": 0.004,
+    "battery.internal_resistance": 0.011, "drive.wheel_slip": 0.013, "drive.track_width": 0.017,
+    "friction.load_dependent": 0.018, "bemf.dead_zone": 0.02, "actuation.deadband": 0.025,
+    "bemf.scale": 0.025, "drive.turn_scrub": 0.035, "drive.inertia": 0.04, "motor.back_emf_constant": 0.04,
+    "motor.armature_resistance": 0.05, "drive.backlash": 0.06, "friction.quadratic": 0.07,
+    "friction.viscous": 0.07, "motor.heating": 0.07, "friction.coulomb": 0.09, "friction.stiction": 0.1,
+    "drive.wheel_radius": 0.1, "motor.current_limit": 0.1,
 }  # fmt: skip
-LEAST_ERROR = 0.005
+LEAST_ERROR = 0.004
 """Of a cause's width: what its number is off by, however small it is."""
 _FACTORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
