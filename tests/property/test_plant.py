@@ -93,10 +93,11 @@ def test_the_mirrored_robot_drives_the_mirrored_path(
     plant = plant_numbers(parameters)
     there = run(plant, duties)[-1]
     back = run(mirrored(plant), [(right, left) for left, right in duties])[-1]
-    np.testing.assert_allclose(back.x, there.x, atol=1e-9)
-    np.testing.assert_allclose(back.y, -there.y, atol=1e-9)
-    np.testing.assert_allclose(back.heading, -there.heading, atol=1e-8)
-    np.testing.assert_allclose(back.bus, there.bus, atol=1e-8)
+    # Sums round differently in the mirror, and friction that falls with speed makes e^20 of it in a second.
+    np.testing.assert_allclose(back.x, there.x, atol=1e-6)
+    np.testing.assert_allclose(back.y, -there.y, atol=1e-6)
+    np.testing.assert_allclose(back.heading, -there.heading, atol=1e-5)
+    np.testing.assert_allclose(back.bus, there.bus, atol=1e-5)
 
 
 def mirrored(plant: Plant) -> Plant:
