@@ -118,6 +118,8 @@ def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
         assert said in report(replace(FOUND, causes=(lag, other)))
         assert said not in report(replace(FOUND, causes=(lag,)))
         assert said not in report(replace(FOUND, causes=(CAUSE, replace(other, gain=lag.gain))))
+        small = replace(CAUSE, gain=Gain(2.1, 1.0, 0.04))  # of much that could be gained a little, and missed
+        assert said not in report(replace(FOUND, causes=(small, other)))
 
 
 def test_the_headline_says_what_else_it_may_be() -> None:

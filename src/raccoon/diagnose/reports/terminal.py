@@ -29,9 +29,8 @@ VERDICTS: Mapping[Verdict, str] = {
 NOT_WHITE = 0.01
 FAR_OFF = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
-MADE_UP = 0.05
-"""Share of what could be gained below which the others do nearly all that the first cause does, where it is
-missing."""
+MADE_UP = 1.05
+"""Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
 UNKNOWABLE = "not "
 """How the reason of a cause begins that this recording cannot show at all."""
 
@@ -145,7 +144,9 @@ def _identified(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:
 def made_up(cause: CauseResult, diagnosis: Diagnosis) -> str:
     """What is to be said of the cause that changes most where the error is hardly larger without it."""
     first = cause.rank == 1 and len(diagnosis.causes) > 1
-    return "without it the others would make up for it" if first and cause.gain.share < MADE_UP else ""
+    without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
+    alike = without != after and without < MADE_UP * after  # noise that is a cause lowers no error at all
+    return "without it the others would make up for it" if first and alike else ""
 
 
 def _cause(cause: CauseResult, remark: str) -> Iterator[str]:
