@@ -19,6 +19,8 @@ from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.sim.effects import effect
 
 Result = dict[str, Any]
+Number = tuple[float, float, float, float]
+"""Value and deviation that were said, the true one, nominal."""
 
 PRACTICAL = 0.05
 """Rise of the held-out error, or contribution, in units of the noise: from here on of practical size."""
@@ -42,7 +44,8 @@ def print_table(results: Sequence[Result]) -> None:
     alone = [each for name in _FULL for each in rows[name]]
     _line("names that are right themselves, by the probability that was said", "", _probabilities(alone))
     _line("parameters", "median <= 2 %, p90 <= 10 %, cover 92-98 %", _parameters(single))
-    covered = [f"{name} {_cover(rows[name])}" for name in _NUMBERED if rows[name]]
+    numbers = {name: [each for it in rows[name] for each in _numbers(it, it["causes"])] for name in _NUMBERED}
+    covered = [f"{name} {_cover(each)}" for name, each in numbers.items() if each]
     _line("95 % intervals of all that is named, other rows", "", ", ".join(covered))
     for name in ("single", "two", "several", "everything"):
         _line(f"gain, {name}", "median >= 0.98, p10 >= 0.95, never < 0", _gain(rows[name]))
@@ -306,13 +309,12 @@ def _parameters(results: Sequence[Result]) -> str:
     of_deviation = np.quantile(parts, [0.5, 0.9])
     return (
         f"median {100 * middle:.1f} %, p90 {100 * high:.1f} % (of the deviation: "
-        f"{100 * of_deviation[0]:.1f} %, {100 * of_deviation[1]:.1f} %), cover {_cover(results, 1)}"
+        f"{100 * of_deviation[0]:.1f} %, {100 * of_deviation[1]:.1f} %), cover {_cover(numbers)}"
     )
 
 
-def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[tuple[float, float, float, float]]:
-    """Of each of these causes that is hidden: value and deviation that were said, the true one (where lags
-    are not told apart, their sum), nominal."""
+def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[Number]:
+    """Of each of these causes that is hidden; where lags are not told apart the true number is their sum."""
     for cause in causes:
         leading = next(iter(cause["parameters"]))
         if leading not in result["true"].get(cause["name"], {}):
@@ -323,9 +325,8 @@ def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[tuple
         yield value, std, true, nominal if nominal is not None and np.isfinite(nominal) else 0.0
 
 
-def _cover(results: Sequence[Result], causes: int | None = None) -> str:
-    """How often a number's 95 % interval holds the true one, of so many causes of each recording."""
-    numbers = [each for result in results for each in _numbers(result, result["causes"][:causes])]
+def _cover(numbers: Iterable[Number]) -> str:
+    """How often a number's 95 % interval holds the true one."""
     return percent(abs(value - true) <= 1.96 * std for value, std, true, _ in numbers)
 
 
@@ -369,6 +370,7 @@ def _silent(result: Result) -> str:
 
 
 _NUMBERED = ("two", "several", "everything", "small", "contest", "short", "worst", "advised")
+"""Rows whose causes have true numbers, but that of single causes."""
 _FULL = ("single", "clean", "two", "several", "small", "contest", "short", "advised")
 """Rows in which all that is off is hidden on purpose."""
 _ROWS = {

@@ -557,7 +557,7 @@ def test_what_went_astray_is_tried_from_little(problem: Problem) -> None:
 @pytest.mark.parametrize("shapes", [0, 1, 2])
 def test_a_little_of_a_cause_has_all_its_coordinates(problem: Problem, shapes: int) -> None:
     point = problem.nominal()
-    tried = [each.active["team.own"] for each in _small(point, "team.own", np.ones(shapes))]
+    tried = [each.active["team.own"] for each in _small(point, "team.own", shapes)]
     assert len(tried) == (2 if shapes == 0 else 6)
     assert {len(each) for each in tried} == {1 + shapes}
 

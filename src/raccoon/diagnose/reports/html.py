@@ -42,6 +42,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         headline=_headline(diagnosis),
         sentence=VERDICTS[diagnosis.verdict].rstrip(":.") + ".",
         todo=[_todo(each) for each in diagnosis.causes],
+        remarks=[made_up(each, diagnosis) for each in diagnosis.causes],
         errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
         rest=[rest_text(diagnosis, each) for each in diagnosis.channels],
         evidence=png(cause_figure(diagnosis)) if diagnosis.causes else None,
@@ -52,7 +53,6 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},
         text=terminal_report(diagnosis),
         precise=with_deviation,
-        made_up=made_up,
     )
     return text
 

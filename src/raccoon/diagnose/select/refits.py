@@ -193,21 +193,20 @@ def refits_afresh(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tup
             break
         if name in causes and name not in starts and apart(name, point.active):
             starts[name] = [point.with_cause(name, first_guess(search, group, mean))]
-    ends = {name: each for name, (each, *_) in starts.items()}
-    ends |= {name: fit.point for name, fit in refits if fit.evidence < search.fit.evidence - ASTRAY}
-    for name, end in ends.items():
+    astray = [name for name, fit in refits if fit.evidence < search.fit.evidence - ASTRAY]
+    for name in dict.fromkeys([*starts, *astray]):
         if causes[name].one_sided:
-            starts[name] = [*starts.get(name, ()), *_small(point, name, end.active[name][1:])]
+            starts[name] = [*starts.get(name, ()), *_small(point, name, causes[name].size - 1)]
     named = [(name, each) for name, own in starts.items() for each in own]
     fits = fit_afresh(search.problem, search.whitener, [each for _, each in named], 4)
     return _most_evidence_first(_best_of([name for name, _ in named], fits))
 
 
-def _small(point: Point, name: str, shape: Array) -> Iterator[Point]:
-    """A point with a little of a cause; where it has a shape, of several."""
-    shapes = [np.full(len(shape), each) for each in SHAPES] if len(shape) else [shape]
+def _small(point: Point, name: str, shapes: int) -> Iterator[Point]:
+    """A point with a little of a cause; where it has shapes, with several of them."""
     for size in SMALL:
-        yield from (point.with_cause(name, np.array([size, *each])) for each in shapes)
+        for shape in SHAPES if shapes else SHAPES[:1]:
+            yield point.with_cause(name, np.array([size, *[shape] * shapes]))
 
 
 def _polished(search: Search, fits: dict[str, Fit]) -> dict[str, Fit]:
