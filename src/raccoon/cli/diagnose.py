@@ -44,8 +44,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
+    from raccoon.cli.outputs import check_folders
     from raccoon.core.errors import TraceError
 
+    check_folders(args.json, args.html, args.save_model)
     _show_remarks()
     paths = recordings(args.trace)
     if not paths:
@@ -69,17 +71,27 @@ def _show_remarks() -> None:
 
 
 def _write(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
+    """Files first, since a pipe that is closed ends the command where it prints; and what was found is said
+    also where a file cannot be written."""
     from raccoon.diagnose.reports.terminal import terminal_report
 
-    print(terminal_report(diagnosis))
+    try:
+        _save(args, diagnosis, name)
+    finally:
+        print(terminal_report(diagnosis))
+    if args.save_model is not None and diagnosis.model is None:
+        print(f"{args.save_model}: not written: this kind of recording gives no model of a robot")
+
+
+def _save(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
     if args.json is not None:
         diagnosis.save_json(args.json)
-    if args.html is not None:
+    if args.save_model is not None:
+        _save_model(args.save_model, diagnosis, name)
+    if args.html is not None:  # the last: it alone needs an extra, which may not be installed
         from raccoon.diagnose.reports.html import save_html
 
         save_html(diagnosis, args.html, title=name)
-    if args.save_model is not None:
-        _save_model(args.save_model, diagnosis, name)
 
 
 def _save_model(path: Path, diagnosis: Diagnosis, name: str) -> None:
@@ -90,7 +102,6 @@ def _save_model(path: Path, diagnosis: Diagnosis, name: str) -> None:
     from raccoon.sim.provenance import Provenance
 
     if diagnosis.model is None:
-        print(f"{path}: not written: this kind of recording gives no model of a robot")
         return
     today = date.today().isoformat()
     provenance = Provenance(name, f"raccoon diagnose {__version__}", today, str(diagnosis.verdict))

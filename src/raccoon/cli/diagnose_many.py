@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from raccoon.diagnose.fleet import FleetCause
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
     from raccoon.trace.loading import Run
@@ -129,20 +130,34 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
-    from raccoon.core.files import write_atomically
-    from raccoon.diagnose.fleet import common_causes, fleet_dict, fleet_report
+    from raccoon.diagnose.fleet import common_causes, fleet_report
     from raccoon.diagnose.result import Diagnosis
 
     found = _all(args, [job_of(args, path) for path in paths])
     names = _names(paths)
     results = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, Diagnosis)}
     failed = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, str)}
-    for name, reason in failed.items():
-        print(f"{name}: no diagnosis: {reason}")
-    if not results:
-        return 2
     causes = common_causes(results)
-    print(fleet_report(results, causes))
+    try:  # files first: see the report of one recording
+        if results:
+            _save(args, results, causes, failed)
+    finally:
+        for name, reason in failed.items():
+            print(f"{name}: no diagnosis: {reason}")
+        if results:
+            print(fleet_report(results, causes))
+    return 0 if results else 2
+
+
+def _save(
+    args: argparse.Namespace,
+    results: Mapping[str, Diagnosis],
+    causes: list[FleetCause],
+    failed: Mapping[str, str],
+) -> None:
+    from raccoon.core.files import write_atomically
+    from raccoon.diagnose.fleet import fleet_dict
+
     if args.json is not None:
         table = {**fleet_dict(results, causes), "failed": failed}
         write_atomically(args.json, json.dumps(_finite(table), indent=1, allow_nan=False) + "\n")
@@ -150,7 +165,6 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
         from raccoon.diagnose.reports.html_fleet import save_fleet_html
 
         save_fleet_html(results, causes, args.html, failed)
-    return 0
 
 
 def job_of(args: argparse.Namespace, path: Path) -> Job:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import json
+import sys
 import tomllib
 from datetime import date
 from pathlib import Path
@@ -47,6 +49,49 @@ def test_the_model_says_what_it_was_made_from(drive: Columns, tmp_path: Path) ->
     assert date.fromisoformat(table["provenance"]["date"])
     assert all(each["std"].keys() <= each["parameters"].keys() and each["std"] for each in table["effect"])
     assert main(["diagnose", str(path), "--model", str(model)]) == 0
+
+
+class ClosedPipe(io.StringIO):
+    """What `| head` leaves a command to print to."""
+
+    def write(self, _text: str) -> int:
+        raise BrokenPipeError
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_closed_pipe_costs_no_file(count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    paths = [written(tmp_path / f"motor-{seed}.csv", motor(5 + seed, 0.008)) for seed in range(count)]
+    out, page = tmp_path / "out.json", tmp_path / "out.html"
+    monkeypatch.setattr(sys, "stdout", ClosedPipe())
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    assert main(["diagnose", *map(str, paths), "--json", str(out), "--html", str(page)]) == 141
+    assert "friction.coulomb" in out.read_text()
+    assert ("friction.coulomb" if count > 1 else "Dry friction") in page.read_text()
+
+
+def test_what_was_found_is_said_where_the_page_cannot_be_made(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path / "motor.csv", motor(5, 0.008))
+    out, page = tmp_path / "out.json", tmp_path / "out.html"
+    monkeypatch.setitem(sys.modules, "jinja2", None)
+    assert main(["diagnose", str(path), "--json", str(out), "--html", str(page)]) == 2
+    said = capsys.readouterr()
+    assert "Dry friction of 0.00" in said.out
+    assert "jinja2" in said.err
+    assert out.exists()
+    assert not page.exists()
+
+
+@pytest.mark.parametrize("option", ["--json", "--html", "--save-model"])
+def test_a_file_that_cannot_be_written_is_said_before_the_work(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    missing = tmp_path / "missing" / "out"
+    assert main(["diagnose", str(tmp_path / "never-read.csv"), option, str(missing)]) == 2
+    assert f"{missing}: there is no folder" in capsys.readouterr().err
+    assert main(["diagnose", str(tmp_path / "never-read.csv"), option, str(tmp_path)]) == 2
+    assert "it is a folder" in capsys.readouterr().err
 
 
 def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.cli.outputs import check_folders
 from raccoon.core.files import write_atomically
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.compare_mitigations.results import stored
     from raccoon.cli.compare_mitigations.table import draw, markdown
 
+    check_folders(args.markdown, args.plot)
     robots = _robots(args)
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
     found = measured(
@@ -59,11 +61,13 @@ def run(args: argparse.Namespace) -> int:
     )
     cells = as_cells(found)
     text = markdown(cells, robots)
-    print(text)
-    if args.markdown is not None:
-        write_atomically(args.markdown, text)
-    if args.plot is not None:
-        draw(cells, tuple(robots), args.plot)
+    try:  # files first: a pipe that is closed ends the command where it prints
+        if args.markdown is not None:
+            write_atomically(args.markdown, text)
+        if args.plot is not None:
+            draw(cells, tuple(robots), args.plot)
+    finally:
+        print(text)
     return 0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from raccoon.cli.outputs import check_folders
 from raccoon.core.errors import ConfigError
 
 HELP = "run the odometry, or a program, on a recording and compare with what it holds"
@@ -47,13 +48,16 @@ def run(args: argparse.Namespace) -> int:
         return replay_program(args, runs, robot)
     drives = [replay_odometry(run, robot) for run in runs]
     results = report(drives)
-    print_report(results)
-    if args.json is not None:
-        write_json(results, args.json)
-    if args.plot is not None:
-        from raccoon.cli.replay.picture import draw
+    try:  # files first: a pipe that is closed ends the command where it prints
+        if args.json is not None:
+            write_json(results, args.json)
+        if args.plot is not None:
+            from raccoon.cli.replay.picture import draw
 
-        draw(drives, args.plot)
+            draw(drives, args.plot)
+    finally:
+        print_report(results)
+    if args.plot is not None:
         print(f"drawn to {args.plot}")
     return 0
 
@@ -62,6 +66,4 @@ def _check_outputs(args: argparse.Namespace) -> None:
     """Before the work, not after it."""
     if args.plot is not None and args.plot.suffix not in PICTURES:
         raise ConfigError(f"--plot {args.plot}: allowed are the endings {', '.join(PICTURES)}")
-    for path in (args.plot, args.json):
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ConfigError(f"{path}: there is no folder {path.parent}")
+    check_folders(args.plot, args.json)
