@@ -1,14 +1,21 @@
 """What holds for any robot and any command: no energy from nothing, no difference between left and right."""
 
+import itertools
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.sim import driver
+from raccoon.sim.friction import settled
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, state_at_rest
-from raccoon.sim.quantities import Plant, State
+from raccoon.sim.quantities import Plant, Rubbing, State
+
+Array = NDArray[np.float64]
 
 ROWS = 40
 TIME = [0.005 * row for row in range(ROWS + 1)]
@@ -93,11 +100,46 @@ def test_the_mirrored_robot_drives_the_mirrored_path(
     plant = plant_numbers(parameters)
     there = run(plant, duties)[-1]
     back = run(mirrored(plant), [(right, left) for left, right in duties])[-1]
-    # Sums round differently in the mirror, and where friction falls with speed that grows fast.
-    np.testing.assert_allclose(back.x, there.x, atol=1e-6)
-    np.testing.assert_allclose(back.y, -there.y, atol=1e-6)
-    np.testing.assert_allclose(back.heading, -there.heading, atol=1e-5)
-    np.testing.assert_allclose(back.bus, there.bus, atol=1e-5)
+    for name in ("x", "bus"):
+        assert getattr(back, name) == pytest.approx(getattr(there, name), abs=1e-12)
+    for name in ("y", "heading"):
+        assert getattr(back, name) == pytest.approx(-getattr(there, name), abs=1e-12)
+
+
+INERTIAS = st.tuples(*2 * [st.floats(0.1, 3.0)])
+TORQUES = st.tuples(*2 * [st.floats(-3.0, 3.0)])
+FRICTIONS = st.tuples(*4 * [st.floats(0.0, 1.0)])
+Numbers = tuple[float, ...]
+
+
+@settings(max_examples=300, deadline=None)
+@given(INERTIAS, st.floats(-0.95, 0.95), TORQUES, FRICTIONS)
+def test_two_wheels_under_dry_friction_move_as_the_one_case_that_holds(
+    own: Numbers, coupled: float, push: Numbers, dry: Numbers
+) -> None:
+    other = coupled * float(np.sqrt(own[0] * own[1]))
+    left, right = Rubbing(dry[0], dry[2], 0.0), Rubbing(dry[1], dry[3], 0.0)
+    matrix = np.array([[own[0], other], [other, own[1]]])
+    expected = _by_trying(matrix, np.array(push), np.array(dry[:2]), np.array(dry[2:]))
+    found = settled(own[0], own[1], other, push[0], push[1], left, right)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
+def _by_trying(matrix: Array, push: Array, forward: Array, backward: Array) -> Array:
+    """The speeds of the case that violates least, of the nine of forward, backward and at rest."""
+    best, least = np.zeros(2), np.inf
+    for ways in itertools.product((1.0, 0.0, -1.0), repeat=2):
+        way, moving = np.array(ways), np.array(ways) != 0.0
+        speed = np.zeros(2)
+        sliding = np.where(way > 0.0, forward, -backward)
+        if moving.any():
+            held = np.ix_(moving, moving)
+            speed[moving] = np.linalg.solve(matrix[held], (push - sliding)[moving])
+        needed = push - matrix @ speed
+        wrong = np.where(moving, -way * speed, np.maximum(needed - forward, -backward - needed))
+        if wrong.max() < least:
+            best, least = speed, float(wrong.max())
+    return best
 
 
 def mirrored(plant: Plant) -> Plant:

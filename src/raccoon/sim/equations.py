@@ -113,11 +113,10 @@ def driven(
     push_right += h * (drive_right + slope)
     sliding_left = Rubbing(h * left.forward, h * left.backward, 0.0)
     sliding_right = Rubbing(h * right.forward, h * right.backward, 0.0)
-    guess = s.speed_right + h * s.acceleration_right
     new_left = 0.0
     new_right = 0.0
     new_left, new_right = settled(
-        own_left, own_right, other, push_left, push_right, sliding_left, sliding_right, guess
+        own_left, own_right, other, push_left, push_right, sliding_left, sliding_right
     )  # without effect: friction.presliding
     grip_left = 0.0
     grip_right = 0.0

@@ -101,12 +101,12 @@ def bristles(
 
 def settled(
     own_left: float, own_right: float, other: float, push_left: float, push_right: float,
-    left: Rubbing, right: Rubbing, guess: float,
+    left: Rubbing, right: Rubbing,
 ) -> tuple[float, float]:  # fmt: skip
     """The speeds that solve A w = push - dry friction, where a wheel at rest takes any friction it needs.
 
-    Two sweeps from a guess of the right wheel's speed find which wheels move and where to; then the exact
-    solution for that case.
+    What one wheel needs to stand still falls as it turns faster, whatever the other does meanwhile. So it
+    goes the way it is pushed while it is held and the other is free, and rests where friction bears that.
     """
     both = own_left * own_right
     spare = both - other * other
@@ -114,17 +114,17 @@ def settled(
     inverse_left = own_right * spare * per_all
     inverse_right = own_left * spare * per_all
     inverse = both * per_all
-    new_left = freed(push_left - other * guess, left.forward, left.backward) * inverse_left
-    new_right = freed(push_right - other * new_left, right.forward, right.backward) * inverse_right
-    new_left = freed(push_left - other * new_right, left.forward, left.backward) * inverse_left
-    new_right = freed(push_right - other * new_left, right.forward, right.backward) * inverse_right
-    net_left = push_left - (left.forward if new_left > 0.0 else -left.backward)
-    net_right = push_right - (right.forward if new_right > 0.0 else -right.backward)
+    alone_left = freed(push_left, left.forward, left.backward) * inverse_left
+    alone_right = freed(push_right, right.forward, right.backward) * inverse_right
+    way_left = freed(push_left - other * alone_right, left.forward, left.backward)
+    way_right = freed(push_right - other * alone_left, right.forward, right.backward)
+    net_left = push_left - (left.forward if way_left > 0.0 else -left.backward)
+    net_right = push_right - (right.forward if way_right > 0.0 else -right.backward)
     both_left = (own_right * net_left - other * net_right) * inverse
     both_right = (own_left * net_right - other * net_left) * inverse
-    exact_left = both_left if new_right != 0.0 else net_left * inverse_left
-    exact_right = both_right if new_left != 0.0 else net_right * inverse_right
+    exact_left = both_left if way_right != 0.0 else net_left * inverse_left
+    exact_right = both_right if way_left != 0.0 else net_right * inverse_right
     return (
-        exact_left if exact_left * new_left > 0.0 else 0.0,
-        exact_right if exact_right * new_right > 0.0 else 0.0,
+        exact_left if exact_left * way_left > 0.0 else 0.0,
+        exact_right if exact_right * way_right > 0.0 else 0.0,
     )
