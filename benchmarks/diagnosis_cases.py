@@ -64,6 +64,7 @@ class Row:
 
 
 _ALL = tuple(CAUSES)
+CLEAN = "none"
 TWINS: Mapping[str, tuple[tuple[str, ...], frozenset[str]]] = {
     "imu.gyro_scale": (
         ("gyro_scale",),
@@ -86,7 +87,9 @@ TWINS: Mapping[str, tuple[tuple[str, ...], frozenset[str]]] = {
 
 ROWS: Mapping[str, Row] = {
     "single": Row(_ALL, 1.0, tail=TAIL),
-    "clean": Row(("none",), 10.0),
+    "clean": Row((CLEAN,), 10.0),
+    "clean_contest": Row((CLEAN,), 5.0, drive="contest", seconds=30.0),
+    "clean_short": Row((CLEAN,), 5.0, seconds=12.0),
     "two": Row(("two",), 10.0, tail=TAIL),
     "several": Row(("several",), 6.0, tail=TAIL),
     "everything": Row(("everything",), 4.0, tail=TAIL),
@@ -116,7 +119,7 @@ def cases(rows: list[str], trials: int) -> Iterator[Case]:
 def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:
     """What is hidden in a case's robot."""
     size = ROWS[case.row].size
-    if case.row == "clean":
+    if case.cause == CLEAN:
         return []
     if case.row == "unknown":
         return [draw_unknown(case.cause, rng)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from blind.generator import make
-from blind.hidden import draw, draw_unknown
+from blind.hidden import Hidden, draw, draw_unknown
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
@@ -111,11 +111,21 @@ def test_the_parameter_lies_near_the_hidden_one() -> None:
     assert found.value == pytest.approx(hidden.values["seconds"], rel=0.05)
 
 
-@pytest.mark.parametrize(("seed", "seconds"), [(3, 25.0), (4, 8.0), (5, 30.0)])
+@pytest.mark.parametrize(
+    ("seed", "seconds"),
+    [(3, 25.0), (4, 8.0), (5, 30.0), (4, 6.0), (50, 6.0), (14, 12.0), (37, 12.0), (49, 12.0)],
+)
 def test_a_clean_recording_is_adequate_short_or_long(seed: int, seconds: float) -> None:
     said = diagnose(make(seed, seconds=seconds).columns, RobotConfig())
     assert said.verdict is Verdict.ADEQUATE
     assert said.causes == ()
+
+
+def test_in_a_short_drive_a_place_is_a_moment() -> None:
+    """Friction that is a little more everywhere, on a robot that was nowhere twice, is none of the place."""
+    more = Hidden("friction.coulomb", None, {"torque": 0.2145}, {"coulomb": 0.2145})
+    said = diagnose(make(928624877, [more], seconds=12.0).columns, RobotConfig())
+    assert not said.unexplained.depends_on
 
 
 def test_structural_twins_are_reported_as_a_class() -> None:

@@ -38,8 +38,6 @@ LARGE_REST = 0.3
 LIKE_A_FILTER = ("actuation.latency", "bemf.filter_lag")
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
-FAR_FROM_NOISE = 1.2
-"""Error on unseen data, over what is expected of it, at which a model that nothing improves is wrong."""
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
 HARM = 0.9
@@ -137,7 +135,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     left = judged.left
-    verdict = _verdict(bool(causes), bool(depends_on), left, judged.surprise)
+    verdict = _verdict(bool(causes), bool(depends_on), left, judged.is_far)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     return Diagnosis(
         verdict,
@@ -176,11 +174,11 @@ def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
     )
 
 
-def _verdict(causes: bool, unknown: bool, left: float, surprise: float) -> Verdict:
+def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
     if unknown:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     if not causes:
-        return Verdict.ADEQUATE if surprise < FAR_FROM_NOISE else Verdict.UNKNOWN
+        return Verdict.UNKNOWN if is_far else Verdict.ADEQUATE
     return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
 
 

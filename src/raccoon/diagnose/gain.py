@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
 from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
-from raccoon.diagnose.noise import event_means
+from raccoon.diagnose.noise import EVENT, event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search, steadied
 
@@ -17,6 +17,11 @@ Array = NDArray[np.float64]
 
 FITTED_PART = 0.7
 MOST_OF_EVENT = 4.0
+FAR_FROM_NOISE = 0.2
+"""Error on unseen data beyond what is expected of it, as a part of that, at which a model that nothing
+improves is wrong, where that data is"""
+USUAL_EVENTS = 24.0
+"""half seconds, the rest of 40 s. Chance makes more of fewer: up to 0.4 of the 4 of clean drives of 6 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +75,12 @@ class HeldOut:
         moment late is no wrong model."""
         events, _ = _events(self.residual[1], self.expected)
         return _limited_rms(events, MOST_OF_EVENT)
+
+    @property
+    def is_far(self) -> bool:
+        """Whether that is more than chance makes of so few half seconds."""
+        events = np.ceil(len(self.time) / EVENT)
+        return bool(self.surprise > 1.0 + FAR_FROM_NOISE * np.sqrt(USUAL_EVENTS / max(events, 1.0)))
 
     @property
     def left(self) -> float:

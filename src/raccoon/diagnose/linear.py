@@ -25,12 +25,14 @@ GRID_PART = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Columns that come and go together. start: coordinates at which they were taken (secants of a cause)."""
+    """Columns that come and go together. start: coordinates at which they were taken (secants of a cause).
+    over_place: whether they are friction that depends on where the robot is."""
 
     name: str
     columns: Array
     start: tuple[float, ...] = ()
     one_sided: bool = False
+    over_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,7 @@ from raccoon.sim.parameters import SIDES
 Array = NDArray[np.float64]
 
 PREFIX = "unknown: "
+PLACE = "position"
 INERTIA = "drive.inertia"
 INERTIA_SHARE = "growth of inertia"
 TORQUE = 0.03
@@ -169,7 +170,7 @@ def _torque_curves(motion: Motion) -> list[_Torque]:
         )
     for name, along in (("x", motion.x), ("y", motion.y)):
         count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
-        found.append(_Torque(f"position {name}", None, True, _hats(along, count) - 1.0 / count, along, "m"))
+        found.append(_Torque(f"{PLACE} {name}", None, True, _hats(along, count) - 1.0 / count, along, "m"))
     heading = motion.heading
     found.append(_Torque("heading", None, False, _waves(heading, 3), _turned(heading), "rad"))
     return found
@@ -197,6 +198,7 @@ def _torque_probes(
             Probe(
                 PREFIX + each.name, TORQUE * total, quantity=kind, unit="N m", over=each.over,
                 over_unit=each.over_unit, curves=TORQUE * each.curves,
+                over_place=each.name.startswith(PLACE),
             )
         )  # fmt: skip
     return found

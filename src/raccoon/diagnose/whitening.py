@@ -152,17 +152,29 @@ def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bo
 
 
 def _unexplained(noise: NoiseModel, every: Array, slow: Array, target: Array) -> tuple[Array, float]:
-    """The foreseen error, (bins, channels), and the likeliest share of wandering friction."""
+    """The foreseen error, (bins, channels), and the share of wandering friction that is expected."""
     columns = np.concatenate([every, slow])
     white = noise.whiten(columns).reshape(len(columns), -1)
     goal = noise.whiten(target).reshape(-1)
     gram = Gram.of(white.T, goal)
-    sizes = {
-        share: np.concatenate([np.ones(len(every)), np.full(len(slow), share)])
-        for share in (FLOOR_SHARES if len(slow) else (0.0,))
-    }
-    wander = max(sizes, key=lambda share: gram.scaled(sizes[share]).evidence())
-    return foreseen_error(gram.matrix, white, columns, goal, target, sizes[wander]), wander
+
+    def sizes(share: float) -> Array:
+        return np.concatenate([np.ones(len(every)), np.full(len(slow), share)])
+
+    wander = (
+        expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES]) if len(slow) else 0.0
+    )
+    return foreseen_error(gram.matrix, white, columns, goal, target, sizes(wander)), wander
+
+
+def expected_share(evidence: Sequence[float]) -> float:
+    """Root mean square share of wandering friction by the log evidence of `FLOOR_SHARES`, all alike before.
+
+    40 s tell which it is. 12 s do not: the likeliest share was 0 in most of them, as all that is fitted
+    beside it takes its place, and a cause was named on 7 of 160 clean ones (now on 2).
+    """
+    weights = np.exp(np.array(evidence) - max(evidence))
+    return float(np.sqrt(weights @ np.square(FLOOR_SHARES) / weights.sum()))
 
 
 def foreseen_error(

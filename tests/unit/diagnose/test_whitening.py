@@ -7,7 +7,17 @@ import pytest
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.noise import EVENT, white_noise
-from raccoon.diagnose.whitening import FAINT, NEGLIGIBLE, SPARED, WORST, acting, faint_parts, foreseen_error
+from raccoon.diagnose.whitening import (
+    FAINT,
+    FLOOR_SHARES,
+    NEGLIGIBLE,
+    SPARED,
+    WORST,
+    acting,
+    expected_share,
+    faint_parts,
+    foreseen_error,
+)
 
 BINS, CHANNELS = 6 * EVENT, 2
 
@@ -52,6 +62,15 @@ def test_noise_in_a_moment_in_which_everything_acts_is_not_swallowed() -> None:
     left = noise - np.tensordot(fitted, columns, axes=1)
     assert left[:EVENT].std() < 0.6
     assert foreseen(columns, noise)[:EVENT].std() > 0.9
+
+
+def test_how_much_a_floor_wanders_is_what_is_expected_not_what_is_likeliest() -> None:
+    known = [0.0 if share == 0.04 else -1000.0 for share in FLOOR_SHARES]
+    assert expected_share(known) == pytest.approx(0.04)
+    nobody_knows = expected_share([5.0] * len(FLOOR_SHARES))
+    assert nobody_knows == pytest.approx(np.sqrt(np.mean(np.square(FLOOR_SHARES))))
+    a_little_for_none = expected_share([-0.5 * share / 0.02 for share in FLOOR_SHARES])
+    assert 0.015 < a_little_for_none < nobody_knows
 
 
 def test_a_direction_that_one_moment_alone_shows_tells_no_noise() -> None:

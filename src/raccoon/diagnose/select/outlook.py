@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, cross_validated
 from raccoon.diagnose.fit import Fit, fit_at, fit_point
-from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, tabulate
+from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, slow_friction, tabulate
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.whitening import whitener_for
+from raccoon.diagnose.whitening import FLOOR_SHARES, whitener_for
 
 Array = NDArray[np.float64]
 
@@ -212,8 +212,11 @@ def best_probe(search: Search) -> Probed:
             continue
         if gain < LEAST_OF_PROBE or len(found) > PROBES_TRIED:
             break
-        excess = _excess(search.problem, *_with_and_without(search, group))
-        found.append(Probed(group.name, gain, min(gain - excess, most_of_all)))
+        if group.over_place:
+            gain, limited = _beside_wander(search, group)
+        else:
+            limited = gain - _excess(search.problem, *_with_and_without(search, group))
+        found.append(Probed(group.name, gain, min(limited, most_of_all)))
     most = max(each.lead for each in found)
     return max((each for each in found if each.lead >= NEARLY * most), key=lambda each: each.evidence)
 
@@ -227,3 +230,29 @@ def _with_and_without(search: Search, group: Group) -> tuple[Array, Array]:
         mean, _, _ = Gram.of(columns.T, target).solve()
         residuals.append(target - mean @ columns)
     return residuals[0], residuals[1]
+
+
+def _beside_wander(search: Search, group: Group) -> tuple[float, float]:
+    """Evidence of a probe over the place, whole and limited, where friction may also wander: with the probe
+    and without it as much as is likeliest.
+
+    A place at which the robot was once is a moment, and friction over it the same as friction that wanders.
+    Both were free when the noise was estimated, and chance decided which of them it was.
+    """
+    fit = search.fit
+    slow = search.whitener(slow_friction(search.problem, search.linear))
+    own = fit.jacobian[fit.free]
+    models = []
+    for columns in (np.vstack([own, search.whitener(group.columns)]), own):
+        every, wide = np.vstack([columns, slow]), np.ones(len(columns))
+        gram = Gram.of(every.T, fit.target)
+        each = [
+            (gram.scaled(sizes).evidence(), sizes)
+            for share in FLOOR_SHARES
+            for sizes in [np.concatenate([wide, np.full(len(slow), share)])]
+        ]
+        evidence, sizes = max(each, key=lambda one: one[0])
+        mean, _, _ = gram.scaled(sizes).solve()
+        models.append((evidence, fit.target - (mean * sizes) @ every))
+    gain = models[0][0] - models[1][0]
+    return gain, gain - _excess(search.problem, models[0][1], models[1][1])
