@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,15 +123,12 @@ class Gram:
         return mean, -0.5 * (cost + float(logdet))
 
 
-def cross_validated(blocks: Sequence[Gram], columns: Sequence[int]) -> float:
-    """Sum over blocks of the log predictive misfit -1/2 ||y_b - X_b mean_(-b)||^2, fitted without block b."""
-    total = blocks[0]
-    for each in blocks[1:]:
-        total = total + each
-    chosen = total.take(columns)
-    score = 0.0
-    for each in blocks:
-        held_out = each.take(columns)
-        mean, _, _ = (chosen - held_out).solve()
-        score -= 0.5 * held_out.misfit(mean)
-    return score
+def foreseen(columns: Array, target: Array, blocks: int) -> Array:
+    """What is left of each block of rows by a fit of all others, (n,). columns (m, n), target (n,)."""
+    edges = np.linspace(0, len(target), blocks + 1).astype(int)
+    total, left = Gram.of(columns.T, target), target.copy()
+    for start, end in pairwise(edges):
+        inside = columns[:, start:end]
+        mean, _, _ = (total - Gram.of(inside.T, target[start:end])).solve()
+        left[start:end] -= mean @ inside
+    return left

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.evidence import Gram, cross_validated
+from raccoon.diagnose.evidence import Gram, foreseen
 from raccoon.diagnose.noise import STEADY, fit_noise, whiteness
 
 
@@ -42,12 +42,18 @@ def test_shifting_is_subtracting_a_prediction() -> None:
     assert shifted.power == pytest.approx(direct.power)
 
 
-def test_cross_validation_prefers_a_column_that_matters_and_not_one_that_does_not() -> None:
+def test_each_block_is_foreseen_by_a_fit_of_all_others() -> None:
     rng = np.random.default_rng(5)
-    x = rng.standard_normal((400, 2))
-    y = 0.8 * x[:, 0] + rng.standard_normal(400)
-    blocks = [Gram.of(x[i : i + 50], y[i : i + 50]) for i in range(0, 400, 50)]
-    nothing, right, both = (cross_validated(blocks, columns) for columns in ([], [0], [0, 1]))
+    x = rng.standard_normal((2, 400))
+    y = 0.8 * x[0] + rng.standard_normal(400)
+    left = foreseen(x, y, 8)
+    for start in range(0, 400, 50):
+        inside = np.zeros(400, bool)
+        inside[start : start + 50] = True
+        others = x[:, ~inside]
+        mean = np.linalg.solve(np.eye(2) + others @ others.T, others @ y[~inside])
+        assert left[inside] == pytest.approx(y[inside] - mean @ x[:, inside])
+    nothing, right, both = (-0.5 * (foreseen(x[:count], y, 8) ** 2).sum() for count in (0, 1, 2))
     assert right > nothing + 20.0
     assert both < right + 1.0
 

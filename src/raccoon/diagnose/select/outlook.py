@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.evidence import Gram, cross_validated
+from raccoon.diagnose.evidence import Gram, foreseen
 from raccoon.diagnose.fit import Fit, fit_at, fit_point
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, slow_friction, tabulate
 from raccoon.diagnose.noise import EVENT
@@ -71,13 +71,21 @@ def blocks_of(fit: Fit) -> list[Gram]:
     return [Gram.of(columns[:, a:b].T, target[a:b]) for a, b in pairwise(edges)]
 
 
-def held_out_score(fit: Fit) -> float:
-    """Log predictive score of the blocks, each predicted from the others, and of robot.toml's measurements.
+def foretold(fit: Fit) -> Array:
+    """Whitened residual of a fit, each block of time as all others foresee it."""
+    return foreseen(fit.jacobian[fit.free], fit.target, BLOCKS)
+
+
+def held_out_lead(problem: Problem, fit: Fit, other: Fit, left: Array, its: Array) -> float:
+    """Log predictive score of one fit over another on blocks that neither saw, and on robot.toml's
+    measurements; no half second counts for more than in `lead`.
 
     What robot.toml says with a standard deviation is data as well: a fit that bends it pays for it here.
+    left, its: `foretold` of the two.
     """
-    base = fit.point.base
-    return -0.5 * float(base @ base) + cross_validated(blocks_of(fit), range(int(fit.free.sum())))
+    base, its_base = fit.point.base, other.point.base
+    bent = 0.5 * float(its_base @ its_base - base @ base)
+    return bent + float(_by_events(problem, left, its).sum())
 
 
 def start_search(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
@@ -187,10 +195,14 @@ def lead(problem: Problem, fit: Fit, other: Fit) -> float:
 
 def _excess(problem: Problem, white: Array, other: Array) -> float:
     """Log evidence of one whitened residual over another beyond what single events may give."""
+    return float((0.5 * (other**2 - white**2)).sum() - _by_events(problem, white, other).sum())
+
+
+def _by_events(problem: Problem, white: Array, other: Array) -> Array:
+    """Log likelihood of one whitened residual over another by half seconds, none beyond what it may give."""
     gains = 0.5 * (other**2 - white**2)
     starts = np.arange(0, len(gains), EVENT * problem.features.measured.shape[1])
-    events = np.add.reduceat(gains, starts)
-    return float((events - np.clip(events, -MOST_OF_EVENT, MOST_OF_EVENT)).sum())
+    return np.clip(np.add.reduceat(gains, starts), -MOST_OF_EVENT, MOST_OF_EVENT)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ from raccoon.diagnose.select.outlook import (
     Rival,
     Search,
     best_probe,
-    held_out_score,
+    foretold,
+    held_out_lead,
     lead,
     look_around,
     start_search,
@@ -59,11 +60,10 @@ def forward(search: Search) -> tuple[Search, bool]:
     far_ahead |= probe.lead > PROBE_FAR * max((gain for _, _, gain in ranked), default=0.0)
     if probe.lead > PROBE_GATE and far_ahead:
         return _with_unknown(search, probe), True
-    held_out = held_out_score(settled)
-    taken = _first_that_passes(search, ranked, settled, held_out)
+    taken = _first_that_passes(search, ranked, settled)
     if taken is None and doubtful(settled):
         ranked = ranking(search.problem, refits_afresh(search, refits), settled)
-        taken = _first_that_passes(search, ranked, settled, held_out)
+        taken = _first_that_passes(search, ranked, settled)
     if taken is not None:
         return taken, True
     if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
@@ -72,16 +72,17 @@ def forward(search: Search) -> tuple[Search, bool]:
 
 
 def _first_that_passes(
-    search: Search, ranked: Sequence[tuple[str, Fit, float]], settled: Fit, settled_held_out: float
+    search: Search, ranked: Sequence[tuple[str, Fit, float]], settled: Fit
 ) -> Search | None:
     """The search with the first cause that has the evidence it needs and helps on blocks left out; None where
     there is none. Why the others are not taken is noted."""
+    before = foretold(settled)
     for name, fit, gain in ranked:
         needed = _required_evidence(search, name, alone=not search.fit.point.active)
         if gain < needed:
             search.failed[name] = _too_little(gain, fit.evidence - settled.evidence, needed)
             continue
-        held_out = held_out_score(fit) - settled_held_out
+        held_out = held_out_lead(search.problem, fit, settled, foretold(fit), before)
         if _fails_held_out(gain, needed, held_out):
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
@@ -138,12 +139,12 @@ def _under(search: Search, unknown: dict[str, float], point: Point) -> Search:
 def backward(search: Search) -> tuple[Search, bool]:
     """Drop a cause that no longer earns its place."""
     settled = settled_fit(search)
-    reference_held_out = held_out_score(settled)
+    left = foretold(settled)
     names = list(search.fit.point.active)
     for name in names:
         dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
-        search.held_out[name] = reference_held_out - held_out_score(dropped)
+        search.held_out[name] = held_out_lead(search.problem, settled, dropped, left, foretold(dropped))
         needed = _required_evidence(search, name, alone=len(names) == 1)
         fails = _fails_held_out(search.gains[name], needed, search.held_out[name])
         if search.gains[name] < needed or fails:
