@@ -89,10 +89,6 @@ class Gram:
         half = np.linalg.solve(factor, self.projection)
         return float(0.5 * half @ half - np.log(np.diag(factor)).sum())
 
-    def misfit(self, mean: Array) -> float:
-        """||y - X mean||^2."""
-        return float(self.power - 2.0 * self.projection @ mean + mean @ self.matrix @ mean)
-
     def scaled(self, sizes: Array) -> Gram:
         """Each column times a number: what its prior's standard deviation is then."""
         return Gram(self.matrix * np.outer(sizes, sizes), self.projection * sizes, self.power)

@@ -252,19 +252,15 @@ def _beside_wander(search: Search, group: Group) -> tuple[float, float]:
     Both were free when the noise was estimated, and chance decided which of them it was.
     """
     fit = search.fit
-    slow = search.whitener(slow_friction(search.problem, search.linear))
-    own = fit.jacobian[fit.free]
-    models = []
+    own, slow = fit.jacobian[fit.free], search.whitener(slow_friction(search.problem, search.linear))
+    residuals, evidence = [], []
     for columns in (np.vstack([own, search.whitener(group.columns)]), own):
-        every, wide = np.vstack([columns, slow]), np.ones(len(columns))
+        every = np.vstack([columns, slow])
         gram = Gram.of(every.T, fit.target)
-        each = [
-            (gram.scaled(sizes).evidence(), sizes)
-            for share in FLOOR_SHARES
-            for sizes in [np.concatenate([wide, np.full(len(slow), share)])]
-        ]
-        evidence, sizes = max(each, key=lambda one: one[0])
-        mean, _, _ = gram.scaled(sizes).solve()
-        models.append((evidence, fit.target - (mean * sizes) @ every))
-    gain = models[0][0] - models[1][0]
-    return gain, gain - _excess(search.problem, models[0][1], models[1][1])
+        wanders = [np.repeat([1.0, share], [len(columns), len(slow)]) for share in FLOOR_SHARES]
+        sizes = max(wanders, key=lambda each: gram.scaled(each).evidence())
+        mean, its, _ = gram.scaled(sizes).solve()
+        residuals.append(fit.target - (mean * sizes) @ every)
+        evidence.append(its)
+    gain = evidence[0] - evidence[1]
+    return gain, gain - _excess(search.problem, *residuals)
