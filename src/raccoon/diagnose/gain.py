@@ -65,8 +65,10 @@ class HeldOut:
         return max(self.size_before**2 - 1.0, 1e-6)
 
     def share(self, name: str) -> float:
-        """Part of what could be gained at all that one cause gains, 0..1."""
-        return float(np.clip((self.without[name] ** 2 - self.size_after**2) / self.possible, 0, 1))
+        """Part of what could be gained at all that one cause gains, 0..1. Where the others do harm without
+        it, that is counted from there."""
+        without = self.without[name] ** 2
+        return float(np.clip((without - self.size_after**2) / max(self.possible, without - 1.0), 0.0, 1.0))
 
     @property
     def surprise(self) -> float:

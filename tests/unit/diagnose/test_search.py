@@ -35,6 +35,7 @@ from raccoon.diagnose.select.outlook import (
     Search,
     best_probe,
     estimated,
+    held_out_lead,
     lead,
     look_around,
     screen,
@@ -575,6 +576,33 @@ def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
     assert held(event).surprise == pytest.approx(1.0, abs=0.1)
     assert held(1.6 * usual).surprise == pytest.approx(1.6, abs=0.1)
     assert size_of(event, np.ones(2)) == pytest.approx(size_of(usual, np.ones(2)), abs=0.1)
+
+
+@pytest.mark.parametrize(("seconds", "adequate", "wrong"), [(12.0, 1.15, 1.25), (2.0, 1.4, 1.6)])
+def test_how_far_is_too_far_depends_on_how_much_there_is_to_judge_on(
+    seconds: float, adequate: float, wrong: float
+) -> None:
+    bins = int(seconds / BIN)
+    assert not held(np.full((bins, 2), adequate)).is_far
+    assert held(np.full((bins, 2), wrong)).is_far
+
+
+def test_what_a_cause_gains_is_counted_from_where_the_error_is_without_it() -> None:
+    """The others may do harm without it: then it gains more than there was to gain at first, and not all."""
+    found = replace(held(np.ones((2, 2))), size_before=1.5, size_after=1.2, without={"a": 1.3, "b": 2.0})
+    assert found.share("a") == pytest.approx((1.3**2 - 1.2**2) / (1.5**2 - 1.0))
+    assert found.share("b") == pytest.approx((2.0**2 - 1.2**2) / (2.0**2 - 1.0))
+
+
+def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Problem) -> None:
+    fit = search_at(problem, problem.nominal()).fit
+    rows = len(fit.white)
+    worse, spoilt = np.full(rows, 1.0), np.full(rows, 1.0)
+    better = np.full(rows, 0.97)
+    spoilt[: EVENT * len(problem.features.roles)] = 30.0
+    steady = held_out_lead(problem, fit, fit, better, worse)
+    assert steady == pytest.approx(0.5 * rows * (1.0 - 0.97**2))
+    assert held_out_lead(problem, fit, fit, spoilt, worse) == pytest.approx(-MOST_OF_EVENT)
 
 
 def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out() -> None:
