@@ -119,12 +119,16 @@ class Gram:
         return mean, -0.5 * (cost + float(logdet))
 
 
+def parts_of(rows: int, count: int) -> list[slice]:
+    """So many blocks of neighbouring rows."""
+    return [slice(start, end) for start, end in pairwise(np.linspace(0, rows, count + 1).astype(int))]
+
+
 def foreseen(columns: Array, target: Array, blocks: int) -> Array:
     """What is left of each block of rows by a fit of all others, (n,). columns (m, n), target (n,)."""
-    edges = np.linspace(0, len(target), blocks + 1).astype(int)
     total, left = Gram.of(columns.T, target), target.copy()
-    for start, end in pairwise(edges):
-        inside = columns[:, start:end]
-        mean, _, _ = (total - Gram.of(inside.T, target[start:end])).solve()
-        left[start:end] -= mean @ inside
+    for part in parts_of(len(target), blocks):
+        inside = columns[:, part]
+        mean, _, _ = (total - Gram.of(inside.T, target[part])).solve()
+        left[part] -= mean @ inside
     return left

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,14 +158,14 @@ def _unexplained(noise: NoiseModel, every: Array, slow: Array, target: Array) ->
     white = noise.whiten(columns).reshape(len(columns), -1)
     goal = noise.whiten(target).reshape(-1)
     gram = Gram.of(white.T, goal)
-
-    def sizes(share: float) -> Array:
-        return np.concatenate([np.ones(len(every)), np.full(len(slow), share)])
-
-    wander = (
-        expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES]) if len(slow) else 0.0
-    )
+    sizes = partial(wandering, len(every), len(slow))
+    wander = expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES])
     return foreseen_error(gram.matrix, white, columns, goal, target, sizes(wander)), wander
+
+
+def wandering(known: int, slow: int, share: float) -> Array:
+    """Prior standard deviations of so many known directions, and of slow friction with that share."""
+    return np.repeat([1.0, share], [known, slow])
 
 
 def expected_share(evidence: Sequence[float]) -> float:

@@ -32,6 +32,7 @@ from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
 from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
+    Foretold,
     Search,
     best_probe,
     estimated,
@@ -595,14 +596,15 @@ def test_what_a_cause_gains_is_counted_from_where_the_error_is_without_it() -> N
 
 
 def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Problem) -> None:
-    fit = search_at(problem, problem.nominal()).fit
-    rows = len(fit.white)
+    rows = problem.features.measured.size
     worse, spoilt = np.full(rows, 1.0), np.full(rows, 1.0)
     better = np.full(rows, 0.97)
     spoilt[: EVENT * len(problem.features.roles)] = 30.0
-    steady = held_out_lead(problem, fit, fit, better, worse)
+    steady = held_out_lead(problem, Foretold(better, 0.0), Foretold(worse, 0.0))
     assert steady == pytest.approx(0.5 * rows * (1.0 - 0.97**2))
-    assert held_out_lead(problem, fit, fit, spoilt, worse) == pytest.approx(-MOST_OF_EVENT)
+    broken_loose = held_out_lead(problem, Foretold(spoilt, 0.0), Foretold(worse, 0.0))
+    assert broken_loose == pytest.approx(-MOST_OF_EVENT)
+    assert held_out_lead(problem, Foretold(worse, 2.0), Foretold(worse, 0.5)) == pytest.approx(-1.5)
 
 
 def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out() -> None:

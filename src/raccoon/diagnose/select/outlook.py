@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.evidence import Gram, foreseen
+from raccoon.diagnose.evidence import Gram, foreseen, parts_of
 from raccoon.diagnose.fit import Fit, fit_at, fit_point
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, slow_friction, tabulate
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.whitening import FLOOR_SHARES, whitener_for
+from raccoon.diagnose.whitening import FLOOR_SHARES, wandering, whitener_for
 
 Array = NDArray[np.float64]
 
@@ -66,26 +65,29 @@ class Search:
 
 def blocks_of(fit: Fit) -> list[Gram]:
     """Gram numbers of a fit by blocks of time."""
-    edges = np.linspace(0, len(fit.white), BLOCKS + 1).astype(int)
     target, columns = fit.target, fit.jacobian[fit.free]
-    return [Gram.of(columns[:, a:b].T, target[a:b]) for a, b in pairwise(edges)]
+    return [Gram.of(columns[:, part].T, target[part]) for part in parts_of(len(target), BLOCKS)]
 
 
-def foretold(fit: Fit) -> Array:
-    """Whitened residual of a fit, each block of time as all others foresee it."""
-    return foreseen(fit.jacobian[fit.free], fit.target, BLOCKS)
+@dataclass(frozen=True, slots=True)
+class Foretold:
+    """How a fit does on data that it has not seen. left (rows,): whitened residual of each block of time, as
+    all others foresee it. bent: what it pays for bending what robot.toml says with a standard deviation,
+    which is data as well."""
+
+    left: Array
+    bent: float
+
+    @classmethod
+    def of(cls, fit: Fit) -> Foretold:
+        """Of a fit."""
+        base = fit.point.base
+        return cls(foreseen(fit.jacobian[fit.free], fit.target, BLOCKS), 0.5 * float(base @ base))
 
 
-def held_out_lead(problem: Problem, fit: Fit, other: Fit, left: Array, its: Array) -> float:
-    """Log predictive score of one fit over another on blocks that neither saw, and on robot.toml's
-    measurements; no half second counts for more than in `lead`.
-
-    What robot.toml says with a standard deviation is data as well: a fit that bends it pays for it here.
-    left, its: `foretold` of the two.
-    """
-    base, its_base = fit.point.base, other.point.base
-    bent = 0.5 * float(its_base @ its_base - base @ base)
-    return bent + float(_by_events(problem, left, its).sum())
+def held_out_lead(problem: Problem, one: Foretold, other: Foretold) -> float:
+    """Log predictive score of one fit over another; no half second counts for more than in `lead`."""
+    return other.bent - one.bent + float(_limited(_by_events(problem, one.left, other.left)).sum())
 
 
 def start_search(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
@@ -195,14 +197,19 @@ def lead(problem: Problem, fit: Fit, other: Fit) -> float:
 
 def _excess(problem: Problem, white: Array, other: Array) -> float:
     """Log evidence of one whitened residual over another beyond what single events may give."""
-    return float((0.5 * (other**2 - white**2)).sum() - _by_events(problem, white, other).sum())
+    events = _by_events(problem, white, other)
+    return float((events - _limited(events)).sum())
 
 
 def _by_events(problem: Problem, white: Array, other: Array) -> Array:
-    """Log likelihood of one whitened residual over another by half seconds, none beyond what it may give."""
+    """Log likelihood of one whitened residual over another by half seconds."""
     gains = 0.5 * (other**2 - white**2)
-    starts = np.arange(0, len(gains), EVENT * problem.features.measured.shape[1])
-    return np.clip(np.add.reduceat(gains, starts), -MOST_OF_EVENT, MOST_OF_EVENT)
+    return np.add.reduceat(gains, np.arange(0, len(gains), EVENT * problem.features.measured.shape[1]))
+
+
+def _limited(events: Array) -> Array:
+    """None beyond what a half second may give."""
+    return np.clip(events, -MOST_OF_EVENT, MOST_OF_EVENT)
 
 
 @dataclass(frozen=True, slots=True)
@@ -257,7 +264,7 @@ def _beside_wander(search: Search, group: Group) -> tuple[float, float]:
     for columns in (np.vstack([own, search.whitener(group.columns)]), own):
         every = np.vstack([columns, slow])
         gram = Gram.of(every.T, fit.target)
-        wanders = [np.repeat([1.0, share], [len(columns), len(slow)]) for share in FLOOR_SHARES]
+        wanders = [wandering(len(columns), len(slow), share) for share in FLOOR_SHARES]
         sizes = max(wanders, key=lambda each: gram.scaled(each).evidence())
         mean, its, _ = gram.scaled(sizes).solve()
         residuals.append(fit.target - (mean * sizes) @ every)

@@ -11,11 +11,11 @@ from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
 from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit
 from raccoon.diagnose.select.outlook import (
+    Foretold,
     Probed,
     Rival,
     Search,
     best_probe,
-    foretold,
     held_out_lead,
     lead,
     look_around,
@@ -76,13 +76,13 @@ def _first_that_passes(
 ) -> Search | None:
     """The search with the first cause that has the evidence it needs and helps on blocks left out; None where
     there is none. Why the others are not taken is noted."""
-    before = foretold(settled)
+    before = Foretold.of(settled)
     for name, fit, gain in ranked:
         needed = _required_evidence(search, name, alone=not search.fit.point.active)
         if gain < needed:
             search.failed[name] = _too_little(gain, fit.evidence - settled.evidence, needed)
             continue
-        held_out = held_out_lead(search.problem, fit, settled, foretold(fit), before)
+        held_out = held_out_lead(search.problem, Foretold.of(fit), before)
         if _fails_held_out(gain, needed, held_out):
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
@@ -139,12 +139,12 @@ def _under(search: Search, unknown: dict[str, float], point: Point) -> Search:
 def backward(search: Search) -> tuple[Search, bool]:
     """Drop a cause that no longer earns its place."""
     settled = settled_fit(search)
-    left = foretold(settled)
+    foretold = Foretold.of(settled)
     names = list(search.fit.point.active)
     for name in names:
         dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
-        search.held_out[name] = held_out_lead(search.problem, settled, dropped, left, foretold(dropped))
+        search.held_out[name] = held_out_lead(search.problem, foretold, Foretold.of(dropped))
         needed = _required_evidence(search, name, alone=len(names) == 1)
         fails = _fails_held_out(search.gains[name], needed, search.held_out[name])
         if search.gains[name] < needed or fails:
