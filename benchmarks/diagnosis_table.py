@@ -15,6 +15,7 @@ from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment import DECIDES
 from raccoon.diagnose.hypotheses import INSIDE, Coordinate, base_coordinates
+from raccoon.diagnose.result import LITTLE
 from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.sim.effects import effect
 
@@ -22,7 +23,7 @@ Result = dict[str, Any]
 Number = tuple[float, float, float, float]
 """Value and deviation that were said, the true one, nominal."""
 
-PRACTICAL = 0.05
+PRACTICAL = LITTLE
 """Rise of the held-out error, or contribution, in units of the noise: from here on of practical size."""
 TIE = 0.8
 LIKELY = (0.0, 0.5, 0.8, 0.95, 1.01)
@@ -44,6 +45,7 @@ def print_table(results: Sequence[Result]) -> None:
     _line("false unknown, clean: 40 s, contest, 12 s", "<= 3 %", ", ".join(clean.values()))
     alone = [each for name in _FULL for each in rows[name]]
     _line("names that are right themselves, by the probability that was said", "", _probabilities(alone))
+    _line("what a cause is said to change, over what it does", "", _sizes(single))
     _line("parameters", "median <= 2 %, p90 <= 10 %, cover 92-98 %", _parameters(single))
     numbers = {name: [each for it in rows[name] for each in _numbers(it, it["causes"])] for name in _NUMBERED}
     covered = [f"{name} {_cover(each)}" for name, each in numbers.items() if each]
@@ -220,13 +222,17 @@ def _first_size(result: Result) -> float:
 def _worst(results: Sequence[Result]) -> str:
     main = [each["causes"] and hit(each["causes"][0], [next(iter(each["hidden"]))]) for each in results]
     largest = [flag for flag, each in zip(main, results, strict=True) if _main_acts_most(each)]
-    wrong = [bool(each["causes"]) and not _acts(each, each["causes"][0]) for each in results]
+    absent = [bool(each["causes"]) and not _acts(each, each["causes"][0]) for each in results]
+    wrong = [
+        flag and each["causes"][0]["change"] >= LITTLE for flag, each in zip(absent, results, strict=True)
+    ]
     false = [
         flag and not _measured(each, each["causes"][0]) for flag, each in zip(wrong, results, strict=True)
     ]
     first = f"main cause first {percent(map(bool, main))}, where it acts most {percent(map(bool, largest))}"
     there = f"not there with the number that was said {percent(false)}"
-    return f"{first}, wrong {percent(wrong)}, {there}; {_many(results)}"
+    also = f"with those that were said not to matter {percent(absent)}, {there}"
+    return f"{first}, wrong {percent(wrong)}, {also}; {_many(results)}"
 
 
 def _measured(result: Result, cause: dict[str, Any]) -> bool:
@@ -298,6 +304,17 @@ def _probabilities(results: Sequence[Result]) -> str:
         if right:
             shares.append(f"{low:g} to {min(high, 1.0):g}: {percent(right)}")
     return ", ".join(shares)
+
+
+def _sizes(results: Sequence[Result]) -> str:
+    """What the first cause is said to change beyond what robot.toml leaves open, over the truth."""
+    ratios = [
+        each["causes"][0]["unabsorbed"] / true for each in results if (true := _first_size(each)) > RELEVANT
+    ]
+    if not ratios:
+        return "not run"
+    low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
+    return f"median {middle:.3f}, p10 {low:.3f}, p90 {high:.3f}, of {len(ratios)}"
 
 
 def _parameters(results: Sequence[Result]) -> str:

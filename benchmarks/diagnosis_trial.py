@@ -280,6 +280,8 @@ def said_of(said: Diagnosis) -> dict[str, Any]:
                 "probability": each.probability,
                 "rise": each.gain.heldout_rmse_before - each.gain.heldout_rmse_after,
                 "error": each.gain.heldout_rmse_after,
+                "change": each.change,
+                "unabsorbed": each.unabsorbed,
                 "parameters": {key: [p.value, p.std, p.nominal] for key, p in each.parameters.items()},
             }
             for each in said.causes

@@ -111,6 +111,20 @@ def test_the_parameter_lies_near_the_hidden_one() -> None:
     assert found.value == pytest.approx(hidden.values["seconds"], rel=0.05)
 
 
+def test_what_is_real_but_changes_next_to_nothing_is_said_not_to_matter() -> None:
+    """A reading of 2 counts is read as 0: many zeros give that a name, but none of them is off by much."""
+    hidden = Hidden("bemf.dead_zone", None, {"counts": 2.0}, {"dead_zone": 2.0})
+    said = diagnose(make(6, [hidden], seconds=40.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [hidden.name]
+    assert said.causes[0].little
+    assert said.verdict is Verdict.ADEQUATE
+    late = diagnose(
+        make(5, [draw("imu.latency", np.random.default_rng(5))], seconds=25.0).columns, RobotConfig()
+    )
+    assert late.verdict is Verdict.EXPLAINED
+    assert late.causes[0].change > late.causes[0].unabsorbed > 1.0
+
+
 @pytest.mark.parametrize(
     ("seed", "seconds"),
     [(3, 25.0), (4, 8.0), (5, 30.0), (4, 6.0), (50, 6.0), (14, 12.0), (37, 12.0), (49, 12.0)],

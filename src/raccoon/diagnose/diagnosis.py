@@ -135,7 +135,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     left = judged.left
-    verdict = _verdict(bool(causes), bool(depends_on), left, judged.is_far)
+    verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     return Diagnosis(
         verdict,
@@ -175,6 +175,7 @@ def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
 
 
 def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
+    """causes: whether any that matters was named."""
     if unknown:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     if not causes:

@@ -114,6 +114,15 @@ def _limited_rms(events: Array, most: float, weights: NDArray[np.intp] | None = 
     return float(np.sqrt(np.average(np.minimum(events, most), weights=weights)))
 
 
+@dataclass(frozen=True, slots=True)
+class Contribution:
+    """What one cause changes, root mean square in units of the noise. change: the reading in which it shows
+    most. unabsorbed: all readings, what base numbers inside robot.toml's bounds cannot absorb."""
+
+    change: float
+    unabsorbed: float
+
+
 def held_out(search: Search, other: Problem | None) -> HeldOut:
     """Fit without and with the causes on the first part and judge on the rest, or on another recording."""
     problem = search.problem
@@ -148,12 +157,9 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     )
 
 
-def contributions(search: Search) -> dict[str, float]:
-    """What each cause changes that base numbers, inside robot.toml's bounds, cannot absorb.
-
-    Root mean square over the recording and its channels, in units of what all of them together leave: in a
-    channel that no model follows closely, a cause does less.
-    """
+def contributions(search: Search) -> dict[str, Contribution]:
+    """What each cause changes, in units of what all of them together leave: in a channel that no model
+    follows closely, a cause does less."""
     problem, point = search.problem, search.fit.point
     names = list(point.active)
     outputs = problem.predict([point, *(point.without_cause(name) for name in names)])
@@ -165,9 +171,10 @@ def contributions(search: Search) -> dict[str, float]:
     factor = np.linalg.cholesky(gram)
     found = {}
     for name, without in zip(names, outputs[1:], strict=True):
-        change = ((outputs[0] - without) / floor).ravel()
+        change = (outputs[0] - without) / floor
+        most, change = float(np.sqrt((change**2).mean(axis=0).max())), change.ravel()
         moved = lsq_linear(factor.T, np.linalg.solve(factor, base @ change), (low, high)).x
-        found[name] = float(np.sqrt(((change - moved @ base) ** 2).mean()))
+        found[name] = Contribution(most, float(np.sqrt(((change - moved @ base) ** 2).mean())))
     return found
 
 

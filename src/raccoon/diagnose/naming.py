@@ -10,7 +10,7 @@ from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
-from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
+from raccoon.diagnose.result import LITTLE, CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import SCALE, delay_alike
@@ -41,9 +41,10 @@ NEEDS = {
 
 
 def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[CauseResult, ...]:
-    """The causes of the final set, those first that change most; see `gain.contributions`."""
+    """The causes of the final set: what matters first, and of that what changes most that robot.toml's
+    deviations cannot absorb."""
     sizes = contributions(search)
-    names = sorted(sizes, key=lambda name: -sizes[name])
+    names = sorted(sizes, key=lambda name: (sizes[name].change < LITTLE, -sizes[name].unabsorbed))
     found = []
     for rank, name in enumerate(names, start=1):
         cause = search.problem.causes[name]
@@ -53,7 +54,7 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         found.append(
             CauseResult(
                 cause.id, cause.where, rank, values, gain, probability(search, name, rivals), rivals,
-                _told(cause, values, rivals),
+                _told(cause, values, rivals), sizes[name].change, sizes[name].unabsorbed,
             )
         )  # fmt: skip
     return tuple(found)

@@ -20,6 +20,9 @@ from raccoon.sim.parameters import Parameters
 Array = NDArray[np.float64]
 
 WORST_SECONDS = 0.5
+LITTLE = 0.05
+"""Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
+degrees in a match of two minutes, if it never averages out."""
 
 
 class Verdict(StrEnum):
@@ -32,7 +35,7 @@ class Verdict(StrEnum):
     UNKNOWN = "unknown"
     """The simulation is wrong, and no cause of the catalogue is why."""
     ADEQUATE = "adequate"
-    """Nothing that matters is wrong."""
+    """Nothing that matters is wrong; what is real and does not matter may be named."""
     NOT_IDENTIFIABLE = "not_identifiable"
     """This recording cannot tell."""
 
@@ -74,7 +77,12 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class CauseResult:
-    """A named cause, ranked by what it changes that robot.toml's deviations cannot absorb."""
+    """A named cause.
+
+    change: of the reading in which it shows most, root mean square in units of its noise. unabsorbed: of
+    all readings together, what robot.toml's deviations cannot absorb; causes that matter are ranked by it.
+    Both are NaN where no drive was recorded.
+    """
 
     id: str
     where: str | None
@@ -84,11 +92,23 @@ class CauseResult:
     probability: float
     confounded_with: tuple[str, ...]
     explanation: str
+    change: float = math.nan
+    unabsorbed: float = math.nan
 
     @property
     def name(self) -> str:
         """id, or id@where."""
         return cause_name(self.id, self.where)
+
+    @property
+    def little(self) -> bool:
+        """Whether it is real but does not matter: readings would be next to the same without it."""
+        return self.change < LITTLE
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain types; change and unabsorbed are in it where a drive was recorded."""
+        drive = math.isfinite(self.change)
+        return {key: it for key, it in asdict(self).items() if drive or key not in ("change", "unabsorbed")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,10 +217,11 @@ class Diagnosis:
 
         identified, sensor_faults, shapes and notes are in it where there are any.
         """
-        keys = ("channels", "causes", "rejected")
         return {
             "verdict": str(self.verdict),
-            **{key: [_plain(asdict(each)) for each in getattr(self, key)] for key in keys},
+            "channels": [_plain(asdict(each)) for each in self.channels],
+            "causes": [_plain(each.to_dict()) for each in self.causes],
+            "rejected": [_plain(asdict(each)) for each in self.rejected],
             "unexplained": _plain(asdict(self.unexplained)),
             "suggested_manoeuvres": list(self.suggested_manoeuvres),
             "seconds": self.seconds,

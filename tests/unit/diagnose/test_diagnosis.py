@@ -41,6 +41,7 @@ def test_the_json_has_the_contract_keys(sagging: Diagnosis, tmp_path: Path) -> N
     ]  # fmt: skip
     assert set(read["causes"][0]) == {
         "id", "where", "rank", "parameters", "gain", "probability", "confounded_with", "explanation",
+        "change", "unabsorbed",
     }  # fmt: skip
     assert set(read["causes"][0]["parameters"]["resistance"]) == {"value", "std", "unit", "nominal"}
     assert set(read["channels"][0]) == {

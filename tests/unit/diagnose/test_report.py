@@ -122,6 +122,25 @@ def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
         assert said not in report(replace(FOUND, causes=(small, other)))
 
 
+@pytest.mark.parametrize(("change", "said"), [(0.04, True), (0.06, False), (np.nan, False)])
+def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) -> None:
+    small = replace(CAUSE, change=change, unabsorbed=0.6 * change)
+    assert small.little is said
+    found = replace(
+        FOUND, verdict=Verdict.ADEQUATE if said else Verdict.EXPLAINED, causes=(small,), sensor_faults=()
+    )
+    text, html = terminal_report(found), page(found, "run")
+    assert ("real, but too small to matter" in text) is ("real, but too small to matter" in html) is said
+    headline = html.partition('class="big">')[2].partition("<")[0]
+    assert headline.startswith("The simulation fits" if said else "The K_E of the left motor")
+    assert ("<b>To do" in html) is not said  # nobody at the table has time for it
+    sizes = (
+        "hanges readings by up to 0.04 times their noise (over all, 0.024 beyond what robot.toml leaves open)"
+    )
+    assert (sizes in text) is (sizes in html) is said
+    assert ("hanges readings by" in text) is bool(np.isfinite(change))  # nothing where no drive was recorded
+
+
 def test_the_headline_says_what_else_it_may_be() -> None:
     two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
     text = page(replace(FOUND, causes=(two,)), "run")

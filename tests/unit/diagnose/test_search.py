@@ -433,11 +433,16 @@ def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
     changes = real.predict([point, *(point.without_cause(name) for name in both)])
     floor = np.sqrt((search.linear.residual**2).mean(axis=0))
     whole = [np.sqrt((((changes[0] - each) / floor) ** 2).mean()) for each in changes[1:]]
-    assert found["drive.inertia"] < 0.5 * whole[0]
-    assert 0.5 * whole[1] < found["actuation.latency"] < whole[1]
+    assert found["drive.inertia"].unabsorbed < 0.5 * whole[0]
+    assert 0.5 * whole[1] < found["actuation.latency"].unabsorbed < whole[1]
+    most = [np.sqrt((((changes[0] - each) / floor) ** 2).mean(axis=0).max()) for each in changes[1:]]
+    assert [found[name].change for name in both] == pytest.approx(most, rel=0.01)
     rough = replace(search.linear, residual=3.0 * search.linear.residual)
     less = contributions(replace(search, fit=replace(search.fit, point=point), linear=rough))
-    assert less["actuation.latency"] == pytest.approx(found["actuation.latency"] / 3.0, rel=0.05)
+    assert less["actuation.latency"].unabsorbed == pytest.approx(
+        found["actuation.latency"].unabsorbed / 3.0, rel=0.05
+    )
+    assert less["actuation.latency"].change == pytest.approx(most[1] / 3.0, rel=0.01)
 
 
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:

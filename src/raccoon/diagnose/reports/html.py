@@ -12,6 +12,7 @@ from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_
 from raccoon.diagnose.reports.terminal import (
     UNKNOWABLE,
     VERDICTS,
+    change_text,
     left_text,
     made_up,
     reasons,
@@ -43,6 +44,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         sentence=VERDICTS[diagnosis.verdict].rstrip(":.") + ".",
         todo=[_todo(each) for each in diagnosis.causes],
         remarks=[made_up(each, diagnosis) for each in diagnosis.causes],
+        changes=[change_text(each) for each in diagnosis.causes],
         errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
         rest=[rest_text(diagnosis, each) for each in diagnosis.channels],
         evidence=png(cause_figure(diagnosis)) if diagnosis.causes else None,
@@ -72,8 +74,8 @@ def template(name: str) -> Any:
 
 
 def _headline(diagnosis: Diagnosis) -> str:
-    """The first cause in one sentence, else the verdict."""
-    if diagnosis.causes:
+    """The first cause in one sentence where it matters, else the verdict."""
+    if diagnosis.causes and not diagnosis.causes[0].little:
         return _wrong(diagnosis.causes[0])
     if diagnosis.sensor_faults:
         text = diagnosis.sensor_faults[0].text
@@ -89,6 +91,6 @@ def _wrong(cause: CauseResult) -> str:
 
 
 def _todo(cause: CauseResult) -> str:
-    """The part that says what to do."""
-    advice = cause.explanation.partition(": ")[2]
+    """The part that says what to do; nothing about what does not matter."""
+    advice = "" if cause.little else cause.explanation.partition(": ")[2]
     return advice[:1].upper() + advice[1:]

@@ -149,11 +149,22 @@ def made_up(cause: CauseResult, diagnosis: Diagnosis) -> str:
     return "without it the others would make up for it" if first and alike else ""
 
 
+def change_text(cause: CauseResult) -> str:
+    """How much a cause changes the readings, and whether that matters; nothing but of a drive."""
+    if not math.isfinite(cause.change):
+        return ""
+    little = "real, but too small to matter: it " if cause.little else ""
+    beyond = f"over all, {cause.unabsorbed:.2g} beyond what robot.toml leaves open"
+    return f"{little}changes readings by up to {cause.change:.2g} times their noise ({beyond})"
+
+
 def _cause(cause: CauseResult, remark: str) -> Iterator[str]:
     yield f"  {cause.rank}. {cause.explanation}"
     for name, each in cause.parameters.items():
         yield f"       {name} {number_text(each)} (assumed {each.nominal:.4g})"
     gain = cause.gain
+    if change := change_text(cause):
+        yield f"       {change}"
     yield (
         f"       error on unseen data {gain.heldout_rmse_before:.2f} without it, "
         f"{gain.heldout_rmse_after:.2f} with it "
