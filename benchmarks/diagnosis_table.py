@@ -245,9 +245,12 @@ def _measured(result: Result, cause: dict[str, Any]) -> bool:
 
 
 def _lag(result: Result, name: str) -> float:
-    """s by which a hidden cause delays readings more than is assumed; 0 where it is not hidden."""
+    """s by which a hidden cause delays readings more than is assumed and robot.toml leaves open; 0 where it
+    is not hidden."""
     nominal = result["nominal"].get(name, {})
-    return float(sum(value - nominal[key] for key, value in result["true"].get(name, {}).items()))
+    late = float(sum(value - nominal[key] for key, value in result["true"].get(name, {}).items()))
+    own = (each.value(INSIDE) for each in base_coordinates(RobotConfig()) if each.settings[0][0] == name)
+    return math.copysign(max(abs(late) - next(own, 0.0), 0.0), late)
 
 
 def _acts(result: Result, cause: dict[str, Any]) -> bool:

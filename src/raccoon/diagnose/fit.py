@@ -190,18 +190,23 @@ def fit_at(problem: Problem, whitener: Whitening, point: Point) -> Fit:
     return fit_point(problem, whitener, point, 1)
 
 
-def cost_with_last_held(problem: Problem, whitener: Whitening, settled: Fit, point: Point) -> float:
+def cost_with_last_held(
+    problem: Problem, whitener: Whitening, settled: Fit, point: Point, held: Sequence[int] = ()
+) -> float:
     """What a fit costs whose last coordinate stays, all others going from a point to where they are best.
 
-    settled: the fit without it, whose columns are as good as those of the point.
+    settled: the fit without it, whose columns are as good as those of the point. held: coordinates of it that
+    stay as well.
     """
-    columns = settled.jacobian
-    low, high = problem.limits(settled.point)
+    moving = np.delete(np.arange(len(settled.jacobian)), held)
+    columns = settled.jacobian[moving]
+    low, high = (each[moving] for each in problem.limits(settled.point))
     gram, costs = columns @ columns.T + np.eye(len(columns)), []
     for _ in range(HELD_STEPS):
         white = whitener(problem.features.measured - problem.predict([point]))[0]
-        vector, held = np.split(point.vector(), [-1])
+        vector = point.vector()
         costs.append(float(white @ white + vector @ vector))
-        step = bounded_least(gram, columns @ white - vector, low - vector, high - vector)
-        point = point.moved(np.concatenate([vector + step, held]))
+        own = vector[moving]
+        vector[moving] += bounded_least(gram, columns @ white - own, low - own, high - own)
+        point = point.moved(vector)
     return min(costs)

@@ -9,6 +9,7 @@ from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.own import OwnEffect
+from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import LITTLE, CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
@@ -54,17 +55,19 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         found.append(
             CauseResult(
                 cause.id, cause.where, rank, values, gain, probability(search, name, rivals), rivals,
-                _told(cause, values, rivals), sizes[name].change, sizes[name].unabsorbed,
+                _told(search.problem, cause, values, rivals), sizes[name].change, sizes[name].unabsorbed,
             )
         )  # fmt: skip
     return tuple(found)
 
 
-def _told(cause: Cause, values: dict[str, ParameterResult], rivals: tuple[str, ...]) -> str:
+def _told(problem: Problem, cause: Cause, values: dict[str, ParameterResult], rivals: tuple[str, ...]) -> str:
+    """The cause in a sentence. A lag is the sum of itself and of what it is not told from, but of a lag that
+    robot.toml leaves open: that has a number of its own."""
     if cause.own is not None:
         return cause.own.told({name: each.value for name, each in values.items()})
     said = explanation(cause.id, cause.where, values)
-    both = [each for each in rivals if delay_alike(cause.name, each)]
+    both = [each for each in rivals if delay_alike(cause.name, each) and not problem.left_open(each)]
     return f"{said} With {' or '.join(both)} beside it this is the sum of their times." if both else said
 
 

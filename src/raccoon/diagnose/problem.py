@@ -157,6 +157,11 @@ class Problem:
         """Everything as robot.toml says."""
         return Point(np.zeros(len(self.base)))
 
+    def left_open(self, name: str) -> list[int]:
+        """The base coordinates that move what a cause moves: what robot.toml leaves open of it."""
+        moved = {key for each in self.causes[name].coordinates for key in each.settings}
+        return [index for index, each in enumerate(self.base) if moved & set(each.settings)]
+
     def steps(self, point: Point) -> Array:
         """How far to move each coordinate of the point's vector for its column."""
         causes = [coordinate.step for name in point.active for coordinate in self.causes[name].coordinates]

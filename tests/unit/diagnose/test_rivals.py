@@ -64,8 +64,10 @@ def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -
     whole = settings[("imu.latency", None, "seconds")] + settings[("drive.wheel_slip", "left", "time")]
     assert values["seconds"].value == pytest.approx(whole, abs=2.0 * values["seconds"].std)
     assert values["seconds"].std < 0.25 * whole
-    assert "With drive.wheel_slip beside it this is the sum of their times." in _told(cause, values, rivals)
-    assert "sum" not in _told(cause, values, ())
+    assert "With drive.wheel_slip beside it this is the sum of their times." in _told(
+        problem, cause, values, rivals
+    )
+    assert "sum" not in _told(problem, cause, values, ())
 
 
 def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: Problem) -> None:
@@ -79,6 +81,25 @@ def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: 
     assert tried[False].lead > CLOSE
     assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
     assert probability(search, "imu.latency", ("drive.wheel_slip",)) > 0.999
+
+
+@pytest.mark.parametrize(("cause", "widths"), [("actuation.latency", 0.1), ("bemf.filter_lag", -0.3)])
+def test_a_lag_that_is_told_from_the_filter_is_not_said_to_be_in_part_it(
+    problem: Problem, cause: str, widths: float
+) -> None:
+    """What robot.toml leaves open of the filter took back what the latency gave away, so that any latency was
+    said to be the sum; and a filter that is quicker than assumed is no latency in part."""
+    both = {each.name: each for each in drive_causes() if each.id in ("actuation.latency", "bemf.filter_lag")}
+    lagging = replace(problem, causes=both)
+    late = problem.nominal().with_cause(cause, np.array([widths]))
+    search = searched(lagging, late, late)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, late))
+    assert compared(search) is None
+    assert confounded(search, both[cause]) == ()
+    values = parameters(search, both[cause], Spread.of(search))
+    other = next(iter(set(both) - {cause}))
+    said = _told(lagging, both[cause], values, (other,))
+    assert ("sum" in said) is (other == "actuation.latency")  # of the filter base numbers know a part already
 
 
 def test_numbers_of_a_short_drive_are_less_sure(problem: Problem) -> None:

@@ -44,8 +44,6 @@ def compared(search: Search) -> Fit | None:
     problem, whitener = search.problem, search.whitener
     search.rivals = {name: [] for name in search.fit.point.active}
     tried = list(_exchanged(search))
-    if not tried:
-        return None
     settled = fit_point(problem, whitener, search.fit.point, 3)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, [point for _, _, point in tried], base, 4)
@@ -63,15 +61,23 @@ def compared(search: Search) -> Fit | None:
         search.rivals[name].append(Rival(other, lacking, beside=True))
     for each in search.rivals.values():
         each.sort(key=lambda rival: rival.lead)
-    best = max(fits, key=lambda fit: net_lead(search, fit, settled))
+    best = max(fits, key=lambda fit: net_lead(search, fit, settled), default=settled)
     return best if net_lead(search, best, settled) > BETTER else None
 
 
 def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:
-    """Each lag of which another may be a good part, that other, and the log evidence that this lacks."""
+    """Each lag of which another may be a good part, that other, and the log evidence that this lacks.
+
+    What robot.toml leaves open of that other stays: it would take back what the lag gives away, and the lag
+    would be said to be the sum of both, where it is told from the other well.
+    """
+    problem, whitener = search.problem, search.whitener
     for other, start in shared_lags(search, PART):
+        if problem.causes[other].one_sided and start.active[other][0] <= 0.0:
+            continue  # a filter that is quicker than assumed is no latency in part
         name = next(each for each in search.rivals if delay_alike(each, other))
-        lacks = 0.5 * (cost_with_last_held(search.problem, search.whitener, settled, start) - settled.cost)
+        held = problem.left_open(other)
+        lacks = 0.5 * (cost_with_last_held(problem, whitener, settled, start, held) - settled.cost)
         if lacks < 0.5 * DEVIATIONS**2:
             yield name, other, lacks
 
