@@ -41,8 +41,8 @@ def print_table(results: Sequence[Result]) -> None:
         _line(title, asked, measure(rows[name]) if rows[name] else "not run")
     single = rows["single"]
     _line("false unknown, known effect", "<= 5 %", percent(map(_called_unknown, single)))
-    clean = {name: percent(map(_called_unknown, rows[name])) for name in _ROWS if name.startswith("clean")}
-    _line("false unknown, clean: 40 s, contest, 12 s", "<= 3 %", ", ".join(clean.values()))
+    clean = [percent(map(_called_unknown, rows[name])) for name in _ROWS if name.startswith("clean")]
+    _line("false unknown, clean: 40 s, contest, 12 s", "<= 3 %", ", ".join(clean))
     alone = [each for name in _FULL for each in rows[name]]
     _line("names that are right themselves, by the probability that was said", "", _probabilities(alone))
     _line("what a cause is said to change, over what it does", "", _sizes(single))
@@ -224,7 +224,7 @@ def _worst(results: Sequence[Result]) -> str:
     largest = [flag for flag, each in zip(main, results, strict=True) if _main_acts_most(each)]
     absent = [bool(each["causes"]) and not _acts(each, each["causes"][0]) for each in results]
     wrong = [
-        flag and each["causes"][0]["change"] >= LITTLE for flag, each in zip(absent, results, strict=True)
+        flag and each["causes"][0]["change"] >= PRACTICAL for flag, each in zip(absent, results, strict=True)
     ]
     false = [
         flag and not _measured(each, each["causes"][0]) for flag, each in zip(wrong, results, strict=True)

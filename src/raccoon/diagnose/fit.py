@@ -191,7 +191,7 @@ def fit_at(problem: Problem, whitener: Whitening, point: Point) -> Fit:
 
 
 def cost_with_last_held(
-    problem: Problem, whitener: Whitening, settled: Fit, point: Point, held: Sequence[int] = ()
+    problem: Problem, whitener: Whitening, settled: Fit, point: Point, held: Sequence[int]
 ) -> float:
     """What a fit costs whose last coordinate stays, all others going from a point to where they are best.
 

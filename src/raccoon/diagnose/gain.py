@@ -18,10 +18,11 @@ Array = NDArray[np.float64]
 FITTED_PART = 0.7
 MOST_OF_EVENT = 4.0
 FAR_FROM_NOISE = 0.2
-"""Error on unseen data beyond what is expected of it, as a part of that, at which a model that nothing
-improves is wrong, where that data is"""
+"""Error on unseen data beyond what is expected of it, as a part of that, from which a model that nothing
+improves is wrong, where that data is as long as `USUAL_EVENTS`."""
 USUAL_EVENTS = 24.0
-"""half seconds, the rest of 40 s. Chance makes more of fewer: up to 0.4 of the 4 of clean drives of 6 s."""
+"""Half seconds that are the rest of 40 s. Chance makes more of fewer: up to 0.4 of the 4 of clean drives of
+6 s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,9 +173,10 @@ def contributions(search: Search) -> dict[str, Contribution]:
     found = {}
     for name, without in zip(names, outputs[1:], strict=True):
         change = (outputs[0] - without) / floor
-        most, change = float(np.sqrt((change**2).mean(axis=0).max())), change.ravel()
-        moved = lsq_linear(factor.T, np.linalg.solve(factor, base @ change), (low, high)).x
-        found[name] = Contribution(most, float(np.sqrt(((change - moved @ base) ** 2).mean())))
+        moved = lsq_linear(factor.T, np.linalg.solve(factor, base @ change.ravel()), (low, high)).x
+        left = change.ravel() - moved @ base
+        most = np.sqrt((change**2).mean(axis=0)).max()
+        found[name] = Contribution(float(most), float(np.sqrt((left**2).mean())))
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from raccoon.diagnose.forms import LEAST_ERROR, form_error
 from raccoon.diagnose.gain import HeldOut, contributions
@@ -11,7 +12,7 @@ from raccoon.diagnose.log import Log
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
-from raccoon.diagnose.result import LITTLE, CauseResult, Gain, ParameterResult, Rejected
+from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import SCALE, delay_alike
@@ -44,21 +45,20 @@ NEEDS = {
 def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[CauseResult, ...]:
     """The causes of the final set: what matters first, and of that what changes most that robot.toml's
     deviations cannot absorb."""
-    sizes = contributions(search)
-    names = sorted(sizes, key=lambda name: (sizes[name].change < LITTLE, -sizes[name].unabsorbed))
     found = []
-    for rank, name in enumerate(names, start=1):
+    for name, size in contributions(search).items():
         cause = search.problem.causes[name]
         values = parameters(search, cause, spread)
         gain = Gain(judged.without[name], judged.size_after, judged.share(name))
         rivals = confounded(search, cause)
         found.append(
             CauseResult(
-                cause.id, cause.where, rank, values, gain, probability(search, name, rivals), rivals,
-                _told(search.problem, cause, values, rivals), sizes[name].change, sizes[name].unabsorbed,
+                cause.id, cause.where, 0, values, gain, probability(search, name, rivals), rivals,
+                _told(search.problem, cause, values, rivals), size.change, size.unabsorbed,
             )
         )  # fmt: skip
-    return tuple(found)
+    found.sort(key=lambda each: (each.little, -each.unabsorbed))
+    return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
 
 
 def _told(problem: Problem, cause: Cause, values: dict[str, ParameterResult], rivals: tuple[str, ...]) -> str:

@@ -158,16 +158,21 @@ def shared_lags(search: Search, part: float = 0.5) -> list[tuple[str, Point]]:
     """
     point, causes = search.fit.point, search.problem.causes
     found = []
-    for family in LAGS:
-        for name in (each for each in point.active if each in family):
-            (own,) = causes[name].coordinates
-            kept, given = (1.0 - part) * point.active[name], part * point.active[name]
-            for other in family:
-                if other in causes and apart(other, point.active):
-                    (coordinate,) = causes[other].coordinates
-                    u = given * own.value(1.0) / coordinate.value(1.0)
-                    found.append((other, point.with_cause(name, kept).with_cause(other, u)))
+    for name, other in _lag_pairs(search):
+        (own,), (coordinate,) = causes[name].coordinates, causes[other].coordinates
+        kept, given = (1.0 - part) * point.active[name], part * point.active[name]
+        u = given * own.value(1.0) / coordinate.value(1.0)
+        if u[0] > 0.0 or not causes[other].one_sided:  # a quicker filter is no latency in part
+            found.append((other, point.with_cause(name, kept).with_cause(other, u)))
     return found
+
+
+def _lag_pairs(search: Search) -> Iterator[tuple[str, str]]:
+    """Each lag that is on, with each other lag in the same reading that is off."""
+    active, causes = search.fit.point.active, search.problem.causes
+    for family in LAGS:
+        for name in (each for each in active if each in family):
+            yield from ((name, other) for other in family if other in causes and apart(other, active))
 
 
 def strained(fit: Fit, deviations: float = STRAINED) -> bool:

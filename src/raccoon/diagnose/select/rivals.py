@@ -73,8 +73,6 @@ def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:
     """
     problem, whitener = search.problem, search.whitener
     for other, start in shared_lags(search, PART):
-        if problem.causes[other].one_sided and start.active[other][0] <= 0.0:
-            continue  # a filter that is quicker than assumed is no latency in part
         name = next(each for each in search.rivals if delay_alike(each, other))
         held = problem.left_open(other)
         lacks = 0.5 * (cost_with_last_held(problem, whitener, settled, start, held) - settled.cost)
