@@ -70,14 +70,25 @@ def effective(p: Plant, order: Order) -> Order:
 
 
 def mixed(older: Order, newer: Order, share: float) -> Order:
-    """The mean of a step in which the older order holds for `share` of the time, then the newer one."""
-    rest = 1.0 - share
-    return (
-        older[0] * share + newer[0] * rest,
-        older[1] * share + newer[1] * rest,
-        older[2] * share + newer[2] * rest,
-        older[3] * share + newer[3] * rest,
-    )
+    """What acts in a step in which the older order holds for `share` of the time, then the newer one."""
+    left, closed_left = over_both(older[0], older[2], newer[0], newer[2], share)
+    right, closed_right = over_both(older[1], older[3], newer[1], newer[3], share)
+    return left, right, closed_left, closed_right
+
+
+def over_both(
+    older: float, older_closed: float, newer: float, newer_closed: float, share: float
+) -> tuple[float, float]:
+    """A bridge's duty and how long it is closed, where an older order holds for `share` and then a newer one.
+
+    It is closed for the mean of both. Its duty is the mean over the time in which it is closed: what drives
+    the motor is their product, and a motor that starts from coasting, with duty 0, gets all of the newer
+    one's volts from then on.
+    """
+    held = older_closed * share
+    closed = held + newer_closed * (1.0 - share)
+    part = held / (closed if closed > 0.0 else 1.0)
+    return older * part + newer * (1.0 - part), closed
 
 
 def command(order: Order, sample_left: float, sample_right: float) -> Command:

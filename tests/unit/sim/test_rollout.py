@@ -150,6 +150,17 @@ def test_a_latency_shifts_the_response_by_just_that() -> None:
     np.testing.assert_allclose(shifted[3:], prompt[:-3], atol=1e-9)
 
 
+@pytest.mark.parametrize("latency", [0.0004, 0.0035, 0.0137])
+def test_a_late_command_may_come_within_a_step(latency: float) -> None:
+    """A motor that coasted gets all of its volts from then on, and one that is let go none."""
+    duty = np.where((np.arange(400) // 40) % 2 == 0, 0.0, LEFT)
+    commands = Commands.of_wheels(TIME, duty, -0.7 * duty, brake=False)
+    late = nominal().with_effect("actuation.latency", seconds=latency)
+    coarse, fine = (rollout(late, commands, longest_step=each) for each in (0.001, 0.00005))
+    for name in ("motor.0.bemf", "motor.1.bemf"):
+        assert np.std(coarse[name] - fine[name]) < 1.0  # counts of some 1000
+
+
 def test_noise_differs_between_robots_and_is_that_of_the_seed() -> None:
     robots = [nominal()] * 40
     first, again, other = (rollout(robots, STEPS, noise=Noise(), seed=seed) for seed in (1, 1, 2))
