@@ -94,7 +94,8 @@ def _searched(
     problem, habits = problem_of(log, robot, causes, model)
     search = search_causes(problem, probes_for(problem))
     usual = replace(habits, chain=Chain.firmware())
-    if habits == usual or not any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active):
+    suspicious = any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
+    if habits == usual or habits.clear or not suspicious:
         return search, habits
     again = drive_problem(log, robot, causes, usual, model)
     second = search_causes(again, probes_for(again))

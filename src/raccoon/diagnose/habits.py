@@ -27,6 +27,8 @@ CHAINS = (Chain.firmware(), Chain())
 FAR = 60.0
 USUAL = 0.06
 """How much log misfit another filter than the firmware's must save."""
+FAR_LESS = 0.7
+"""Log misfit that another filter saves where there is no doubt: none of what a cause can do halves it."""
 CLEARLY = 0.2
 """The same for motors that brake at duty 0, where both are possible."""
 LATE = "actuation.latency"
@@ -92,7 +94,8 @@ def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parame
     misfit, point = found[best]
     another = Habits(other, choices[best].brake)
     anothers, _ = _fitted(_loosened(drive_problem(wheels, robot, causes, another, model)), point)
-    return another if anothers < misfit - USUAL else choices[best]
+    saved = misfit - anothers
+    return replace(another, clear=saved > FAR_LESS) if saved > USUAL else choices[best]
 
 
 def _loosened(problem: Problem) -> Problem:

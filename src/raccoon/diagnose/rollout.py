@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol, cast
 
 import numpy as np
@@ -17,7 +17,15 @@ from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import LOOSE_STEP, plant_numbers, safe_step, sample_slots, wiring_signs
+from raccoon.sim.physical import (
+    LOOSE_STEP,
+    SHORTEST,
+    plant_numbers,
+    safe_step,
+    sample_slots,
+    time_constants,
+    wiring_signs,
+)
 from raccoon.sim.quantities import Plant
 from raccoon.sim.rollout import Lanes, rollout
 
@@ -84,10 +92,14 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the recording does not say of the controller: its sensor chain, and whether duty 0 brakes."""
+    """What the recording does not say of the controller: its sensor chain, and whether duty 0 brakes.
+
+    clear: whether no other chain comes near to this one in the recording.
+    """
 
     chain: Chain
     brake: bool
+    clear: bool = field(default=False, compare=False)
 
 
 class PlantRollout:
@@ -119,12 +131,24 @@ class PlantRollout:
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Array, float]:
         lanes = self._lanes(variants)
+        possible = time_constants(lanes.plant) >= SHORTEST
+        if not possible.all():
+            return self._of_possible(variants, possible)
         step = min(LOOSE_STEP, safe_step(lanes.plant))
         samples = self._with_own(variants, step) if self._own else self._samples(lanes, self._commands, step)
         for index, (side, measured) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)
             samples[deaf, index] = heard(samples[deaf, index], zones[deaf, None], measured)
+        return samples, step
+
+    def _of_possible(self, variants: Sequence[Settings], possible: NDArray[np.bool_]) -> tuple[Array, float]:
+        """No numbers for robots that cannot be: a fit on its way tries such as have next to no inertia."""
+        samples = np.full((len(variants), len(self._roles), len(self._time)), np.nan)
+        step = LOOSE_STEP
+        if possible.any():
+            kept = [each for each, able in zip(variants, possible, strict=True) if able]
+            samples[possible], step = self(kept)
         return samples, step
 
     def _commanded(self, duty: Array) -> Commands:

@@ -158,27 +158,44 @@ class _Sides:
         return model.left.back_emf_constant.value * left, model.right.back_emf_constant.value * right
 
 
+SHORTEST = 1e-4
+"""S: no drive train's mechanical time constant is below it."""
+
+
+def time_constants(plants: NDArray[np.float64]) -> NDArray[np.float64]:
+    """s: each robot's mechanical time constant, (robots,), that of a stiff battery, J / (K^2 / R + B), with
+    the smaller of the two inertias; a battery's resistance only makes it longer.
+
+    plants: (robots, fields of Plant).
+    """
+    at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
+    damping = [
+        at[f"back_emf_{side}"] ** 2 / at[f"resistance_{side}"] + at[f"viscous_{side}"] for side in SIDES
+    ]
+    return np.asarray(_least_inertia(plants) / np.maximum(*damping), float)
+
+
+def _least_inertia(plants: NDArray[np.float64]) -> NDArray[np.float64]:
+    own, other = (plants[:, Plant._fields.index(f"inertia_{each}")] for each in ("own", "other"))
+    return np.asarray(own - np.abs(other), float)
+
+
 def safe_step(plants: NDArray[np.float64]) -> float:
     """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant, and
     a millisecond where gears have play: a wheel that meets a tooth jumps, and readings are before or after.
     Where wheels give before they slide, the swing of bristles and inertia as well.
 
-    plants: (robots, fields of Plant). The time constant is that of a stiff battery, J / (K^2 / R + B), with
-    the smaller of the two inertias; a battery's resistance only makes it longer. Raises ConfigError where it
-    is below 0.1 ms, which no drive train has.
+    plants: (robots, fields of Plant). Raises ConfigError where a time constant is below 0.1 ms, which no
+    drive train has.
     """
     at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
-    inertia = at["inertia_own"] - np.abs(at["inertia_other"])
-    damping = [
-        at[f"back_emf_{side}"] ** 2 / at[f"resistance_{side}"] + at[f"viscous_{side}"] for side in SIDES
-    ]
-    shortest = float(np.min(inertia / np.maximum(*damping)))
-    if shortest < 1e-4:
+    shortest = float(np.min(time_constants(plants)))
+    if shortest < SHORTEST:
         raise ConfigError(
-            f"the robot's mechanical time constant is {shortest} s: allowed are 0.0001 s and more"
+            f"the robot's mechanical time constant is {shortest} s: allowed are {SHORTEST:g} s and more"
         )
     loose = any(np.any(at[f"half_play_{side}"] > 0.0) for side in SIDES)
-    swing = np.sqrt(at["compliance"] * inertia)
+    swing = np.sqrt(at["compliance"] * _least_inertia(plants))
     swiftest = float(np.min(swing, where=swing > 0.0, initial=math.inf))
     return min(0.5 * shortest, LOOSE_STEP if loose else math.inf, BRISTLE_STEP * swiftest)
 

@@ -82,3 +82,16 @@ def test_no_more_is_kept_than_allowed(problem: Problem, monkeypatch: pytest.Monk
     counted.predict([second, third])
     counted.predict([first])
     assert counting.asked == [3, 1]
+
+
+def test_a_robot_that_cannot_be_gives_no_numbers_and_leaves_the_others_alone(problem: Problem) -> None:
+    """A fit on its way may try one that has next to no inertia, beside others that are sound."""
+    sound = problem.settings(problem.nominal())
+    weightless = {**sound, ("inertia", None, "straight"): 1e-6}
+    samples, step = problem.rollout([sound, weightless, sound])
+    alone, _ = problem.rollout([sound, sound])
+    assert np.isnan(samples[1]).all()
+    np.testing.assert_array_equal(samples[[0, 2]], alone)
+    nothing, _ = problem.rollout([weightless])
+    assert np.isnan(nothing).all()
+    assert step > 0.0

@@ -1,0 +1,62 @@
+"""What a recording does not say of the controller, and how it is found out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.drives import exciting
+from blind.generator import make
+from blind.hidden import draw
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.experiment import planned_log
+from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.rollout import _cycle
+from raccoon.sim.chain import Chain
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.rollout import rollout
+
+ROBOT = RobotConfig()
+CAUSES = drive_causes()
+
+
+def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None:
+    hidden = [
+        draw(each, np.random.default_rng(3)) for each in ("battery.open_circuit_voltage", "imu.latency")
+    ]
+    log = log_from_columns(make(3, hidden, seconds=10.0).columns, ROBOT)
+    _, habits = problem_of(log, ROBOT, CAUSES)
+    assert habits.chain == Chain.firmware()
+
+
+@pytest.mark.parametrize("chain", [Chain(), Chain.firmware()])
+def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
+    rng = np.random.default_rng(3)
+    duty = exciting(rng, 10.0)
+    time = 0.005 * np.arange(len(duty))
+    noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
+    commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], False)
+    sticky = {"torque": 0.05, "speed": 0.5}
+    robot = Parameters(
+        ROBOT, {("friction.stiction", "left"): sticky, ("friction.stiction", "right"): sticky}, chain
+    )
+    run = rollout([robot], commands, channels=tuple(noise), longest_step=0.001)
+    columns = {name: run[name][0] + noise[name] * rng.standard_normal(len(time)) for name in noise}
+    columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
+    _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES)
+    assert habits.chain == chain
+    assert habits.clear == (chain != Chain.firmware())
+
+
+@pytest.mark.parametrize(
+    ("row", "cycle"), [(0.005, 0.005), (0.02, 0.005), (0.0042, 0.0042), (0.011, 0.0055), (0.001, 0.005)]
+)
+def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: float) -> None:
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    shaken = row * (np.arange(len(log.time)) + np.random.default_rng(2).uniform(-0.05, 0.05, len(log.time)))
+    assert _cycle(replace(log, time=shaken), 0.005) == pytest.approx(cycle, rel=0.02)
