@@ -104,6 +104,15 @@ def test_a_cause_of_a_few_large_moments_is_not_called_unknown() -> None:
     assert not said.unexplained.depends_on
 
 
+@pytest.mark.parametrize(("torque", "seed"), [(0.2309, 519595171), (0.2249, 1531606271)])
+def test_a_friction_that_stops_wheels_is_not_called_unknown(torque: float, seed: int) -> None:
+    """Along the columns of wheels that turn it is a poor fit, and a free curve over speed is a good one."""
+    more = Hidden("friction.coulomb", None, {"torque": torque}, {"coulomb": torque})
+    said = diagnose(make(seed, [more], seconds=40.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [more.name]
+    assert not said.unexplained.depends_on
+
+
 def test_the_parameter_lies_near_the_hidden_one() -> None:
     hidden = draw("actuation.latency", np.random.default_rng(5))
     said = diagnose(make(5, [hidden], seconds=25.0).columns, RobotConfig())

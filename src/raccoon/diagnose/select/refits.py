@@ -198,6 +198,10 @@ def refits_afresh(search: Search, refits: Sequence[tuple[str, Fit]]) -> list[tup
             break
         if name in causes and name not in starts and apart(name, point.active):
             starts[name] = [point.with_cause(name, first_guess(search, group, mean))]
+    for name, fit in refits:
+        whole = name.partition("@")[0]
+        if name in starts and whole != name and whole in causes and apart(whole, point.active):
+            starts.setdefault(whole, []).append(point.with_cause(whole, fit.point.active[name]))
     astray = [name for name, fit in refits if fit.evidence < search.fit.evidence - ASTRAY]
     for name in dict.fromkeys([*starts, *astray]):
         if causes[name].one_sided:

@@ -49,26 +49,36 @@ WEAK = 3.0
 def forward(search: Search) -> tuple[Search, bool]:
     """Add the cause that explains most, if its evidence and its held-out blocks allow.
 
-    A probe that explains far more than any cause goes first: what it describes is in no catalogue.
+    A probe that explains far more than any cause goes first: what it describes is in no catalogue. It goes
+    only where causes whose every column was simulated anew are behind it as well: a friction that makes
+    wheels stop is a poor fit along the columns of wheels that never did, and a curve over speed is not.
     """
     refits = refit_candidates(search)
     settled = settled_fit(search)
     ranked = ranking(search.problem, refits, settled)
     probe = best_probe(search)
-    known = refits[0][1].evidence - settled.evidence if refits else 0.0
-    far_ahead = probe.evidence > PROBE_LEAD * max(known, 0.0)
-    far_ahead |= probe.lead > PROBE_FAR * max((gain for _, _, gain in ranked), default=0.0)
-    if probe.lead > PROBE_GATE and far_ahead:
-        return _with_unknown(search, probe), True
+    afresh = _far_ahead(probe, ranked, settled)
+    if afresh:
+        ranked = ranking(search.problem, refits_afresh(search, refits), settled)
+        if _far_ahead(probe, ranked, settled):
+            return _with_unknown(search, probe), True
     taken = _first_that_passes(search, ranked, settled)
-    if taken is None and doubtful(settled):
+    alone = not (search.fit.point.active or search.unknown)
+    shows = probe.lead > (PROBE_ALONE if alone else PROBE_GATE)
+    if taken is None and not afresh and (shows or doubtful(settled)):
         ranked = ranking(search.problem, refits_afresh(search, refits), settled)
         taken = _first_that_passes(search, ranked, settled)
     if taken is not None:
         return taken, True
-    if probe.lead > (PROBE_GATE if search.fit.point.active or search.unknown else PROBE_ALONE):
-        return _with_unknown(search, probe), True
-    return search, False
+    return (_with_unknown(search, probe), True) if shows else (search, False)
+
+
+def _far_ahead(probe: Probed, ranked: Sequence[tuple[str, Fit, float]], settled: Fit) -> bool:
+    """Whether a probe explains so much more than any cause that it goes first."""
+    most = max((fit.evidence - settled.evidence for _, fit, _ in ranked), default=0.0)
+    furthest = max((gain for _, _, gain in ranked), default=0.0)
+    further = probe.lead > PROBE_FAR * furthest or probe.evidence > PROBE_LEAD * max(most, 0.0)
+    return probe.lead > PROBE_GATE and further
 
 
 def _first_that_passes(
