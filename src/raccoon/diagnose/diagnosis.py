@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
+from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.gain import HeldOut, held_out
-from raccoon.diagnose.habits import drive_problem, problem_of
+from raccoon.diagnose.habits import another_chain, drive_problem, problem_of
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
@@ -24,6 +25,7 @@ from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Unexplained
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, estimated
+from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import pruned, search_causes
 from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.spread import Spread
@@ -38,6 +40,8 @@ LARGE_REST = 0.3
 LIKE_A_FILTER = ("actuation.latency", "bemf.filter_lag")
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
+FAR_BEHIND = 100.0
+"""By how much the firmware's may lack with the causes that were found under another, and be tried."""
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
 HARM = 0.9
@@ -87,19 +91,26 @@ def diagnose(
 def _searched(
     log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None
 ) -> tuple[Search, Habits]:
-    """The search under the habits that fit best; under the firmware's too where others look suspicious.
+    """The search under the habits that fit best, and under another filter where that may be the controller's.
 
-    Another filter than the firmware's with a latency or a lag beside it may be the firmware's after all.
+    Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a
+    filter does: so what was found is fitted under the other one too. The firmware's may be the right one
+    where a latency or a lag stands in for it, and need not be ahead before it has been searched under.
     """
     problem, habits = problem_of(log, robot, causes, model)
     search = search_causes(problem, probes_for(problem))
-    usual = replace(habits, chain=Chain.firmware())
-    suspicious = any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
-    if habits == usual or habits.clear or not suspicious:
+    if habits.clear:
         return search, habits
-    again = drive_problem(log, robot, causes, usual, model)
+    other = replace(habits, chain=another_chain(habits.chain))
+    again = drive_problem(log, robot, causes, other, model)
+    ahead = net_lead(search, fit_point(again, search.whitener, search.fit.point), search.fit)
+    firmware = other.chain == Chain.firmware()
+    imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
+    if ahead < (-FAR_BEHIND if imitated else DOUBT):
+        return search, habits
     second = search_causes(again, probes_for(again))
-    return (second, usual) if explains_more(second, search) > -DOUBT else (search, habits)
+    wanted = -DOUBT if firmware else DOUBT
+    return (second, other) if explains_more(second, search) > wanted else (search, habits)
 
 
 def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:

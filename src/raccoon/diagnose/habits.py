@@ -84,18 +84,23 @@ def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parame
     """Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
     what the wheels were driven with."""
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    firmware, other = CHAINS
+    firmware = CHAINS[0]
     choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
     if not any(each.role in WHEELS for each in log.channels):
-        return choices[0]
+        return replace(choices[0], clear=True)  # nothing that a filter changes is in the recording
     problems = [_loosened(drive_problem(wheels, robot, causes, each, model)) for each in choices]
     found = [_fitted(each, _late_start(each)) for each in problems]
     best = 1 if len(found) > 1 and found[1][0] < found[0][0] - CLEARLY else 0
     misfit, point = found[best]
-    another = Habits(other, choices[best].brake)
+    another = Habits(another_chain(firmware), choices[best].brake)
     anothers, _ = _fitted(_loosened(drive_problem(wheels, robot, causes, another, model)), point)
     saved = misfit - anothers
     return replace(another, clear=saved > FAR_LESS) if saved > USUAL else choices[best]
+
+
+def another_chain(chain: Chain) -> Chain:
+    """The one that a controller has if not this one."""
+    return next(each for each in CHAINS if each != chain)
 
 
 def _loosened(problem: Problem) -> Problem:

@@ -12,6 +12,7 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
@@ -34,23 +35,39 @@ def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None
     assert habits.chain == Chain.firmware()
 
 
-@pytest.mark.parametrize("chain", [Chain(), Chain.firmware()])
-def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
-    rng = np.random.default_rng(3)
-    duty = exciting(rng, 10.0)
+def recorded(robot: Parameters, seconds: float, seed: int = 3) -> dict[str, np.ndarray]:
+    """A drive of a simulated robot, in whole counts, with the noise of its sensors."""
+    rng = np.random.default_rng(seed)
+    duty = exciting(rng, seconds)
     time = 0.005 * np.arange(len(duty))
     noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
     commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], False)
+    run = rollout([robot], commands, channels=tuple(noise), longest_step=0.001)
+    columns = {name: run[name][0] + noise[name] * rng.standard_normal(len(time)) for name in noise}
+    return columns | {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
+
+
+@pytest.mark.parametrize("chain", [Chain(), Chain.firmware()])
+def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     sticky = {"torque": 0.05, "speed": 0.5}
     robot = Parameters(
         ROBOT, {("friction.stiction", "left"): sticky, ("friction.stiction", "right"): sticky}, chain
     )
-    run = rollout([robot], commands, channels=tuple(noise), longest_step=0.001)
-    columns = {name: run[name][0] + noise[name] * rng.standard_normal(len(time)) for name in noise}
-    columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
-    _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES)
+    _, habits = problem_of(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES)
     assert habits.chain == chain
     assert habits.clear == (chain != Chain.firmware())
+
+
+def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:
+    """Before that, what base numbers cannot do for a deadband hides what the filter does."""
+    dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
+    columns = recorded(dead, 20.0, seed=1)
+    _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES)
+    assert habits.chain == Chain.firmware()
+    said = diagnose(columns, ROBOT)
+    assert [each.name for each in said.causes] == ["actuation.deadband"]
+    assert said.model is not None
+    assert said.model.chain == Chain()
 
 
 @pytest.mark.parametrize(
