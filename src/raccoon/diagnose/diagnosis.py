@@ -99,8 +99,6 @@ def _searched(
     """
     problem, habits = problem_of(log, robot, causes, model)
     search = search_causes(problem, probes_for(problem))
-    if habits.clear:
-        return search, habits
     other = replace(habits, chain=another_chain(habits.chain))
     again = drive_problem(log, robot, causes, other, model)
     ahead = net_lead(search, fit_point(again, search.whitener, search.fit.point), search.fit)

@@ -27,8 +27,6 @@ CHAINS = (Chain.firmware(), Chain())
 FAR = 60.0
 USUAL = 0.06
 """How much log misfit another filter than the firmware's must save."""
-FAR_LESS = 0.7
-"""Log misfit that another filter saves where there is no doubt: none of what a cause can do halves it."""
 CLEARLY = 0.2
 """The same for motors that brake at duty 0, where both are possible."""
 LATE = "actuation.latency"
@@ -87,15 +85,14 @@ def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parame
     firmware = CHAINS[0]
     choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
     if not any(each.role in WHEELS for each in log.channels):
-        return replace(choices[0], clear=True)  # nothing that a filter changes is in the recording
+        return choices[0]
     problems = [_loosened(drive_problem(wheels, robot, causes, each, model)) for each in choices]
     found = [_fitted(each, _late_start(each)) for each in problems]
     best = 1 if len(found) > 1 and found[1][0] < found[0][0] - CLEARLY else 0
     misfit, point = found[best]
     another = Habits(another_chain(firmware), choices[best].brake)
     anothers, _ = _fitted(_loosened(drive_problem(wheels, robot, causes, another, model)), point)
-    saved = misfit - anothers
-    return replace(another, clear=saved > FAR_LESS) if saved > USUAL else choices[best]
+    return another if anothers < misfit - USUAL else choices[best]
 
 
 def another_chain(chain: Chain) -> Chain:

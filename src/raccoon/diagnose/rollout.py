@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
 import numpy as np
@@ -92,14 +92,10 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the recording does not say of the controller: its sensor chain, and whether duty 0 brakes.
-
-    clear: whether no other chain comes near to this one in the recording.
-    """
+    """What the recording does not say of the controller: its sensor chain, and whether duty 0 brakes."""
 
     chain: Chain
     brake: bool
-    clear: bool = field(default=False, compare=False)
 
 
 class PlantRollout:

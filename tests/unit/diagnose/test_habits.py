@@ -55,7 +55,6 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     )
     _, habits = problem_of(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES)
     assert habits.chain == chain
-    assert habits.clear == (chain != Chain.firmware())
 
 
 def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:
