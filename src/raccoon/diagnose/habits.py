@@ -82,7 +82,7 @@ def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parame
     """Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
     what the wheels were driven with."""
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    firmware = CHAINS[0]
+    firmware, other = CHAINS
     choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
     if not any(each.role in WHEELS for each in log.channels):
         return choices[0]
@@ -90,7 +90,7 @@ def _habits(log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parame
     found = [_fitted(each, _late_start(each)) for each in problems]
     best = 1 if len(found) > 1 and found[1][0] < found[0][0] - CLEARLY else 0
     misfit, point = found[best]
-    another = Habits(another_chain(firmware), choices[best].brake)
+    another = Habits(other, choices[best].brake)
     anothers, _ = _fitted(_loosened(drive_problem(wheels, robot, causes, another, model)), point)
     return another if anothers < misfit - USUAL else choices[best]
 
