@@ -14,7 +14,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.gain import HeldOut, held_out
-from raccoon.diagnose.habits import another_chain, drive_problem, problem_of
+from raccoon.diagnose.habits import another_chain, controller_of, drive_problem, with_lost_changes
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
@@ -83,6 +83,7 @@ def diagnose(
         if holdout is not None:
             other_log = log_from_columns(holdout, robot)
             check_units(other_log, robot)
+            other_log = with_lost_changes(other_log, robot, tried, habits, model, search.fit.point)
             other = drive_problem(other_log, robot, tried, habits, model)
         search, judged = _proven(search, other)
         return _diagnosis(log, search, judged, habits, begin)
@@ -97,10 +98,15 @@ def _searched(
     filter does: so what was found is fitted under the other one too. The firmware's may be the right one
     where a latency or a lag stands in for it, and need not be ahead before it has been searched under.
     """
-    problem, habits = problem_of(log, robot, causes, model)
+    restored, habits = controller_of(log, robot, causes, model)
+    problem = drive_problem(restored, robot, causes, habits, model)
     search = search_causes(problem, probes_for(problem))
+    better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
+    if not np.array_equal(better.time, restored.time):
+        restored, problem = better, drive_problem(better, robot, causes, habits, model)
+        search = search_causes(problem, probes_for(problem))
     other = replace(habits, chain=another_chain(habits.chain))
-    again = drive_problem(log, robot, causes, other, model)
+    again = drive_problem(restored, robot, causes, other, model)
     ahead = net_lead(search, fit_point(again, search.whitener, search.fit.point), search.fit)
     firmware = other.chain == Chain.firmware()
     imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)

@@ -16,7 +16,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
-from raccoon.diagnose.rollout import _cycle
+from raccoon.diagnose.rollout import Habits, _cycle
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
@@ -57,12 +57,30 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     assert habits.chain == chain
 
 
-def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:
-    """Before that, what base numbers cannot do for a deadband hides what the filter does."""
+HIDING = {
+    "actuation.deadband": {"duty": 0.066},
+    "bemf.scale": {"factor": 1.08},
+    "motor.current_limit": {"limit": 1.6},
+}
+
+
+@pytest.mark.parametrize("id_", HIDING)
+def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str) -> None:
+    wrong = Parameters.from_robot(ROBOT).with_effect(
+        id_, "left" if id_ == "bemf.scale" else None, **HIDING[id_]
+    )
+    _, habits = problem_of(log_from_columns(recorded(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES)
+    assert habits.chain == Chain()
+
+
+def test_the_filter_is_asked_again_once_a_cause_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the habits were taken for the firmware's all the same."""
     dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
     columns = recorded(dead, 20.0, seed=1)
-    _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES)
-    assert habits.chain == Chain.firmware()
+    monkeypatch.setattr(
+        "raccoon.diagnose.diagnosis.controller_of",
+        lambda log, *_: (log, Habits(Chain.firmware(), False)),
+    )
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ["actuation.deadband"]
     assert said.model is not None

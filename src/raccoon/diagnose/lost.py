@@ -1,0 +1,112 @@
+"""Commands that changed in rows which a recording lost: when they did, by what the wheels answer.
+
+A recorder that drops a row drops the command in it. Where the command has changed by the next row, it did so
+in one of the cycles between, up to a whole gap before the row that has it: of 0.2 s in which a wheel answers,
+5 ms are 80 counts of error and more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.log import WHEELS, Log
+from raccoon.diagnose.problem import Point, Problem
+
+Array = NDArray[np.float64]
+
+ALIKE = 0.25
+"""Of a row: how far the usual rows' clock may be off, and a gap from a whole number of rows."""
+LONGEST = 0.1
+"""s of gap. After longer ones nobody knows how often a command has changed."""
+JUMP = 0.1
+"""Of duty. A smaller change does little, whenever it came, and may be a part of a ramp."""
+ANSWER = 0.15
+"""s in which a wheel answers a command."""
+MOST = 20
+"""Changes that are looked into, the largest first: each costs a simulation for every lost row."""
+
+
+@dataclass(frozen=True, slots=True)
+class LostChange:
+    """A change of command in a gap. row: the first one after it. moments: s, the lost rows' times, the latest
+    first."""
+
+    row: int
+    moments: tuple[float, ...]
+
+
+def lost_changes(log: Log) -> list[LostChange]:
+    """The changes that a log lost the rows of, in the order of time; none where its rows follow no clock."""
+    steps = np.diff(log.time)
+    usual = float(np.median(steps))
+    if np.mean(np.abs(steps - usual) > ALIKE * usual) > ALIKE:
+        return []
+    rows = np.rint(steps / usual)
+    gap = (rows >= 2.0) & (np.abs(steps / usual - rows) < ALIKE) & (steps <= LONGEST)
+    jumps = np.abs(np.diff(log.duty, axis=0)).max(axis=1)
+    found = np.flatnonzero(gap & (jumps >= JUMP))
+    largest = np.sort(found[np.argsort(-jumps[found], kind="stable")][:MOST])
+    return [
+        LostChange(int(each) + 1, tuple(_between(log.time[each], log.time[each + 1], int(rows[each]))))
+        for each in largest
+    ]
+
+
+def _between(start: float, end: float, rows: int) -> Array:
+    return np.asarray(np.linspace(end, start, rows + 1)[1:-1], float)
+
+
+def changed_at(log: Log, change: LostChange, moment: float) -> Log:
+    """The log with a row at that moment, which has the command of the row after the gap and no reading."""
+    channels = tuple(
+        replace(each, values=np.insert(each.values, change.row, np.nan)) for each in log.channels
+    )
+    time = np.insert(log.time, change.row, moment)
+    duty = np.insert(log.duty, change.row, log.duty[change.row], axis=0)
+    return replace(log, time=time, duty=duty, channels=channels)
+
+
+def restored(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Log:
+    """The log with every change where the wheels' answer fits best, in the simulation of `point`.
+
+    A change stays in the row that has it where that fits as well: a loop that was late sent it there. Without
+    wheels nothing is moved.
+    """
+    changes = lost_changes(log)
+    wheels = [index for index, each in enumerate(log.channels) if each.role in WHEELS]
+    if not changes or not wheels:
+        return log
+    usual = _errors(problem_of(log), point, wheels)
+    chosen = []
+    for change in changes:
+        logs = [changed_at(log, change, moment) for moment in change.moments]
+        errors = [usual, *(_errors(problem_of(each), point, wheels) for each in logs)]
+        start = log.time[change.row - 1]
+        answer = (errors[0].time >= start) & (errors[0].time < start + ANSWER)
+        best = int(np.argmin([each.of(answer) for each in errors]))
+        if best > 0:
+            chosen.append((change, change.moments[best - 1]))
+    for change, moment in reversed(chosen):  # from the end on, so that rows keep their numbers
+        log = changed_at(log, change, moment)
+    return log
+
+
+@dataclass(frozen=True, slots=True)
+class _Errors:
+    """Squared errors of the wheels, (bins,), at the bins' times."""
+
+    time: Array
+    squares: Array
+
+    def of(self, bins: NDArray[np.bool_]) -> float:
+        return float(self.squares[bins].sum())
+
+
+def _errors(problem: Problem, point: Point, wheels: Sequence[int]) -> _Errors:
+    features = problem.features
+    residual = (features.measured - problem.predict([point])[0])[:, wheels]
+    return _Errors(features.time, np.asarray((residual**2).sum(axis=1), float))
