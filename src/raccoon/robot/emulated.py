@@ -75,8 +75,9 @@ class SimulatedPlant:
             duty_at_motor(self._signs[1] * (right or 0.0), p.deadband_right),
             float(left is not None),
             float(right is not None),
-            0.0,
-            0.0,
+            sample_left=0.0,
+            sample_right=0.0,
+            to_go=0.0,
         )
 
     def _seen(self, acceleration: float) -> PlantState:

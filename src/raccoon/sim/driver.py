@@ -91,9 +91,9 @@ def over_both(
     return older * part + newer * (1.0 - part), closed
 
 
-def command(order: Order, sample_left: float, sample_right: float) -> Command:
-    """An order together with where in the step the motors are sampled."""
-    return Command(order[0], order[1], order[2], order[3], sample_left, sample_right)
+def command(order: Order, sample_left: float, sample_right: float, to_go: float) -> Command:
+    """An order together with where in the step the motors are sampled, and how long its row still lasts."""
+    return Command(order[0], order[1], order[2], order[3], sample_left, sample_right, to_go)
 
 
 def advance(
@@ -128,7 +128,8 @@ def advance(
                 share = within_unit(change * per_h - (each * steps + step))
                 left = sample_place(slots[0], steps, step)
                 right = sample_place(slots[1], steps, step)
-                s = substep(s, p, command(mixed(older, newer, share), left, right), h, per_h)
+                to_go = ((cycles - each) * steps - step - 1) * h
+                s = substep(s, p, command(mixed(older, newer, share), left, right, to_go), h, per_h)
             count = turn % len(noise[0])
             s = sensed(s, p, dt / cycles, keeps, noise[0][count], noise[1][count])
             turn += 1

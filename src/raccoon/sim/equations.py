@@ -153,11 +153,15 @@ def moved(
     bus = c.source + c.sag * (c.pull_left * middle_left + c.pull_right * middle_right)
     current_left = c.wire_left * (u.left * bus - p.back_emf_left * middle_left) + c.held_left
     current_right = c.wire_right * (u.right * bus - p.back_emf_right * middle_right) + c.held_right
+    yaw_rate = (rim_right - rim_left) * p.per_track
+    looks = 1.0 + (u.to_go - p.gyro_lag) * per_h  # where in the step, if in this one
+    looks = looks if looks <= 1.0 else 0.0
     return State(
         s.time + h, left, right,
         slope_of(s.speed_left, left, per_h), slope_of(s.speed_right, right, per_h),
         play_left, play_right, wheel_left, wheel_right, rolling_left, rolling_right,
-        0.5 * (rim_left + rim_right), (rim_right - rim_left) * p.per_track,
+        0.5 * (rim_left + rim_right), yaw_rate,
+        sampled(s.yaw_rate, yaw_rate, looks, s.gyro_rate),
         cos_left, sin_left, cos_right, sin_right,
         s.x + chord * (s.heading_cos + heading_cos), s.y + chord * (s.heading_sin + heading_sin),
         s.heading + angle, heading_cos, heading_sin,
@@ -222,5 +226,5 @@ def sampled_both(
 
 
 def sampled(before: float, after: float, place: float, last: float) -> float:
-    """Speed at `place` of a step (1 is its end); the last sample where the step has none (0)."""
+    """Speed at `place` of a step (1 is its end); the last sample where the step has none (0 or less)."""
     return after - (1.0 - place) * (after - before) if place > 0.0 else last

@@ -28,7 +28,7 @@ ROWS = KEEP_ROW + 3
 # Fields before these change in a step, when a motor is sampled, and in a cycle.
 _FIRST_SAMPLED, _FIRST_SENSED = (State._fields.index(name) for name in ("sampled_left", "recent_left"))
 # What no step reads of the one before: only a cycle's last step has to work it out.
-_UNREAD = ("forward_speed", "yaw_rate", "bus")
+_UNREAD = ("forward_speed", "bus")
 _GRIPS = ("grip_left", "grip_right")  # known with the speeds, and read by nothing before the next step
 _STEPPED = [name for name in State._fields[:_FIRST_SAMPLED] if name not in _GRIPS]
 
@@ -174,10 +174,11 @@ def advance_lanes(
 {store_order}
                 left = sample_place(slots[0], steps, step)
                 right = sample_place(slots[1], steps, step)
+                to_go = ((cycles - each) * steps - step - 1) * h
                 for k in range(width):
                     s = State({state})
                     p = Plant({plant})
-                    c = circuit(s, p, command(({order}), left, right), h)
+                    c = circuit(s, p, command(({order}), left, right, to_go), h)
 {store_circuit}
                     rubbing = frictions(s, p, c, h)
                     speeds = driven(s, p, c, rubbing[0], rubbing[1], h, per_h)
@@ -192,14 +193,14 @@ def advance_lanes(
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
-                    u = command(({order}), left, right)
+                    u = command(({order}), left, right, to_go)
                     n = moved(s, p, u, c, {speeds}, s.grip_left, s.grip_right, h, per_h)
 {store_between}
                 for k in range(width if step == steps - 1 else 0):
                     s = State({state})
                     p = Plant({plant})
                     c = Circuit({circuit})
-                    u = command(({order}), left, right)
+                    u = command(({order}), left, right, to_go)
                     n = moved(s, p, u, c, {speeds}, s.grip_left, s.grip_right, h, per_h)
 {store_step}
             draw = turn % noise.shape[1]

@@ -16,6 +16,7 @@ from raccoon.sim.parameters import SIDES, Parameters
 from raccoon.sim.quantities import Plant, State
 
 Numbers = tuple[float, ...]
+Floats = NDArray[np.float64]
 
 LOOSE_STEP = 0.00105
 """s of a step of a robot whose gears have play: a little above 1 ms, so that a cycle of 5 ms whose time stamp
@@ -129,6 +130,7 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         *(filter_rate(each) for each in sides.of("bemf.filter_lag", "time_constant")),
         filter_rate(chain.battery_time_constant),
         1.0 if chain.median else 0.0,
+        0.0,  # who knows the rows sets it; see `gyro_lag`
     )
 
 
@@ -156,6 +158,13 @@ class _Sides:
         model = self._parameters.robot.model
         left, right = self.of("motor.back_emf_constant", "factor")
         return model.left.back_emf_constant.value * left, model.right.back_emf_constant.value * right
+
+
+def gyro_lag(latency: Floats, row: float) -> Floats:
+    """s before the end of a row of commands of `row` s at which a gyro looks that is `latency` s late: what
+    is left of its latency after whole rows."""
+    whole = np.floor(latency / row + 1e-9) * row
+    return np.asarray(np.maximum(latency - whole, 0.0), float)
 
 
 SHORTEST = 1e-4

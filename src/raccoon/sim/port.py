@@ -23,7 +23,7 @@ from raccoon.model.bemf import counter_lag
 from raccoon.sim.chain import Noise
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import plant_numbers, safe_step, sample_slots, wiring_signs
+from raccoon.sim.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
 from raccoon.sim.quantities import State
 from raccoon.sim.robot import SimulatedRobot, bridges
 from raccoon.sim.tophats import Tophat
@@ -69,7 +69,8 @@ class SimPort:
         self._world = World.default() if world is None else world
         self._noise = noise if isinstance(noise, Noise) else Noise() if noise else Noise.none()
         self._scatter = Scatter(np.random.default_rng(seed))
-        plant = plant_numbers(parameters)
+        lag = float(gyro_lag(np.array(parameters.value("imu.latency", "seconds")), 1.0 / rate_hz))
+        plant = plant_numbers(parameters)._replace(gyro_lag=lag)
         self._robot = SimulatedRobot(
             plant,
             self._world,
@@ -86,14 +87,14 @@ class SimPort:
             each.motor: FreeMotor(config, each.motor, each.inertia) for each in config.mechanisms.values()
         }
         """The motors of the mechanisms by port."""
-        self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz)
+        self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz, lag)
         equipped = replace(parameters, robot=replace(parameters.robot, tophats=config.tophats))
         tophats = [Tophat(each, equipped) for each in config.tophats.values()]
         self._converter = Converter(tophats, self._noise, self._scatter)
         self._cycles = max(1, round(1.0 / rate_hz / parameters.chain.cycle))
         self._truth = truth
-        lag = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
-        self._device = replace(SIMULATOR, bemf_lag=lag)
+        counted = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
+        self._device = replace(SIMULATOR, bemf_lag=counted)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1

@@ -21,6 +21,7 @@ class State(NamedTuple):
     rolling_right: float
     forward_speed: float  # m/s, of the robot
     yaw_rate: float  # rad/s
+    gyro_rate: float  # rad/s, the yaw rate when the gyro last looked
     wheel_cos_left: float  # of the wheel's angle since the start
     wheel_sin_left: float
     wheel_cos_right: float
@@ -119,13 +120,14 @@ class Plant(NamedTuple):
     filter_rate_right: float
     battery_rate: float
     median: float
+    gyro_lag: float  # s before the end of a row of commands, when the gyro looks
 
 
 class Command(NamedTuple):
     """What the drivers get in one step, and whether the controller samples a motor in it.
 
     closed: share of the step in which the motor is connected. sample: where in the step its back-EMF is
-    sampled (1 is the end); 0 where it is not.
+    sampled (1 is the end); 0 where it is not. to_go: s from the step's end to that of its row of commands.
     """
 
     left: float
@@ -134,6 +136,7 @@ class Command(NamedTuple):
     closed_right: float
     sample_left: float
     sample_right: float
+    to_go: float
 
 
 class Circuit(NamedTuple):

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
-from raccoon.model.imu import rate_between
 from raccoon.sim.chain import Noise
 from raccoon.sim.commands import Commands
 from raccoon.sim.lanes import NO_READING
 from raccoon.sim.packing import Lanes
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import safe_step, states_at_rest
+from raccoon.sim.physical import gyro_lag, safe_step, states_at_rest
 from raccoon.sim.quantities import Plant, State
 from raccoon.sim.running import Course, cycles_of, run
 
@@ -25,6 +24,7 @@ __all__ = ["Lanes", "Rollout", "channel_names", "initial_states", "rollout"]
 Floats = NDArray[np.float64]
 Initial = State | Mapping[str, ArrayLike]
 _SIDES = ("left", "right")
+_LATENCY = 3  # column of `Lanes.gyro`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +86,7 @@ def rollout(
     Raises ConfigError for unknown channels or fields, channels that are not followed, rows out of range and
     steps that are not above 0.
     """
-    lanes = _packed(robots)
+    lanes = _looking(_packed(robots), commands)
     end = len(commands) - 1 if end is None else end
     _check(begin, end, len(commands), longest_step)
     names = tuple(channels) if channels is not None else channel_names(lanes.ports)
@@ -209,6 +209,16 @@ def _packed(robots: Parameters | Sequence[Parameters] | Lanes) -> Lanes:
     return Lanes.of([robots] if isinstance(robots, Parameters) else robots)
 
 
+def _looking(lanes: Lanes, commands: Commands) -> Lanes:
+    """The robots with gyros that look when, in rows like these, their latency asks for it."""
+    latency = lanes.gyro[:, _LATENCY]
+    if not latency.any():
+        return lanes
+    plant = lanes.plant.copy()
+    plant[:, Plant._fields.index("gyro_lag")] = gyro_lag(latency, float(np.median(np.diff(commands.time))))
+    return replace(lanes, plant=plant)
+
+
 def _fields_of(names: Sequence[str], ports: tuple[int, int]) -> tuple[str, ...]:
     """Fields of the state that the channels are made of."""
     known = channel_names(ports)
@@ -218,7 +228,7 @@ def _fields_of(names: Sequence[str], ports: tuple[int, int]) -> tuple[str, ...]:
             raise ConfigError(f"channel {name!r}: there is none of that name; allowed are {', '.join(known)}")
         fields[_field(name, ports)] = None
     if "yaw_rate" in fields:
-        fields["heading"] = None  # how the rate changes between two rows
+        fields["gyro_rate"] = None
     return tuple(fields)
 
 
@@ -234,18 +244,19 @@ def _field(name: str, ports: tuple[int, int]) -> str:
 def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Floats) -> Floats:
     values = recorded[_field(name, lanes.ports)]
     if name == "imu.gyro.z":
-        return _gyro(values, recorded["heading"], lanes.gyro, age)
+        lags = lanes.plant[:, Plant._fields.index("gyro_lag")]
+        return _gyro(values, recorded["gyro_rate"], lanes.gyro, lags, age)
     if name in _PLAIN_FIELDS:
         return values
     sign = lanes.signs[lanes.ports.index(int(name.split(".")[1]))]
     return values if sign > 0.0 else -values
 
 
-def _gyro(yaw_rate: Floats, heading: Floats, numbers: Floats, age: Floats) -> Floats:
+def _gyro(yaw_rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floats) -> Floats:
     """What the gyro reads, in place: no other channel is made of the yaw rate."""
     scale, bias, drift, latency = (each[:, None] for each in numbers.T)
     for robot in np.flatnonzero(latency):
-        yaw_rate[robot] = _earlier(yaw_rate[robot], heading[robot], age, latency[robot, 0])
+        yaw_rate[robot] = _earlier(yaw_rate[robot], looked[robot], age, latency[robot, 0], lags[robot])
     if np.any(scale != 1.0):
         yaw_rate *= scale
     if np.any(bias):
@@ -255,11 +266,15 @@ def _gyro(yaw_rate: Floats, heading: Floats, numbers: Floats, age: Floats) -> Fl
     return yaw_rate
 
 
-def _earlier(rate: Floats, heading: Floats, age: Floats, latency: float) -> Floats:
-    """The rate `latency` s before each row; before the first, that of the first."""
-    moments = np.maximum(age - latency, age[0])
-    row = np.clip(np.searchsorted(age, moments, side="right") - 1, 0, len(age) - 2)
-    dt = age[row + 1] - age[row]
-    return rate_between(
-        rate[row], rate[row + 1], (heading[row + 1] - heading[row]) / dt, (moments - age[row]) / dt
-    )
+def _earlier(rate: Floats, looked: Floats, age: Floats, latency: float, lag: float) -> Floats:
+    """The rate `latency` s before each row; before the first, that of the first.
+
+    looked: the rate `lag` s before the end of each row, where a row is as long as that. Time stamps jitter,
+    so those are the moments but for some tenths of a millisecond. Any curve through the rows' ends alone
+    would miss where within a row a command changes or a tooth meets its wheel.
+    """
+    inside = np.flatnonzero(np.diff(age) > lag) + 1
+    times = np.concatenate([age, age[inside] - lag])
+    order = np.argsort(times, kind="stable")
+    rates = np.concatenate([rate, looked[inside]])
+    return np.asarray(np.interp(age - latency, times[order], rates[order]), float)

@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR, Flags, Vector, Words
-from raccoon.model.imu import gyro_reading, rate_between, specific_force, word
+from raccoon.model.imu import gyro_reading, specific_force, word
 from raccoon.sim.chain import Noise
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.quantities import State
@@ -33,23 +33,28 @@ class Scatter:
 
 
 class Imu:
-    """Gyro and accelerometer with their effects, at their own rate."""
+    """Gyro and accelerometer with their effects, at their own rate.
 
-    def __init__(self, parameters: Parameters, noise: Noise, scatter: Scatter, rate_hz: float) -> None:
+    lag: s before the end of each period at which the plant's gyro looks.
+    """
+
+    def __init__(
+        self, parameters: Parameters, noise: Noise, scatter: Scatter, rate_hz: float, lag: float
+    ) -> None:
         value = parameters.value
         self._scale = value("imu.gyro_scale", "factor") * parameters.robot.model.imu.gyro_scale.value
         self._bias = value("imu.gyro_bias", "rate") + noise.gyro_bias * scatter.next()
         self._drift = value("imu.gyro_drift", "rate_per_second")
-        self._latency = value("imu.latency", "seconds")
+        self._latency, self._lag = value("imu.latency", "seconds"), lag
         self._noise, self._scatter = noise, scatter
         self._period = 1.0 / rate_hz
         self._due = 0.0
-        self._past: deque[tuple[float, float, float]] = deque()
+        self._past: deque[tuple[float, float]] = deque()
         self._speed = self._speed_time = 0.0
 
     def read(self, state: State) -> tuple[Vector, Vector] | None:
         """Words of gyro and accelerometer, or None where there is nothing new."""
-        rate = self._delayed(state.time, state.yaw_rate, state.heading)
+        rate = self._delayed(state.time, state.gyro_rate)
         if state.time < self._due - 1e-9:
             return None
         self._due += self._period
@@ -70,19 +75,14 @@ class Imu:
         scale = SIMULATOR.accel_m_s2
         return word(x, scale), word(y, scale), word(z, scale)
 
-    def _delayed(self, time: float, rate: float, heading: float) -> float:
-        if self._latency == 0.0:
-            return rate
+    def _delayed(self, time: float, rate: float) -> float:
+        """The latest rate that is as old as the latency: the plant's gyro looks when within a period that is
+        (see `physical.gyro_lag`)."""
         past = self._past
-        past.append((time, rate, heading))
-        wanted = time - self._latency
-        while len(past) > 2 and past[1][0] <= wanted:
+        past.append((time - self._lag, rate))
+        while len(past) > 1 and past[1][0] <= time - self._latency + 1e-9:
             past.popleft()
-        (first_time, first, before), (second_time, second, after) = past[0], past[min(1, len(past) - 1)]
-        if wanted <= first_time:
-            return first
-        elapsed = second_time - first_time
-        return rate_between(first, second, (after - before) / elapsed, (wanted - first_time) / elapsed)
+        return past[0][1]
 
 
 FULL_SCALE = SIMULATOR.analog_full_scale

@@ -243,21 +243,40 @@ def test_a_slipping_robot_never_jumps(angle: float) -> None:
 
 
 @pytest.mark.parametrize("latency", [0.0012, 0.0074, 0.0231])
-def test_a_late_gyro_is_late_by_what_is_said_and_no_duller(latency: float) -> None:
-    """Its reading lies between the rows of a recording. A straight line between them would be 0.02 rad/s
-    off after each change of a command."""
+@pytest.mark.parametrize("play", [0.0, 0.02])
+def test_a_late_gyro_is_late_by_what_is_said_and_no_duller(latency: float, play: float) -> None:
+    """Its reading lies between the rows of a recording, where a command changes or a tooth meets its wheel
+    within a row. Any curve through the rows' ends would be wrong then: the one that also turns as far as the
+    robot did, by 0.003 rad/s, and by 0.3 with play."""
+    robot = with_effect("imu.latency", seconds=latency)
+    robot = robot.with_effect("drive.backlash", angle=play, coasting=0.007)
 
     def rates(rows_each: int) -> Floats:
         time = np.arange(400 * rows_each + 1) * 0.005 / rows_each
         duty = np.where(np.floor(time / 0.235 + 1e-9) % 2.0 < 1.0, 0.7, -0.7)
         commands = Commands.of_wheels(time, -duty, duty)
-        robot = with_effect("imu.latency", seconds=latency)
-        return rollout(robot, commands, channels=["imu.gyro.z"], longest_step=0.0005)["imu.gyro.z"][
-            0, ::rows_each
-        ]
+        run = rollout(robot, commands, channels=["imu.gyro.z"], longest_step=0.0005)
+        return run["imu.gyro.z"][0, ::rows_each]
 
     coarse, fine = rates(1), rates(10)
-    assert np.abs(coarse - fine).max() < 0.004
+    assert np.abs(coarse - fine).max() < 1e-6
+
+
+def test_a_late_gyro_is_late_by_what_is_said_where_time_stamps_jitter_and_rows_are_lost() -> None:
+    time = np.arange(801) * 0.0025
+    kept = np.arange(0, 801, 2) + np.random.default_rng(1).integers(-1, 2, 401) * (np.arange(401) % 7 == 3)
+    kept = np.delete(kept, [100, 200, 201, 202, 300])  # rows of 2.5, 5, 7.5, 10 and 20 ms
+    duty = np.where(np.arange(801) // 94 % 2 == 0, 0.7, -0.7)
+    robot = with_effect("imu.latency", seconds=0.0074)
+
+    def rates(rows: NDArray[np.int64]) -> Floats:
+        held = duty[kept][np.searchsorted(kept, rows, side="right") - 1]
+        commands = Commands.of_wheels(time[rows], -held, held)
+        return rollout(robot, commands, channels=["imu.gyro.z"], longest_step=0.0005)["imu.gyro.z"][0]
+
+    error = np.abs(rates(kept) - rates(np.arange(801))[kept])
+    assert np.median(error) < 1e-3
+    assert error.max() < 0.1 * np.abs(rates(kept)).max()
 
 
 def test_the_simulated_robot_s_gyro_is_late_in_the_same_way() -> None:
