@@ -19,8 +19,8 @@ _SHARES = {
     "friction.viscous": 0.07, "motor.heating": 0.07, "friction.coulomb": 0.09, "friction.stiction": 0.1,
     "drive.wheel_radius": 0.1, "motor.current_limit": 0.1,
 }  # fmt: skip
-LEAST_ERROR = 0.004
-"""Of a cause's width: what its number is off by, however small it is."""
+_USUAL_LEAST = 0.004
+_LEAST = {"bemf.dead_zone": 0.015}
 _FACTORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
     "bemf.offset": 0.5, "drive.wheel_eccentricity": 0.5, "drive.track_width": 0.5,
@@ -38,6 +38,12 @@ _WEIGHTS = {
 def form_error(id_: str) -> float:
     """Share of a deviation by which its number is off, one standard deviation."""
     return by_name(_SHARES, id_, _USUAL_SHARE)
+
+
+def least_error(id_: str) -> float:
+    """Part of a cause's width by which its number is off, however small it is. Of a dead zone that is 0.3
+    counts, as readings are whole ones and say no more of where it ends."""
+    return by_name(_LEAST, id_, _USUAL_LEAST)
 
 
 def form_weight(name: str) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from raccoon.diagnose.forms import LEAST_ERROR, form_error
+from raccoon.diagnose.forms import form_error, least_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Cause
 from raccoon.diagnose.log import Log
@@ -79,7 +79,7 @@ def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, Parame
         value = spread.number(key)
         nominal = search.problem.neutral[key]
         form = form_error(cause.id) * abs(value - nominal if math.isfinite(nominal) else value)
-        std = math.hypot(spread.std(key), form, LEAST_ERROR * WIDTH_FACTOR * each.prior_width)
+        std = math.hypot(spread.std(key), form, least_error(cause.id) * WIDTH_FACTOR * each.prior_width)
         found[each.name] = ParameterResult(value, std, each.unit, float(nominal))
     return found
 
