@@ -78,7 +78,7 @@ def diagnose(
         if not moves(log):
             return _nothing_to_see(begin)
         tried = tuple(drive_causes() if causes is None else causes)
-        search, habits = _searched(log, robot, tried, model)
+        search, habits, log = _searched(log, robot, tried, model)
         other = None
         if holdout is not None:
             other_log = log_from_columns(holdout, robot)
@@ -91,12 +91,15 @@ def diagnose(
 
 def _searched(
     log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None
-) -> tuple[Search, Habits]:
-    """The search under the habits that fit best, and under another filter where that may be the controller's.
+) -> tuple[Search, Habits, Log]:
+    """The search under the habits that fit best, and under another filter where that may be the controller's;
+    and the log with the changes of commands whose rows it lost.
 
     Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a
     filter does: so what was found is fitted under the other one too. The firmware's may be the right one
     where a latency or a lag stands in for it, and need not be ahead before it has been searched under.
+    Commands that changed in lost rows are asked for again as well: a limit of the current that is not known
+    yet looks like a later change.
     """
     restored, habits = controller_of(log, robot, causes, model)
     problem = drive_problem(restored, robot, causes, habits, model)
@@ -111,10 +114,12 @@ def _searched(
     firmware = other.chain == Chain.firmware()
     imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
     if ahead < (-FAR_BEHIND if imitated else DOUBT):
-        return search, habits
+        return search, habits, restored
     second = search_causes(again, probes_for(again))
     wanted = -DOUBT if firmware else DOUBT
-    return (second, other) if explains_more(second, search) > wanted else (search, habits)
+    if explains_more(second, search) > wanted:
+        return second, other, restored
+    return search, habits, restored
 
 
 def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:

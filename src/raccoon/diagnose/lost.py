@@ -26,6 +26,8 @@ JUMP = 0.1
 """Of duty. A smaller change does little, whenever it came, and may be a part of a ramp."""
 ANSWER = 0.15
 """s in which a wheel answers a command."""
+SAID = 5
+"""Moments that a note lists."""
 MOST = 20
 """Changes that are looked into, the largest first: each costs a simulation for every lost row."""
 
@@ -90,9 +92,17 @@ def restored(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Lo
         best = int(np.argmin([each.of(answer) for each in errors]))
         if best > 0:
             chosen.append((change, change.moments[best - 1]))
+    if not chosen:
+        return log
     for change, moment in reversed(chosen):  # from the end on, so that rows keep their numbers
         log = changed_at(log, change, moment)
-    return log
+    return replace(log, notes=(*log.notes, _told([moment for _, moment in chosen])))
+
+
+def _told(moments: Sequence[float]) -> str:
+    told = ", ".join(f"{each:.2f}" for each in moments[:SAID]) + (", ..." if len(moments) > SAID else "")
+    rows = "a row in which a command" if len(moments) == 1 else "rows in which commands"
+    return f"the recording lost {rows} changed: taken for changed at {told} s, as the wheels answer"
 
 
 @dataclass(frozen=True, slots=True)

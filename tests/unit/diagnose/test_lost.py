@@ -76,6 +76,9 @@ def test_a_change_is_put_back_into_the_row_that_was_lost(before: int, after: int
     assert found.time[change - before] == pytest.approx(columns["t"][change], abs=1e-9)
     np.testing.assert_array_equal(found.duty[change - before], log.duty[change - before])
     assert error(found) < 1.05 * error(log_from_columns(columns, ROBOT))
+    (note,) = found.notes
+    assert note.startswith("the recording lost a row in which a command changed")
+    assert "changed at 1.60 s" in note
 
 
 def test_several_changes_are_put_back() -> None:
@@ -140,5 +143,6 @@ def test_a_recording_with_lost_changes_is_as_good_as_one_without() -> None:
     lost = [each * EVERY for each in range(2, 28, 3)]
     whole, part = (diagnose(each, ROBOT) for each in (noisy, without(noisy, lost)))
     assert whole.causes == part.causes == ()
+    assert any("lost rows in which commands changed" in each for each in part.notes)
     for one, other in zip(whole.channels, part.channels, strict=True):
         assert other.rmse_after < 1.1 * one.rmse_after
