@@ -9,8 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.features import BIN
 from raccoon.diagnose.problem import Point, Problem, Whitener, neighbours
+from raccoon.sim.parameters import SIDES
 
 Array = NDArray[np.float64]
 
@@ -107,16 +110,60 @@ def slow_friction(problem: Problem, linear: Linear, seconds: float = FLOOR_SECON
     friction.
 
     The robot forgets a torque within 0.1 s, so friction that changes over seconds acts as its constant
-    response times its course. The course is an Ornstein-Uhlenbeck process on a grid of hats.
+    response times its course. Only the angle that a wheel lost by it stays lost, which shows where wheels are
+    not round.
     """
-    time, grid = problem.features.time, GRID_PART * seconds
+    course = courses(problem.features.time, seconds)
+    torque = problem.neutral[("friction.coulomb", "left", "torque")]
+    columns = []
+    for response in (coulomb_response(problem, linear, side) for side in SIDES):
+        if response is None:
+            continue
+        at_once = response[None] - _lost_angle(problem, linear, response[None])
+        column = course[:, :, None] * torque * at_once
+        columns.append(column + _lost_angle(problem, linear, column))
+    return np.concatenate(columns) if columns else np.zeros((0, *linear.residual.shape))
+
+
+def courses(time: Array, seconds: float) -> Array:
+    """What a wander of size 1 and that correlation time is made of, (knots, bins): each times a normal number
+    is an Ornstein-Uhlenbeck process on a grid of hats."""
+    grid = GRID_PART * seconds
     knots = np.arange(time[0], time[-1] + grid, grid)
     hats = np.maximum(0.0, 1.0 - np.abs(time[None, :] - knots[:, None]) / grid)
-    course = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / seconds)).T @ hats
-    torque = problem.neutral[("friction.coulomb", "left", "torque")]
-    responses = [coulomb_response(problem, linear, side) for side in ("left", "right")]
-    columns = [course[:, :, None] * (torque * each)[None] for each in responses if each is not None]
-    return np.concatenate(columns) if columns else np.zeros((0, *linear.residual.shape))
+    factor = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / seconds))
+    return np.asarray(factor.T @ hats, float)
+
+
+def _lost_angle(problem: Problem, linear: Linear, columns: Array) -> Array:
+    """What the angles that wheels lose or gain by columns (columns, bins, channels) change from then on."""
+    changed = np.zeros_like(columns)
+    for side in SIDES:
+        wheel, speeds = _turned(linear, side), _speed_of(problem, columns, side)
+        if wheel is not None and speeds is not None:
+            changed += BIN * np.cumsum(speeds, axis=1)[:, :, None] * wheel
+    return changed
+
+
+def _turned(linear: Linear, side: str) -> Array | None:
+    """Response to a rad of a wheel that is not round, (bins, channels); None for one that is."""
+    name = f"drive.wheel_eccentricity@{side}"
+    span = linear.point.spans().get(name)
+    if span is None:
+        return None
+    along, across = linear.point.active[name]  # amplitude times cosine and sine of the phase
+    return np.asarray(along * linear.own[span.start + 1] - across * linear.own[span.start], float)
+
+
+def _speed_of(problem: Problem, columns: Array, side: str) -> Array | None:
+    """rad/s of a wheel in columns (columns, bins, channels); None without a reading of it."""
+    roles = problem.features.roles
+    if f"speed_{side}" in roles:
+        return np.asarray(columns[:, :, roles.index(f"speed_{side}")], float)
+    if f"bemf_{side}" not in roles:
+        return None
+    constant = getattr(problem.robot.model, side).back_emf_constant.value
+    return np.asarray(columns[:, :, roles.index(f"bemf_{side}")] * BEMF_VOLTS_PER_COUNT / constant, float)
 
 
 def coulomb_response(problem: Problem, linear: Linear, side: str) -> Array | None:

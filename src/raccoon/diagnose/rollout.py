@@ -72,9 +72,9 @@ def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConf
     return replace(robot, model=replace(robot.model, drive=changed))
 
 
-LEAST_ZONE = 2.0
-"""Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below two can be
-told from it."""
+LEAST_ZONE = 3.0
+"""Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below three can
+be told from it."""
 IMPOSSIBLE = 10.0
 """By how much more a reading counts that no such zone lets through than another error of as many counts: it
 is no noise. At 1, beside twice the usual noise, zones came out at up to three times their size."""
