@@ -272,7 +272,8 @@ def test_a_late_gyro_is_late_by_what_is_said_where_time_stamps_jitter_and_rows_a
     def rates(rows: NDArray[np.int64]) -> Floats:
         held = duty[kept][np.searchsorted(kept, rows, side="right") - 1]
         commands = Commands.of_wheels(time[rows], -held, held)
-        return rollout(robot, commands, channels=["imu.gyro.z"], longest_step=0.0005)["imu.gyro.z"][0]
+        run = rollout(robot, commands, channels=["imu.gyro.z"], longest_step=0.0005)
+        return np.asarray(run["imu.gyro.z"][0], float)
 
     error = np.abs(rates(kept) - rates(np.arange(801))[kept])
     assert np.median(error) < 1e-3
