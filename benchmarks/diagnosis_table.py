@@ -15,6 +15,7 @@ from diagnosis_trial import POSSIBLE, RELEVANT, expected_class
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment import DECIDES
 from raccoon.diagnose.hypotheses import INSIDE, Coordinate, base_coordinates
+from raccoon.diagnose.naming import TWINS
 from raccoon.diagnose.result import LITTLE
 from raccoon.diagnose.select.refits import SCALE, delay_alike
 from raccoon.sim.effects import effect
@@ -335,15 +336,22 @@ def _parameters(results: Sequence[Result]) -> str:
 
 
 def _numbers(result: Result, causes: Sequence[dict[str, Any]]) -> Iterator[Number]:
-    """Of each of these causes that is hidden; where lags are not told apart the true number is their sum."""
+    """Of each of these causes that is hidden; where lags are not told apart the true number is their sum, and
+    that of one of several twins is none."""
     for cause in causes:
         leading = next(iter(cause["parameters"]))
-        if leading not in result["true"].get(cause["name"], {}):
+        if leading not in result["true"].get(cause["name"], {}) or _twins_of(result, cause["name"]):
             continue
         value, std, nominal = cause["parameters"][leading]
         true = result["true"][cause["name"]][leading]
         true += sum(_lag(result, other) for other in cause["class"] if delay_alike(cause["name"], other))
         yield value, std, true, nominal if nominal is not None and np.isfinite(nominal) else 0.0
+
+
+def _twins_of(result: Result, name: str) -> set[str]:
+    """What else is hidden of which no drive tells a cause."""
+    twins: set[str] = set().union(*(each for each in TWINS if name in each))
+    return (twins & set(result["hidden"])) - {name}
 
 
 def _cover(numbers: Iterable[Number]) -> str:

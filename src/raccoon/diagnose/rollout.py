@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import Measured, RobotConfig
+from raccoon.diagnose.features import HALF_A_COUNT
 from raccoon.diagnose.hypotheses import Settings, neutral_settings
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.own import OwnEffect, Simulated
@@ -72,14 +73,12 @@ def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConf
     return replace(robot, model=replace(robot.model, drive=changed))
 
 
-LEAST_ZONE = 3.0
-"""Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below three can
-be told from it."""
+LEAST_ZONE = 2.0
+"""Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below two can be
+told from it."""
 IMPOSSIBLE = 10.0
 """By how much more a reading counts that no such zone lets through than another error of as many counts: it
 is no noise. At 1, beside twice the usual noise, zones came out at up to three times their size."""
-CUT_OFF = 1.0
-"""Counts: most of a reading that the controller cuts off."""
 _ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")]
 COLUMNS = {
     "bemf_left": "motor.{left}.bemf",
@@ -237,15 +236,16 @@ def heard(samples: Array, zones: Array, measured: Array) -> Array:
 
     A reading of 0 says that the speed is inside the zone: the simulated one is wrong by as much as it is
     outside. One that is not 0 is compared as it is, and is wrong by `IMPOSSIBLE` times what it lacks to have
-    been heard at all, up to a count of which was cut off. Nothing jumps, neither over the zone's width nor
-    where a wheel stops a moment earlier than simulated: thresholding the simulated reading itself cost a true
-    zone of 14 counts 31 units of log evidence, where this gives it 95. A reading that is missing (NaN) says
-    nothing.
+    been heard at all, half a count of which was cut off. (Up to a whole one may have been, but zones go as
+    far as they are let: they would come out half a count too wide.) Nothing jumps, neither over the zone's
+    width nor where a wheel stops a moment earlier than simulated: thresholding the simulated reading itself
+    cost a true zone of 14 counts 31 units of log evidence, where this gives it 95. A reading that is missing
+    (NaN) says nothing.
     """
     zones = np.where(zones < LEAST_ZONE, 0.0, zones)
     size = np.abs(samples)
     outside = np.sign(samples) * np.maximum(size - zones, 0.0)
-    lacking = np.maximum(zones - np.abs(measured) - CUT_OFF, 0.0)
+    lacking = np.maximum(zones - np.abs(measured) - HALF_A_COUNT, 0.0)
     louder = samples + IMPOSSIBLE * np.sign(measured) * lacking
     return np.where(measured == 0.0, outside, np.where(np.isnan(measured), samples, louder))
 
