@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.fit import Fit, _step
+from raccoon.diagnose.fit import Fit, _step, fit_point, fit_scanned
 from raccoon.diagnose.problem import Point, Problem
 
 Array = NDArray[np.float64]
@@ -64,3 +64,32 @@ def test_a_step_leads_as_far_down_as_bounded_least_squares(seed: int) -> None:
     assert np.abs(end).max() <= 1.0
     assert foretold == pytest.approx(first - cost(columns, target, end))
     assert foretold >= 0.99 * (first - least)
+
+
+def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:
+    """A tooth is met before or after a sample of the gyro, so the misfit over the gap is a staircase. Where a
+    fit ends depends on where it came from; with a scan it does not."""
+    true = problem.nominal().with_cause("drive.backlash", np.array([0.5, -0.4]))
+    size = problem.features.floors * np.array([4.0, 4.0, 9.0, 5.0])
+    rng = np.random.default_rng(1)
+    measured = problem.predict([true])[0] + size * rng.standard_normal(problem.features.measured.shape)
+    noisy = replace(problem, features=replace(problem.features, measured=measured))
+
+    def white(signals: Array) -> Array:
+        return np.asarray((signals / size).reshape(*signals.shape[:-2], -1), float)
+
+    starts = [(0.54, -0.05), (0.58, 0.3), (0.16, 0.0), (0.7, -0.8), (0.32, 0.6)]
+    points = [noisy.nominal().with_cause("drive.backlash", np.array(each)) for each in starts]
+    plain = [fit_point(noisy, white, each).cost for each in points]
+    scanned = [fit_scanned(noisy, white, each).cost for each in points]
+    assert max(plain) - min(plain) > 5.0
+    assert max(scanned) - min(scanned) < 1.0
+    assert max(scanned) <= min(plain)
+
+
+def test_without_play_nothing_is_scanned(problem: Problem) -> None:
+    def white(signals: Array) -> Array:
+        return np.asarray(signals.reshape(*signals.shape[:-2], -1), float)
+
+    start = problem.nominal().with_cause("friction.viscous", np.array([0.3]))
+    assert fit_scanned(problem, white, start).cost == fit_point(problem, white, start).cost

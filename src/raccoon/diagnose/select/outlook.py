@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, foreseen, parts_of
-from raccoon.diagnose.fit import Fit, fit_at, fit_point
+from raccoon.diagnose.fit import Fit, fit_at, fit_point, fit_scanned
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, slow_friction, tabulate
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
@@ -123,7 +123,7 @@ def estimated(search: Search) -> Search:
     unknown = tuple(search.unknown)
     whitener = whitener_for(problem, search.linear, extra, search.whitener, unknown, tolerant=False)
     search = replace(search, whitener=whitener)
-    point = fit_point(problem, steadied(search), search.fit.point).point
+    point = fit_scanned(problem, steadied(search), search.fit.point).point
     fit = fit_at(problem, whitener, point)
     residual = problem.features.measured - problem.predict([fit.point])[0]
     linear = replace(search.linear, residual=residual)
