@@ -71,9 +71,10 @@ def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -
 
 
 def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: Problem) -> None:
-    """Neither stands in for the other, and yet how much each is of the sum is not known."""
+    """Neither stands in for the other, and yet how much each is of the sum is not known. (From 0.02 widths of
+    slip on it is, since the simulated gyro looks exactly as late as it says.)"""
     late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
-    truth = late.with_cause("drive.wheel_slip", np.array([0.06]))
+    truth = late.with_cause("drive.wheel_slip", np.array([0.01]))
     search = searched(problem, truth, late)
     search = replace(search, fit=fit_point(search.problem, search.whitener, late))
     compared(search)
