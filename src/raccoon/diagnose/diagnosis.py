@@ -102,12 +102,11 @@ def _searched(
     yet looks like a later change.
     """
     restored, habits = controller_of(log, robot, causes, model)
-    problem = drive_problem(restored, robot, causes, habits, model)
-    search = search_causes(problem, probes_for(problem))
+    search = _search_in(drive_problem(restored, robot, causes, habits, model))
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
-        restored, problem = better, drive_problem(better, robot, causes, habits, model)
-        search = search_causes(problem, probes_for(problem))
+        restored = better
+        search = _search_in(drive_problem(restored, robot, causes, habits, model))
     other = replace(habits, chain=another_chain(habits.chain))
     again = drive_problem(restored, robot, causes, other, model)
     ahead = net_lead(search, fit_point(again, search.whitener, search.fit.point), search.fit)
@@ -115,11 +114,15 @@ def _searched(
     imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
     if ahead < (-FAR_BEHIND if imitated else DOUBT):
         return search, habits, restored
-    second = search_causes(again, probes_for(again))
+    second = _search_in(again)
     wanted = -DOUBT if firmware else DOUBT
     if explains_more(second, search) > wanted:
         return second, other, restored
     return search, habits, restored
+
+
+def _search_in(problem: Problem) -> Search:
+    return search_causes(problem, probes_for(problem))
 
 
 def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:

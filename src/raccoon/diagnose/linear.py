@@ -139,7 +139,8 @@ def _lost_angle(problem: Problem, linear: Linear, columns: Array) -> Array:
     """What the angles that wheels lose or gain by columns (columns, bins, channels) change from then on."""
     changed = np.zeros_like(columns)
     for side in SIDES:
-        wheel, speeds = _turned(linear, side), _speed_of(problem, columns, side)
+        wheel = _turned(linear, side)
+        speeds = None if wheel is None else _speed_of(problem, columns, side)
         if wheel is not None and speeds is not None:
             changed += BIN * np.cumsum(speeds, axis=1)[:, :, None] * wheel
     return changed

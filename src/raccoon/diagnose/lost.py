@@ -82,14 +82,15 @@ def restored(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Lo
     wheels = [index for index, each in enumerate(log.channels) if each.role in WHEELS]
     if not changes or not wheels:
         return log
-    usual = _errors(problem_of(log), point, wheels)
+    usual = problem_of(log)
+    time, squares = usual.features.time, _squares(usual, point, wheels)
     chosen = []
     for change in changes:
         logs = [changed_at(log, change, moment) for moment in change.moments]
-        errors = [usual, *(_errors(problem_of(each), point, wheels) for each in logs)]
+        tried = [squares, *(_squares(problem_of(each), point, wheels) for each in logs)]
         start = log.time[change.row - 1]
-        answer = (errors[0].time >= start) & (errors[0].time < start + ANSWER)
-        best = int(np.argmin([each.of(answer) for each in errors]))
+        answer = (time >= start) & (time < start + ANSWER)
+        best = int(np.argmin([each[answer].sum() for each in tried]))
         if best > 0:
             chosen.append((change, change.moments[best - 1]))
     if not chosen:
@@ -105,18 +106,7 @@ def _told(moments: Sequence[float]) -> str:
     return f"the recording lost {rows} changed: taken for changed at {told} s, as the wheels answer"
 
 
-@dataclass(frozen=True, slots=True)
-class _Errors:
-    """Squared errors of the wheels, (bins,), at the bins' times."""
-
-    time: Array
-    squares: Array
-
-    def of(self, bins: NDArray[np.bool_]) -> float:
-        return float(self.squares[bins].sum())
-
-
-def _errors(problem: Problem, point: Point, wheels: Sequence[int]) -> _Errors:
-    features = problem.features
-    residual = (features.measured - problem.predict([point])[0])[:, wheels]
-    return _Errors(features.time, np.asarray((residual**2).sum(axis=1), float))
+def _squares(problem: Problem, point: Point, wheels: Sequence[int]) -> Array:
+    """Squared errors of the wheels, (bins,)."""
+    residual = (problem.features.measured - problem.predict([point])[0])[:, wheels]
+    return np.asarray((residual**2).sum(axis=1), float)
