@@ -19,7 +19,7 @@ from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
-from raccoon.diagnose.problem import Problem
+from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Unexplained, Verdict
 from raccoon.diagnose.rollout import Habits
@@ -27,6 +27,7 @@ from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import pruned, search_causes
+from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.spread import Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
@@ -37,7 +38,8 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 LARGE_REST = 0.3
-LIKE_A_FILTER = ("actuation.latency", "bemf.filter_lag")
+LATE, LATE_GYRO = "actuation.latency", "imu.latency"
+LIKE_A_FILTER = (LATE, "bemf.filter_lag")
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
 FAR_BEHIND = 100.0
@@ -96,8 +98,9 @@ def _searched(
     and the log with the changes of commands whose rows it lost.
 
     Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a
-    filter does: so what was found is fitted under the other one too. The firmware's may be the right one
-    where a latency or a lag stands in for it, and need not be ahead before it has been searched under.
+    filter does: so what was found is fitted under the other one too, and what that makes of a late gyro. The
+    firmware's may be the right one where a latency or a lag stands in for it, and need not be ahead before it
+    has been searched under.
     Commands that changed in lost rows are asked for again as well: a limit of the current that is not known
     yet looks like a later change.
     """
@@ -109,7 +112,8 @@ def _searched(
         search = _search_in(drive_problem(restored, robot, causes, habits, model))
     other = replace(habits, chain=another_chain(habits.chain))
     again = drive_problem(restored, robot, causes, other, model)
-    ahead = net_lead(search, fit_point(again, search.whitener, search.fit.point), search.fit)
+    starts = _under_another_filter(search)
+    ahead = max(net_lead(search, fit_point(again, search.whitener, each), search.fit) for each in starts)
     firmware = other.chain == Chain.firmware()
     imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
     if ahead < (-FAR_BEHIND if imitated else DOUBT):
@@ -119,6 +123,18 @@ def _searched(
     if explains_more(second, search) > wanted:
         return second, other, restored
     return search, habits, restored
+
+
+def _under_another_filter(search: Search) -> list[Point]:
+    """Where a search ended, and the same with all that is commanded late instead of the gyro alone: under a
+    filter that delays by as much less, a late gyro was that."""
+    point, causes = search.fit.point, search.problem.causes
+    starts = [point]
+    if LATE_GYRO in point.active and apart(LATE, point.active) and LATE in causes:
+        (gyro,), (all_,) = causes[LATE_GYRO].coordinates, causes[LATE].coordinates
+        u = point.active[LATE_GYRO] * gyro.value(1.0) / all_.value(1.0)
+        starts.append(point.without_cause(LATE_GYRO).with_cause(LATE, u))
+    return starts
 
 
 def _search_in(problem: Problem) -> Search:
@@ -199,12 +215,13 @@ def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
 
 
 def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
-    """causes: whether any that matters was named."""
+    """causes: whether any that matters was named. left, is_far: as `HeldOut` has them; where little could be
+    gained, chance makes a large part of it."""
     if unknown:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     if not causes:
         return Verdict.UNKNOWN if is_far else Verdict.ADEQUATE
-    return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
+    return Verdict.PARTLY if left > LARGE_REST and is_far else Verdict.EXPLAINED
 
 
 def _channels(log: Log, judged: HeldOut, p_values: Array) -> tuple[ChannelResult, ...]:

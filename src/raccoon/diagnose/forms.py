@@ -5,6 +5,8 @@ The numbers were found on robots of other equations; docs/diagnosis.md says on w
 
 from __future__ import annotations
 
+import math
+
 from raccoon.diagnose.hypotheses import by_name
 
 _USUAL_SHARE = 0.07
@@ -40,10 +42,13 @@ def form_error(id_: str) -> float:
     return by_name(_SHARES, id_, _USUAL_SHARE)
 
 
-def least_error(id_: str) -> float:
+def least_error(id_: str, causes: int = 1) -> float:
     """Part of a cause's width by which its number is off, however small it is. Of a dead zone that is 0.3
-    counts, as readings are whole ones and say no more of where it ends."""
-    return by_name(_LEAST, id_, _USUAL_LEAST)
+    counts, as readings are whole ones and say no more of where it ends.
+
+    causes: how many are named. What is inexact of each adds to the error of the others, in squares.
+    """
+    return by_name(_LEAST, id_, _USUAL_LEAST) * math.sqrt(causes)
 
 
 def form_weight(name: str) -> float:

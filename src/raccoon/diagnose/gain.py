@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
+from raccoon.diagnose.features import BIN
 from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
-from raccoon.diagnose.noise import EVENT, event_means
+from raccoon.diagnose.linear import FLOOR_SECONDS
+from raccoon.diagnose.noise import event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search, steadied
+from raccoon.sim.parameters import SIDES
 
 Array = NDArray[np.float64]
 
@@ -19,10 +22,11 @@ FITTED_PART = 0.7
 MOST_OF_EVENT = 4.0
 FAR_FROM_NOISE = 0.2
 """Error on unseen data beyond what is expected of it, as a part of that, from which a model that nothing
-improves is wrong, where that data is as long as `USUAL_EVENTS`."""
-USUAL_EVENTS = 24.0
-"""Half seconds that are the rest of 40 s. Chance makes more of fewer: up to 0.4 of the 4 of clean drives of
-6 s."""
+improves is wrong, where that data is as long as `USUAL_SECONDS`."""
+USUAL_SECONDS = 12.0
+"""The rest of 40 s. Chance makes more of less: up to 0.4 of the 2 s of clean drives of 6 s."""
+DEVIATIONS = 3.0
+"""Of the mean square of what wanders slowly, by which it may be larger than is expected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +65,21 @@ class HeldOut:
     expected: Array
 
     @property
+    def foreseen(self) -> float:
+        """`size_of` what is expected on data that no fit has seen, 1 or more."""
+        return float(np.sqrt(((self.expected / self.floor) ** 2).mean()))
+
+    @property
     def possible(self) -> float:
-        """What could be gained at all: squared size before beyond that of the noise alone, above 0."""
-        return max(self.size_before**2 - 1.0, 1e-6)
+        """What could be gained at all: squared size before beyond that of what is expected, above 0."""
+        return max(self.size_before**2 - self.foreseen**2, 1e-6)
 
     def share(self, name: str) -> float:
         """Part of what could be gained at all that one cause gains, 0..1. Where the others do harm without
         it, that is counted from there."""
         without = self.without[name] ** 2
-        return float(np.clip((without - self.size_after**2) / max(self.possible, without - 1.0), 0.0, 1.0))
+        most = max(self.possible, without - self.foreseen**2)
+        return float(np.clip((without - self.size_after**2) / most, 0.0, 1.0))
 
     @property
     def surprise(self) -> float:
@@ -81,16 +91,20 @@ class HeldOut:
 
     @property
     def is_far(self) -> bool:
-        """Whether that is more than chance makes of so few half seconds."""
-        events = np.ceil(len(self.time) / EVENT)
-        return bool(self.surprise > 1.0 + FAR_FROM_NOISE * np.sqrt(USUAL_EVENTS / max(events, 1.0)))
+        """Whether that is more than chance makes of so few half seconds. What wanders slowly makes more of
+        it: friction that is off is off for seconds."""
+        seconds = len(self.time) * BIN
+        chance = 1.0 + FAR_FROM_NOISE * np.sqrt(USUAL_SECONDS / max(seconds, BIN))
+        slow = 1.0 - float(((self.floor / self.expected) ** 2).mean())
+        wanders = len(SIDES) * max(seconds / FLOOR_SECONDS, 1.0)  # independent values of it
+        return bool(self.surprise**2 > chance**2 + DEVIATIONS * slow * np.sqrt(2.0 / wanders))
 
     @property
     def left(self) -> float:
         """Part of what could be gained that the causes do not gain, 0..1."""
         if self.possible < 0.02:
             return 0.0
-        return float(np.clip((self.size_after**2 - 1.0) / self.possible, 0.0, 1.0))
+        return float(np.clip((self.size_after**2 - self.foreseen**2) / self.possible, 0.0, 1.0))
 
 
 def size_of(residual: Array, floor: Array) -> float:

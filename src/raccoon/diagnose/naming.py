@@ -79,7 +79,8 @@ def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, Parame
         value = spread.number(key)
         nominal = search.problem.neutral[key]
         form = form_error(cause.id) * abs(value - nominal if math.isfinite(nominal) else value)
-        std = math.hypot(spread.std(key), form, least_error(cause.id) * WIDTH_FACTOR * each.prior_width)
+        least = least_error(cause.id, len(search.fit.point.active)) * WIDTH_FACTOR * each.prior_width
+        std = math.hypot(spread.std(key), form, least)
         found[each.name] = ParameterResult(value, std, each.unit, float(nominal))
     return found
 

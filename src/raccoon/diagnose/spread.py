@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.hypotheses import Setting, Settings
 from raccoon.diagnose.select.outlook import Search, blocks_of
+from raccoon.diagnose.select.refits import SEVERAL
 
 Array = NDArray[np.float64]
 
@@ -23,6 +24,8 @@ FLAT = 3.0
 LEARNT = 10.0
 """s of driving from which noise is known to its own size: on shorter drives numbers scatter by more than it
 says, as noise that is learnt from few moments is too small."""
+UNNAMED = 0.05
+"""Widths of each cause that is not named by which it may be off where several are."""
 AWAY = (0.01, 0.02, 0.035, 0.06, 0.1, 0.18, 0.3, 0.55, 1.0)
 
 
@@ -62,19 +65,40 @@ def coordinate_covariance(search: Search) -> Array:
 
     Sandwich estimate H^-1 (sum_b g_b g_b') H^-1 of White (1982) over blocks; with few blocks it is noisy, so
     only its mean ratio to the curvature's variance is used, and only where it is above 1. And widened the
-    more the shorter a recording is.
+    more the shorter a recording is, and by what is not named where several causes are.
     """
     fit = search.fit
     columns = fit.jacobian
     hessian = columns @ columns.T + np.eye(len(columns)) + np.diag(_from_afar(search))
     inverse = np.asarray(np.linalg.inv(hessian), float)
+    unnamed = _unnamed(search)
+    across = unnamed @ columns.T
+    known = hessian - across.T @ np.linalg.solve(np.eye(len(unnamed)) + unnamed @ unnamed.T, across)
     free = np.flatnonzero(fit.free)
     mean, _, _ = _total(search).solve()
     scores = np.stack([each.projection - each.matrix @ mean for each in blocks_of(fit)])
     spread = inverse[np.ix_(free, free)] @ (scores.T @ scores) @ inverse[np.ix_(free, free)]
     ratio = float(np.mean(np.diag(spread) / np.diag(inverse)[free]))
     time = search.problem.features.time
-    return inverse * max(1.0, ratio) * (1.0 + LEARNT / float(time[-1] - time[0]))
+    widened = np.asarray(np.linalg.inv(known), float)
+    return widened * max(1.0, ratio) * (1.0 + LEARNT / float(time[-1] - time[0]))
+
+
+def _unnamed(search: Search) -> Array:
+    """Whitened responses (directions, rows) to as much as may be wrong of what was not named, one standard
+    deviation each; none where no more than one cause was: a robot with several things wrong has others wrong
+    as well, below what shows, and they bend the numbers of those that are named."""
+    none, active = np.zeros((0, search.fit.white.size)), search.fit.point.active
+    if len(active) < SEVERAL:
+        return none
+    named = {name.partition("@")[0] for name in active}
+    variants = {each.name: each.columns for each in reversed(search.linear.groups)}  # the first of each
+    columns = [
+        each
+        for name, each in variants.items()
+        if name.partition("@")[0] not in named and f"{name}@left" not in variants
+    ]
+    return search.whitener(UNNAMED * np.concatenate(columns)) if columns else none
 
 
 def _from_afar(search: Search) -> Array:

@@ -87,6 +87,23 @@ def test_the_filter_is_asked_again_once_a_cause_is_known(monkeypatch: pytest.Mon
     assert said.model.chain == Chain()
 
 
+def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The median delays the wheels' readings by nearly as much as the commands are late."""
+    late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
+    columns = recorded(late, 20.0, seed=1)
+    monkeypatch.setattr(
+        "raccoon.diagnose.diagnosis.controller_of",
+        lambda log, *_: (log, Habits(Chain.firmware(), False)),
+    )
+    said = diagnose(columns, ROBOT)
+    assert [each.name for each in said.causes] == ["actuation.latency"]
+    assert said.causes[0].parameters["seconds"].value == pytest.approx(0.008, abs=0.0005)
+    assert said.model is not None
+    assert said.model.chain == Chain()
+
+
 @pytest.mark.parametrize(
     ("row", "cycle"), [(0.005, 0.005), (0.02, 0.005), (0.0042, 0.0042), (0.011, 0.0055), (0.001, 0.005)]
 )

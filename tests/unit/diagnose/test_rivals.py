@@ -113,6 +113,23 @@ def test_numbers_of_a_short_drive_are_less_sure(problem: Problem) -> None:
     assert (stds[0] / stds[1]) ** 2 == pytest.approx((1.0 + LEARNT / span) / (1.0 + 0.1 * LEARNT / span))
 
 
+def test_beside_another_cause_a_number_is_less_sure(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By what is not named and looks like it, and by what is inexact of the other."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    both = late.with_cause("imu.gyro_bias", np.array([1.0]))
+    cause, stds = CAUSES["imu.latency"], {}
+    for point, unnamed in ((late, 0.0), (late, 0.05), (both, 0.0), (both, 0.05)):
+        monkeypatch.setattr("raccoon.diagnose.spread.UNNAMED", unnamed)
+        search = searched(problem, point, point)
+        stds[len(point.active), unnamed] = parameters(search, cause, Spread.of(search))["seconds"].std
+    assert stds[1, 0.0] == stds[1, 0.05]
+    assert stds[1, 0.0] < stds[2, 0.0] < stds[2, 0.05]
+    slip = CAUSES["drive.wheel_slip"].coordinates[0].value(1.0)  # s: a little of it bends the latency as much
+    assert stds[2, 0.05] < 0.05 * slip
+
+
 def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:
     """K_E was said with the track width beside it where the gyro's scale, that one's twin, was hidden."""
     late = problem.nominal().with_cause("imu.latency", np.array([0.3]))

@@ -25,7 +25,7 @@ from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.rollout import IMPOSSIBLE, Variant, heard, parameters_of
+from raccoon.diagnose.rollout import IMPOSSIBLE, Variant, flickering, heard, parameters_of
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
 from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families
 from raccoon.diagnose.select.outlook import (
@@ -253,15 +253,32 @@ def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem
 def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -> None:
     samples = np.array([[3.0, 14.0, -14.0, 14.0, -5.0, 7.0]])
     measured = np.array([0.0, 0.0, 0.0, 12.0, -2.0, np.nan])
-    (none,) = heard(samples, np.array([[0.0]]), measured)
+    steady = np.zeros(6, bool)
+    (none,) = heard(samples, np.array([[0.0]]), measured, steady)
     np.testing.assert_array_equal(none, samples[0])
-    (zone,) = heard(samples, np.array([[10.0]]), measured)
+    (zone,) = heard(samples, np.array([[10.0]]), measured, steady)
     np.testing.assert_array_equal(zone, [0.0, 4.0, -4.0, 14.0, -5.0 - 7.5 * IMPOSSIBLE, 7.0])
 
 
 def test_whole_counts_are_no_dead_zone() -> None:
     samples, measured = np.array([[0.6, -0.9]]), np.array([0.0, 0.0])
-    np.testing.assert_array_equal(heard(samples, np.array([[1.0]]), measured), samples)
+    np.testing.assert_array_equal(heard(samples, np.array([[1.0]]), measured, np.zeros(2, bool)), samples)
+
+
+def test_a_reading_that_noise_lifts_out_of_the_zone_says_what_a_silent_one_says() -> None:
+    measured = np.zeros(200)
+    measured[[50, 51, 120]] = -11.0  # far from an offset of -4, and away from 0 as noise can only be here
+    measured[160:] = 30.0
+    measured[130] = np.nan
+    flickers = flickering(measured)
+    assert list(np.flatnonzero(flickers)) == [50, 51, 120]
+    samples = np.where(measured == 30.0, 29.0, -4.0)[None]
+    (inside,) = heard(samples, np.array([[10.0]]), measured, flickers)
+    np.testing.assert_array_equal((measured - inside)[:130], 0.0)
+    np.testing.assert_array_equal(inside[160:], 29.0)
+    (outside,) = heard(samples - 8.0, np.array([[10.0]]), measured, flickers)
+    np.testing.assert_array_equal((measured - outside)[:130], 2.0)
+    np.testing.assert_array_equal(heard(samples, np.array([[0.0]]), measured, flickers), samples)
 
 
 @pytest.mark.parametrize("width", [0.5, 8.0, 13.0, 14.0, 20.0, 60.0])
@@ -269,7 +286,8 @@ def test_nothing_jumps_over_the_width_of_a_zone(width: float) -> None:
     rng = np.random.default_rng(2)
     samples, measured = 40.0 * rng.standard_normal((1, 500)), 40.0 * rng.standard_normal(500)
     measured[np.abs(measured) < 13.5] = 0.0
-    before, after = (heard(samples, np.array([[width + each]]), measured) for each in (-1e-6, 1e-6))
+    steady = np.zeros(500, bool)
+    before, after = (heard(samples, np.array([[width + each]]), measured, steady) for each in (-1e-6, 1e-6))
     assert np.abs(after - before).max() <= 2.1e-6 * IMPOSSIBLE
 
 
@@ -550,6 +568,17 @@ def test_how_far_is_too_far_depends_on_how_much_there_is_to_judge_on(
     bins = int(seconds / BIN)
     assert not held(np.full((bins, 2), adequate)).is_far
     assert held(np.full((bins, 2), wrong)).is_far
+
+
+def test_what_wanders_slowly_may_be_further_off_by_chance() -> None:
+    """In 12 s a floor has few values; what is left is counted from what is expected."""
+    residual = np.full((600, 2), 1.35 * 1.5)
+    wandering = replace(held(residual), expected=np.full(2, 1.5), size_before=4.0, size_after=1.35 * 1.5)
+    assert not wandering.is_far  # 1.35 times what is expected
+    assert replace(held(np.full((600, 2), 1.35)), size_before=4.0, size_after=1.35).is_far
+    assert wandering.foreseen == pytest.approx(1.5)
+    assert wandering.left == pytest.approx(1.5**2 * (1.35**2 - 1.0) / (4.0**2 - 1.5**2))
+    assert replace(wandering, size_after=1.4).left == 0.0
 
 
 def test_what_a_cause_gains_is_counted_from_where_the_error_is_without_it() -> None:
