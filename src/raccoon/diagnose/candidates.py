@@ -12,6 +12,7 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses import (
+    FORMS,
     WIDTH_FACTOR,
     Cause,
     Coordinate,
@@ -89,7 +90,7 @@ def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
         return _shaped(id, where, width)
     if id == "friction.direction_dependent":
         return _uneven(id, where)
-    if len(entry.parameters) == 2:
+    if len(entry.parameters) == 2 and id not in FORMS:
         coordinates = tuple(
             added(id, where, each.name, WIDTH_FACTOR * each.prior_width) for each in entry.parameters
         )

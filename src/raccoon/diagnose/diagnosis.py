@@ -15,7 +15,7 @@ from raccoon.diagnose.extend import extended
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.habits import another_chain, controller_of, drive_problem, with_lost_changes
-from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.hypotheses import FORMS, Cause
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 LARGE_REST = 0.3
-LATE, LATE_GYRO = "actuation.latency", "imu.latency"
+LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
 LIKE_A_FILTER = (LATE, "bemf.filter_lag")
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
@@ -81,12 +81,14 @@ def diagnose(
             return _nothing_to_see(begin)
         tried = tuple(drive_causes() if causes is None else causes)
         search, habits, log = _searched(log, robot, tried, model)
+        search = _with_the_slip_that_fits(search)
         other = None
         if holdout is not None:
             other_log = log_from_columns(holdout, robot)
             check_units(other_log, robot)
             other_log = with_lost_changes(other_log, robot, tried, habits, model, search.fit.point)
             other = drive_problem(other_log, robot, tried, habits, model)
+            other = replace(other, neutral=search.problem.neutral)
         search, judged = _proven(search, other)
         return _diagnosis(log, search, judged, habits, begin)
 
@@ -137,6 +139,26 @@ def _under_another_filter(search: Search) -> list[Point]:
     return starts
 
 
+def _with_the_slip_that_fits(search: Search) -> Search:
+    """The search, or that with slip which follows acceleration at once, where that explains more: to a lag
+    it looks like a gyro that is late."""
+    point, causes = search.fit.point, search.problem.causes
+    late = [name for name in (LATE_GYRO, SLIP) if name in point.active]
+    if not late or SLIP not in causes:
+        return search
+    seconds = sum(causes[name].coordinates[0].value(float(point.active[name][0])) for name in late)
+    start = point
+    for name in late:
+        start = start.without_cause(name)
+    start = start.with_cause(SLIP, np.array([seconds / causes[SLIP].coordinates[0].value(1.0)]))
+    at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
+    problem = replace(search.problem, neutral=search.problem.neutral | at_once)
+    if net_lead(search, fit_point(problem, search.whitener, start), search.fit) < DOUBT:
+        return search
+    second = _search_in(problem)
+    return second if SLIP in second.fit.point.active and explains_more(second, search) > DOUBT else search
+
+
 def _search_in(problem: Problem) -> Search:
     return search_causes(problem, probes_for(problem))
 
@@ -174,7 +196,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     spread = Spread.of(search)
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
-    left = judged.left
+    left = judged.left if judged.is_far else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     return Diagnosis(
@@ -182,7 +204,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         _channels(log, judged, whiteness(white)),
         causes,
         rejections(search, log),
-        Unexplained(0.0 if verdict is Verdict.ADEQUATE else left, depends_on),
+        Unexplained(left, depends_on),
         suggestions(search, causes, log),
         time.perf_counter() - begin,
         extended(search.problem, spread, causes, habits.chain),
@@ -215,13 +237,12 @@ def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
 
 
 def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
-    """causes: whether any that matters was named. left, is_far: as `HeldOut` has them; where little could be
-    gained, chance makes a large part of it."""
+    """causes: whether any that matters was named. left: as `HeldOut` has it, of what is beyond chance."""
     if unknown:
         return Verdict.PARTLY if causes else Verdict.UNKNOWN
     if not causes:
         return Verdict.UNKNOWN if is_far else Verdict.ADEQUATE
-    return Verdict.PARTLY if left > LARGE_REST and is_far else Verdict.EXPLAINED
+    return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
 
 
 def _channels(log: Log, judged: HeldOut, p_values: Array) -> tuple[ChannelResult, ...]:

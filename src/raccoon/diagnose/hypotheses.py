@@ -66,6 +66,9 @@ class Coordinate:
                 settings[key] = max(self.from_zero * u, 0.0)
 
 
+FORMS = {"drive.wheel_slip": "at_once"}
+"""Parameters that choose between two forms of an effect, by id: nothing in between is meant, so no fit moves
+them, and a search has one form or the other."""
 Points = tuple[tuple[float, ...], ...]
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from raccoon.diagnose.forms import form_error, least_error
 from raccoon.diagnose.gain import HeldOut, contributions
-from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Cause
+from raccoon.diagnose.hypotheses import FORMS, WIDTH_FACTOR, Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.problem import Problem
@@ -75,6 +75,8 @@ def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, Parame
     """The effect's parameters at the fit, with what the form of any model is off by."""
     found = {}
     for each in cause.effect.parameters:
+        if each.name == FORMS.get(cause.id):
+            continue
         key = (cause.id, cause.places[0], each.name)
         value = spread.number(key)
         nominal = search.problem.neutral[key]

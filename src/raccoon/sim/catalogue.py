@@ -130,7 +130,10 @@ _DRIVE = (
     Effect(
         "drive.wheel_slip",
         "The wheels slip while they speed up or brake, so the robot lags behind them.",
-        (Parameter("time", "s", 0.0, Bounds(0.0, 0.2), 0.01),),
+        (
+            Parameter("time", "s", 0.0, Bounds(0.0, 0.2), 0.01),
+            Parameter("at_once", "", None, Bounds(0.0, 1.0), 1.0, 0.0),
+        ),
         Place.SIDE,
     ),
     Effect(

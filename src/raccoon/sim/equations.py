@@ -133,12 +133,12 @@ def moved(
     """Pose, wheels, battery and windings after a step to the wheel speeds `left` and `right`."""
     way_left, rim_left, play_left, wheel_left, rolling_left, cos_left, sin_left = rolled(
         s.speed_left, left, s.play_left, s.wheel_left, s.rolling_left, p.half_play_left, p.coasting_left,
-        p.slip_left, s.wheel_cos_left, s.wheel_sin_left, p.radius_left, p.runout_cos_left, p.runout_sin_left,
-        h, per_h,
+        p.slip_left, p.kick_left, s.wheel_cos_left, s.wheel_sin_left, p.radius_left, p.runout_cos_left,
+        p.runout_sin_left, h, per_h,
     )  # fmt: skip
     way_right, rim_right, play_right, wheel_right, rolling_right, cos_right, sin_right = rolled(
         s.speed_right, right, s.play_right, s.wheel_right, s.rolling_right, p.half_play_right,
-        p.coasting_right, p.slip_right, s.wheel_cos_right, s.wheel_sin_right, p.radius_right,
+        p.coasting_right, p.slip_right, p.kick_right, s.wheel_cos_right, s.wheel_sin_right, p.radius_right,
         p.runout_cos_right, p.runout_sin_right, h, per_h,
     )  # fmt: skip
     angle = (way_right - way_left) * p.per_track
@@ -183,8 +183,8 @@ def slope_of(before: float, after: float, per_h: float) -> float:
 
 def rolled(
     before: float, after: float, play: float, wheel: float, rolling: float, half_play: float, coasting: float,
-    slip: float, cosine: float, sine: float, radius: float, runout_cos: float, runout_sin: float, h: float,
-    per_h: float,
+    slip: float, kick: float, cosine: float, sine: float, radius: float, runout_cos: float,
+    runout_sin: float, h: float, per_h: float,
 ) -> tuple[float, float, float, float, float, float, float]:  # fmt: skip
     """One wheel in a step: way (m), rim speed (m/s), play, speed behind the gear, rolling speed, cosine and
     sine of its angle."""
@@ -206,8 +206,11 @@ def rolled(
     follows = behind
     follows = lagging(rolling, wheel, behind, slip, h, per_h)  # effect: drive.wheel_slip
     turn -= slip * (follows - rolling)  # effect: drive.wheel_slip
+    rim = follows
+    rim -= kick * (behind - wheel) * per_h  # effect: drive.wheel_slip
+    turn -= kick * (behind - wheel)  # effect: drive.wheel_slip
     radius *= 1.0 + runout_cos * cosine + runout_sin * sine  # effect: drive.wheel_eccentricity
-    return radius * turn, radius * follows, play + taken, behind, follows, cosine, sine
+    return radius * turn, radius * rim, play + taken, behind, follows, cosine, sine
 
 
 def warmed(heat: float, current: float, share: float) -> float:

@@ -37,7 +37,7 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
     "motor.current_limit": {"limit_left": math.inf, "limit_right": math.inf},
     "friction.stiction": {"stiction_left": 0.0, "stiction_right": 0.0},
     "drive.backlash": {"half_play_left": 0.0, "half_play_right": 0.0},
-    "drive.wheel_slip": {"slip_left": 0.0, "slip_right": 0.0},
+    "drive.wheel_slip": dict.fromkeys(("slip_left", "slip_right", "kick_left", "kick_right"), 0.0),
     "drive.turn_scrub": {"scrub": 0.0},
     "drive.wheel_eccentricity": dict.fromkeys(
         ("runout_cos_left", "runout_cos_right", "runout_sin_left", "runout_sin_right"), 0.0

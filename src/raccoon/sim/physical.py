@@ -97,12 +97,14 @@ def _chassis_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
     drive = parameters.robot.model.drive
     inertia = value("drive.inertia", "factor")
     straight, turn = drive.inertia_straight.value * inertia, drive.inertia_turn.value * inertia
+    slips = list(zip(*(sides.of("drive.wheel_slip", each) for each in ("time", "at_once")), strict=True))
     runout = sides.of("drive.wheel_eccentricity", "amplitude")
     phase = sides.of("drive.wheel_eccentricity", "phase")
     return (
         *(0.5 * each for each in sides.of("drive.backlash", "angle")),
         *sides.of("drive.backlash", "coasting"),
-        *sides.of("drive.wheel_slip", "time"),
+        *(time * (1.0 - share) for time, share in slips),
+        *(time * share for time, share in slips),
         value("drive.turn_scrub", "torque"),
         *(drive.wheel_radius.value * each for each in sides.of("drive.wheel_radius", "factor")),
         # amplitude * sin(angle + phase), by the cosine and the sine of the wheel's angle

@@ -92,8 +92,10 @@ class Plant(NamedTuple):
     half_play_right: float
     coasting_left: float  # s
     coasting_right: float
-    slip_left: float
+    slip_left: float  # s, by which the floor lags
     slip_right: float
+    kick_left: float  # s, slip that follows the wheel's acceleration at once
+    kick_right: float
     scrub: float
     radius_left: float
     radius_right: float

@@ -177,7 +177,7 @@ def test_a_wheel_between_the_teeth_rolls_on_for_its_coasting_time() -> None:
     for _ in range(round(0.3 / h)):
         after = speed - braking * h
         turned, rim, play, wheel, rolling, *_ = rolled(
-            speed, after, play, wheel, rolling, 10.0, coasting, 0.01, 1.0, 0.0, 1.0, 0.0, 0.0, h, 1 / h
+            speed, after, play, wheel, rolling, 10.0, coasting, 0.01, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, h, 1 / h
         )
         speed, angle = after, angle + turned
     apart = braking * coasting
@@ -198,7 +198,22 @@ def test_a_wheel_in_loose_gears_gets_as_far_at_steps_of_a_millisecond_as_at_tiny
         play, wheel, rolling, way = 0.04, 0.0, 0.0, [0.0]
         for before, after in pairwise(speeds.tolist()):
             turned, _, play, wheel, rolling, *_ = rolled(
-                before, after, play, wheel, rolling, 0.04, coasting, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, h, 1.0 / h
+                before,
+                after,
+                play,
+                wheel,
+                rolling,
+                0.04,
+                coasting,
+                0.0,
+                0.0,
+                1.0,
+                0.0,
+                1.0,
+                0.0,
+                0.0,
+                h,
+                1 / h,
             )
             way.append(way[-1] + turned)
         return np.array(way)
@@ -292,6 +307,22 @@ def test_the_simulated_robot_s_gyro_is_late_in_the_same_way() -> None:
     commands = Commands.of_wheels(np.arange(300) * 0.005, -duty, duty)
     rolled_out = rollout(robot, commands, channels=["imu.gyro.z"])["imu.gyro.z"][0]
     assert np.abs(np.array(read[1:]) - rolled_out[1:]).max() < 0.004
+
+
+def test_slip_that_follows_acceleration_at_once_takes_time_times_it_from_the_speed() -> None:
+    """v = w - time * w'. The way that is lost is the same as with the lag: time times the speed reached."""
+    duty = np.where(TIME < 0.1, 0.0, 0.8)
+    plain = run(with_effect("drive.wheel_slip", time=0.0), -duty, duty)
+    kicked = run(with_effect("drive.wheel_slip", time=0.02, at_once=1.0), -duty, duty)
+    speed = plain["motor.1.speed"][0]
+    np.testing.assert_array_equal(kicked["motor.1.speed"][0], speed)
+    per_wheel = 2.0 * MODEL.drive.wheel_radius.value / MODEL.drive.track_width.value
+    rolling = kicked["imu.gyro.z"][0] / per_wheel
+    foretold = speed - 0.02 * np.gradient(speed, TIME)
+    late = slice(30, None)  # past the kink of the start, over which a gradient says nothing
+    np.testing.assert_allclose(rolling[late], foretold[late], atol=0.01 * speed.max())
+    lost = (plain["truth.heading"][0] - kicked["truth.heading"][0])[-1] / per_wheel
+    assert lost == pytest.approx(0.02 * speed[-1], rel=1e-3)
 
 
 def test_slip_costs_time_times_the_speed_reached() -> None:

@@ -136,7 +136,7 @@ _SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
     ),
     "imu.gyro_bias": _number("the gyro reads {value:+.4f} rad/s at rest: calibrate it before every run."),
     "imu.gyro_scale": _scaled(
-        "the gyro's reading", "too large", "too small", "calibrate with counted full turns."
+        "the gyro's reading", "larger", "smaller", "calibrate with counted full turns."
     ),
     "imu.gyro_drift": _number("the gyro's zero moves by {value:+.5f} rad/s every second: let it warm up."),
     "imu.latency": _number("gyro readings come {milli:.0f} ms late: turn more gently or plan ahead."),
