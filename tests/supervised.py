@@ -30,7 +30,7 @@ guard = Supervisor("unix:" + sys.argv[1], [dialect.stop()])
 port = WombatPort(link, dialect=dialect, guard=guard)
 for cycle in range(int(sys.argv[2])):
     port.read()
-    port.write(Outputs(duty=(0.5, -0.5, 0.0, 0.0)))
+    port.write(Outputs((0.5, -0.5, 0.0, 0.0), servo_us=(None, 1000 + min(20 * cycle, 800), None, None)))
 if len(sys.argv) > 3:
     raise RuntimeError("a bug in the robot program")
 """
@@ -89,6 +89,13 @@ class SupervisedBench:
             assert waited < patience, f"motors_running is still {not running} after {waited:.2f} s"
             self.serve(0.01)
         return time.monotonic() - start
+
+    def serve_until_servos(self, pulses: tuple[int | None, ...], patience: float) -> None:
+        """Serve until the servos are commanded like this; fails where it takes longer."""
+        deadline = time.monotonic() + patience
+        while self.emulator.servo_us != pulses:
+            assert time.monotonic() < deadline, f"servos are at {self.emulator.servo_us}, not {pulses}"
+            self.serve(0.01)
 
     def serve_program(self, program: subprocess.Popen[bytes]) -> None:
         deadline = time.monotonic() + 20.0

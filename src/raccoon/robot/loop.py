@@ -45,13 +45,15 @@ def stopped_on_exit(stop: Callable[[], None]) -> Iterator[None]:
     """Call `stop` when the block is left: by return, by an error, by Ctrl-C, SIGTERM, SIGHUP or sys.exit.
 
     SIGTERM and SIGHUP raise SystemExit (status 128 + number) where the program stands, so every `finally` on
-    the way runs. `stop` may be called more than once. Outside the main thread signals stay as they are.
+    the way runs. One that is ignored stays ignored (nohup does that: the program is to outlive its terminal).
+    `stop` may be called more than once. Outside the main thread signals stay as they are.
     """
     atexit.register(stop)
     previous = {}
     if threading.current_thread() is threading.main_thread():
         for number in _ENDING_SIGNALS:
-            previous[number] = signal.signal(number, _leave)
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                previous[number] = signal.signal(number, _leave)
     try:
         yield
     finally:

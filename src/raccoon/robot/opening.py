@@ -31,19 +31,37 @@ def open_robot(
 
     config: a robot.toml or a configuration. port: handed in by tests; otherwise robot.toml's
     `controller.port` is opened, and nothing else: there is no falling back to the simulator. record: where to
-    record the run. seed: of the simulator. Raises ConfigError, HardwareError, FileNotFoundError.
+    record the run; where there is such a recording, this one gets a number (`run-2`), and where none can be
+    written there is a RuntimeWarning and the robot runs without. seed: of the simulator. Raises ConfigError,
+    HardwareError, FileNotFoundError.
     """
     settings = config if isinstance(config, RobotConfig) else load_robot(config)
     opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
-    if record is not None:
-        from raccoon.trace.record import RecordingPort
-
-        opened = RecordingPort(opened, record, config=settings, seed=seed)
+    # A port that is handed in knows itself whether it is a controller, or wraps one, that waits for nobody.
+    real_time = (
+        settings.controller.port in REAL_CONTROLLERS if port is None else getattr(port, "real_time", False)
+    )
     with stopped_on_exit(opened.close):
-        robot = Robot(opened, settings)
-        on_time = port is None and settings.controller.port in REAL_CONTROLLERS
-        with stopped_on_exit(robot.close), punctual() if on_time else nullcontext():
-            yield robot
+        if record is not None:
+            opened = _recorded(opened, record, settings, seed)
+        with stopped_on_exit(opened.close):
+            robot = Robot(opened, settings)
+            with stopped_on_exit(robot.close), punctual() if real_time else nullcontext():
+                yield robot
+
+
+def _recorded(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:
+    """The port with a recording around it, where one can be begun."""
+    import logging
+
+    from raccoon.trace.record import RecordingPort, recording_paths
+
+    recording = RecordingPort(port, path, config=config, seed=seed, needed=False)
+    if recording.failure is None and recording.path != recording_paths(path)[1]:
+        logging.getLogger("raccoon").warning(
+            "there is a recording %s already: this run goes to %s", path, recording.path
+        )
+    return recording
 
 
 def open_port(config: RobotConfig, *, seed: int = 0) -> Port:

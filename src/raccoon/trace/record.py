@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
@@ -25,8 +26,11 @@ class RecordingPort:
     says so in `failure` and by a RuntimeWarning on close, and the run goes on.
 
     seed: of everything random in the run. revision: git revision of the program, by default of the checkout
-    around the current directory. Raises FileExistsError where there is such a recording and `overwrite` is
-    not set.
+    around the current directory. needed: whether the run is of no use without its recording. Then
+    FileExistsError is raised where there is such a recording and `overwrite` is not set, and OSError where
+    none can be begun. Where it is not needed, nothing of the recording stops the run: it takes the next free
+    name (`run-2`, `run-3`; `path` says which), and what cannot be begun stands in `failure` and is told by a
+    RuntimeWarning.
     """
 
     def __init__(
@@ -38,23 +42,37 @@ class RecordingPort:
         seed: int | None = None,
         revision: str | None = None,
         overwrite: bool = False,
+        needed: bool = True,
     ) -> None:
-        plain, self.path = recording_paths(path)
-        there = None if overwrite else already_there(path)
-        if there is not None:
-            raise FileExistsError(f"{there} exists: choose another name or say overwrite=True")
-        plain.parent.mkdir(parents=True, exist_ok=True)
-        revision = revision or git_revision(Path.cwd())
-        header = Header(type(port).__name__, config, seed, revision, library_version())
+        self.path = Path(path)
         self._port = port
-        self._writer = TraceWriter(plain, self.path, json_line(header_table(header)))
+        self._writer: TraceWriter | None = None
+        self._failure: str | None = None
         self._closed = False
         self._begin(None)
+        try:
+            revision = revision or git_revision(Path.cwd())
+            header = json_line(
+                header_table(Header(type(port).__name__, config, seed, revision, library_version()))
+            )
+            self._writer, self.path = (
+                _only(path, header, overwrite) if needed or overwrite else _next_free(path, header)
+            )
+        except (OSError, ValueError, TypeError) as error:
+            if needed:
+                raise
+            self._failure = str(error)
+            warnings.warn(f"{path} is not recorded, the run goes on: {error}", RuntimeWarning, stacklevel=2)
 
     @property
     def failure(self) -> str | None:
         """Why the recording ended before the run, None while all is well."""
-        return self._writer.failure
+        return self._failure if self._writer is None else self._writer.failure
+
+    @property
+    def real_time(self) -> bool:
+        """Whether the wrapped port's cycles come by the wall's clock."""
+        return bool(getattr(self._port, "real_time", False))
 
     def read(self) -> Inputs:
         """Next cycle of the wrapped port; what happened since the last one is handed to the writer."""
@@ -87,10 +105,15 @@ class RecordingPort:
         finally:
             if not self._closed:
                 self._closed = True
-                self._hand_over()
-                self._writer.finish()
-                if self.failure is not None:
-                    warnings.warn(f"{self.path} ends early: {self.failure}", RuntimeWarning, stacklevel=2)
+                self._finish()
+
+    def _finish(self) -> None:
+        if self._writer is None:  # which has been told
+            return
+        self._hand_over()
+        self._writer.finish()
+        if self.failure is not None:
+            warnings.warn(f"{self.path} ends early: {self.failure}", RuntimeWarning, stacklevel=3)
 
     def _begin(self, inputs: Inputs | None) -> None:
         self._inputs = inputs
@@ -99,9 +122,32 @@ class RecordingPort:
         self._events: list[str] = []
 
     def _hand_over(self) -> None:
-        if self._inputs is not None or self._commands or self._events:
+        if self._writer is not None and (self._inputs is not None or self._commands or self._events):
             cycle = Cycle(self._inputs, tuple(self._commands), tuple(self._estimates), tuple(self._events))
             self._writer.put(cycle)
+
+
+def _only(path: str | Path, header: str, overwrite: bool) -> tuple[TraceWriter, Path]:
+    """Begin the recording of this very name."""
+    there = None if overwrite else already_there(path)
+    if there is not None:
+        raise FileExistsError(f"{there} exists: choose another name or say overwrite=True")
+    plain, packed = recording_paths(path)
+    plain.parent.mkdir(parents=True, exist_ok=True)
+    return TraceWriter(plain, packed, header, overwrite=overwrite), packed
+
+
+def _next_free(path: str | Path, header: str) -> tuple[TraceWriter, Path]:
+    """Begin a recording of this name, or of the first with a number behind it that is free."""
+    plain, packed = recording_paths(path)
+    plain.parent.mkdir(parents=True, exist_ok=True)
+    stem, number = plain.name.removesuffix(PLAIN), 1
+    while True:
+        if not (plain.exists() or packed.exists()):
+            with suppress(FileExistsError):  # taken since we looked
+                return TraceWriter(plain, packed, header), packed
+        number += 1
+        plain, packed = recording_paths(plain.with_name(f"{stem}-{number}{PLAIN}"))
 
 
 def recording_paths(path: str | Path) -> tuple[Path, Path]:

@@ -28,15 +28,22 @@ class TraceWriter:
     """Writes cycles behind a header line to `plain` and packs the file into `packed` at the end.
 
     failure: why the recording ended early, None while all is well. A recording that fails never disturbs the
-    run it records.
+    run it records. Raises FileExistsError where there is a `plain` and `overwrite` is not set, OSError where
+    the header cannot be written; then no file is left.
     """
 
-    def __init__(self, plain: Path, packed: Path, header: str) -> None:
+    def __init__(self, plain: Path, packed: Path, header: str, *, overwrite: bool = False) -> None:
         self.failure: str | None = None
         self._plain = plain
         self._packed = packed
-        self._file = plain.open("wb", buffering=0)
-        self._file.write(header.encode())
+        # Exclusive: another program may have taken the name since somebody looked.
+        self._file = plain.open("wb" if overwrite else "xb", buffering=0)
+        try:
+            _write_all(self._file.fileno(), header.encode())
+        except BaseException:
+            self._file.close()
+            plain.unlink(missing_ok=True)
+            raise
         self._queue: SimpleQueue[Cycle | None] = SimpleQueue()
         self._device: Device | None = None
         self._ticks = 0

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from bench_robot import BenchRobot
 from faulty_robot import FaultyRobot
 from i2c_fake import FakeI2c, Ina226Chip, MpuChip
-from raccoon.core.clock import SteppedClock
+from raccoon.core.clock import Clock, RealClock, SteppedClock
+from raccoon.core.config import RobotConfig
 from raccoon.core.readings import STOP, Fault, Inputs
 from raccoon.hal.calibration_board import BAUD, CalibrationBoard, ReferencePort
 from raccoon.hal.i2c import BatteryMonitorPort, I2cBus, ImuPort, Ina226, Mpu, PowerSample, Sampler
 from raccoon.hal.serial_line import SerialLine
+from raccoon.hal.wombat.emulator import Emulator
+from raccoon.hal.wombat.port import WombatPort
+from raccoon.robot.opening import open_robot
 from raccoon.trace.record import RecordingPort
 from raccoon.trace.replay import ReplayPort
 from serial_peer import SerialPeer
@@ -24,6 +30,32 @@ def peer(tmp_path: Path) -> Iterator[SerialPeer]:
     device = SerialPeer(tmp_path / "ttyACM0")
     yield device
     device.unplug()
+
+
+@pytest.mark.parametrize("clock", [RealClock(), SteppedClock()], ids=["real", "stepped"])
+def test_a_wrapped_controller_is_as_punctual_as_a_bare_one(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, peer: SerialPeer
+) -> None:
+    entered: list[str] = []
+
+    @contextmanager
+    def noted() -> Iterator[None]:
+        entered.append("punctual")
+        yield
+
+    monkeypatch.setattr("raccoon.robot.opening.punctual", noted)
+    kernel = FakeI2c({0x69: MpuChip(), 0x40: Ina226Chip()})
+    monkeypatch.setattr("smbus2.smbus2.ioctl", kernel.ioctl)
+    (tmp_path / "i2c-1").touch()
+    bus = I2cBus(str(tmp_path / "i2c-1"))
+    gyro, power = Mpu(bus), Ina226(bus, shunt=0.005)
+    board = CalibrationBoard(SerialLine(str(peer.path), BAUD, clock), clock)
+    port = WombatPort(Emulator(BenchRobot(), "stock", clock=clock), clock=clock)
+    sensing = BatteryMonitorPort(ImuPort(port, Sampler(gyro, 1.0, clock), gyro), Sampler(power, 1.0, clock))
+    recorded = RecordingPort(ReferencePort(sensing, board), tmp_path / "run")
+    with open_robot(RobotConfig(), port=recorded):
+        assert entered == ["punctual"] * isinstance(clock, RealClock)
+    bus.close()
 
 
 def test_a_recording_gives_back_what_every_added_sensor_said(

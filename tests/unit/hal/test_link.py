@@ -126,6 +126,55 @@ def test_a_dead_program_leaves_no_lock(tmp_path: Path) -> None:
     BusLock("/dev/spidev7.0", folder=tmp_path).release()
 
 
+def test_the_lock_file_is_for_every_user(tmp_path: Path) -> None:
+    path = tmp_path / "raccoon-spidev7.0.lock"
+    before = os.umask(0o077)
+    try:
+        BusLock("/dev/spidev7.0", folder=tmp_path).release()
+        assert path.stat().st_mode & 0o777 == 0o666
+        path.chmod(0o644)  # of an older version
+        BusLock("/dev/spidev7.0", folder=tmp_path).release()
+        assert path.stat().st_mode & 0o777 == 0o666
+    finally:
+        os.umask(before)
+
+
+def refusing(monkeypatch: pytest.MonkeyPatch, *ways: int) -> None:
+    """The kernel as somebody meets it who may not open the file these ways, nor make one of this name."""
+    opened = os.open
+
+    def refuse(path: Path, flags: int, *mode: int) -> int:
+        if flags & os.O_CREAT or flags & os.O_ACCMODE in ways:
+            raise PermissionError(13, "Permission denied")
+        return opened(path, flags, *mode)
+
+    monkeypatch.setattr(os, "open", refuse)
+
+
+def test_a_lock_file_of_another_user_is_locked_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lock, "WAIT_SECONDS", 0.0)
+    path = tmp_path / "raccoon-spidev7.0.lock"
+    path.write_text("999999999\n")
+    refusing(monkeypatch, os.O_RDWR)
+    first = BusLock("/dev/spidev7.0", folder=tmp_path)
+    with pytest.raises(HardwareError, match=r"in use by another robot program \(process unknown\)"):
+        BusLock("/dev/spidev7.0", folder=tmp_path)
+    first.release()
+    BusLock("/dev/spidev7.0", folder=tmp_path).release()
+
+
+def test_a_lock_file_that_may_not_even_be_read_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "raccoon-spidev7.0.lock"
+    path.touch()
+    refusing(monkeypatch, os.O_RDWR, os.O_RDONLY)
+    with pytest.raises(HardwareError, match=f"Permission denied; delete it with `sudo rm {path}`"):
+        BusLock("/dev/spidev7.0", folder=tmp_path)
+
+
 def process(proc: Path, number: int, name: str, opened: str | None = None) -> None:
     folder = proc / str(number) / "fd"
     folder.mkdir(parents=True)

@@ -240,6 +240,32 @@ def test_a_silent_bus_is_named(silence: int) -> None:
     assert clock.now() == pytest.approx(2.9)  # it might have been starting
 
 
+@pytest.mark.parametrize("word", [0x00, 0xFF])
+def test_single_dead_frames_are_no_restarts(bench: Bench, word: int) -> None:
+    bench.run(FORWARD, 40)
+    for _ in range(4):
+        bench.emulator.faults.silent = word
+        assert bench.port.read().faults == (Fault.LINK_DEAD,)
+        bench.emulator.faults.silent = None
+        bench.port.write(FORWARD)
+        bench.run(FORWARD, 20)
+    assert bench.port.fault_counts[Fault.LINK_DEAD] == 4
+    assert Fault.RESET not in bench.port.fault_counts
+
+
+def test_frames_that_break_off_are_no_restarts() -> None:
+    bench = Bench("stock")
+    bench.run(FORWARD, 40)
+    whole = bench.emulator.transfer
+    for _ in range(4):
+        # The wire goes dead in the middle of the frame, before the canary and the counters.
+        bench.emulator.transfer = lambda frame: whole(frame)[:20].ljust(len(frame), b"\0")  # type: ignore[method-assign]
+        bench.port.read()
+        bench.emulator.transfer = whole  # type: ignore[method-assign]
+        bench.run(FORWARD, 20)
+    assert Fault.RESET not in bench.port.fault_counts
+
+
 def test_a_version_of_another_time_is_named() -> None:
     clock = SteppedClock()
     emulator = Emulator(BenchRobot(), 17, clock=clock)
@@ -293,10 +319,14 @@ def test_closing_without_an_answer_is_an_error() -> None:
 class Watched:
     def __init__(self) -> None:
         self.beats = 0
+        self.held: list[bytes] = []
         self.ended: bool | None = None
 
     def beat(self) -> None:
         self.beats += 1
+
+    def hold(self, frame: bytes) -> None:
+        self.held.append(frame)
 
     def close(self, *, stopped: bool = True) -> None:
         self.ended = stopped
@@ -325,6 +355,50 @@ def test_the_guard_hears_every_cycle_and_the_end() -> None:
     assert guard.beats >= 20
     bench.port.close()
     assert guard.ended is True
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+def test_what_the_guard_holds_stops_motors_and_leaves_servos(firmware: Firmware) -> None:
+    guard = Watched()
+    bench = Bench(firmware, guard=guard)
+    for pulse in (900, 1700):
+        bench.run(Outputs(FORWARD.duty, servo_us=(pulse, None, None, None)), 40)
+        bench.emulator.transfer(guard.held[-1])
+        bench.clock.advance(0.02)
+        bench.emulator.run()
+        assert not bench.emulator.motors_running
+        assert bench.emulator.servo_us == (pulse, None, None, None)
+    assert len(guard.held) == 3  # at rest, and once for each place, however many cycles there were
+
+
+@pytest.mark.parametrize("firmware", [17, 21])
+def test_what_the_guard_holds_lets_the_counters_run_on(firmware: Firmware) -> None:
+    """RaccoonOS stops them while its motors are shut down."""
+    guard = Watched()
+    bench = Bench(firmware, guard=guard)
+    bench.run(FORWARD, 100)
+    bench.emulator.transfer(guard.held[-1])
+    bench.clock.advance(1.0)  # it rolls out meanwhile
+    last = bench.run(STOP, 40)[-1]
+    position = last.position[0]
+    assert position is not None
+    travelled = 0.0345 * bench.robot.angles[0]
+    assert position * metres_a_tick(last) == pytest.approx(travelled, rel=0.01)
+
+
+def test_servos_that_an_error_has_switched_off_stay_off(bench: Bench) -> None:
+    guard, closed = Watched(), Outputs(FORWARD.duty, servo_us=(1700, None, None, None))
+    bench.port._guard = guard
+    bench.run(closed, 40)
+    bench.emulator.faults.silent = 0x00
+    with pytest.raises(HardwareError, match="lost"):
+        bench.run(closed, 200)
+    bench.emulator.faults.silent = None
+    bench.emulator.transfer(guard.held[-1])
+    bench.clock.advance(0.02)
+    bench.emulator.run()
+    assert bench.emulator.servo_us == (None,) * 4
+    assert not bench.emulator.motors_running
 
 
 @pytest.mark.parametrize("rate", [5.0, 501.0, math.nan])
@@ -376,6 +450,31 @@ def test_the_real_port_has_a_supervisor_and_takes_a_measured_rate(
         assert isinstance(port._guard, Supervisor)
         assert port.dialect.device.position_counts_seconds == pytest.approx(250 / 268)
         port.close()
+    assert bus.closed
+
+
+def test_a_rate_is_refused_before_the_bus_is_touched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raccoon.hal.wombat.port.SpiLink", lambda _: pytest.fail("the bus was opened"))
+    with pytest.raises(ConfigError, match=r"rate_hz is 501\.0: allowed are 10 to 500"):
+        open_wombat("wombat", rate_hz=501.0)
+
+
+def test_a_port_that_cannot_be_made_leaves_nothing_open(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    class Deaf(Watched):
+        def hold(self, frame: bytes) -> None:
+            super().hold(frame)
+            raise HardwareError("the bus has gone")
+
+    guard = Deaf()
+    monkeypatch.setattr("raccoon.hal.wombat.supervisor.Supervisor", lambda *_given, **_more: guard)
+    with (tmp_path / "lock").open("w") as file:
+        bus = OnTheBus("stock", file)
+        monkeypatch.setattr("raccoon.hal.wombat.port.SpiLink", lambda _: bus)
+        with pytest.raises(HardwareError, match="the bus has gone"):
+            open_wombat("wombat")
+    assert guard.ended is False
     assert bus.closed
 
 

@@ -40,6 +40,23 @@ def test_a_hanging_program_stops_and_may_come_back(bench: SupervisedBench) -> No
     assert bench.serve_until(False, patience=2.0) < 0.6
 
 
+def test_a_silent_program_does_not_drop_what_its_servos_hold(bench: SupervisedBench) -> None:
+    """It waits for a person or for a slow import; when it is gone, nobody knows how long it would hold."""
+    holding, off = (None, 1800, None, None), (None,) * 4
+    program = bench.start("100000")
+    bench.serve_until_servos(holding, patience=20.0)  # at the end of a slow way there
+    program.send_signal(signal.SIGSTOP)
+    assert bench.serve_until(False, patience=2.0) < 0.6
+    assert bench.emulator.servo_us == holding
+    program.send_signal(signal.SIGCONT)
+    bench.serve_until(True, patience=5.0)
+    assert bench.emulator.servo_us == holding
+    program.send_signal(signal.SIGSTOP)
+    bench.serve_until(False, patience=2.0)
+    program.send_signal(signal.SIGKILL)
+    bench.serve_until_servos(off, patience=2.0)
+
+
 @pytest.mark.parametrize("arguments", [("20",), ("20", "crash")])
 def test_a_program_that_ends_stops_its_motors_itself(
     bench: SupervisedBench, arguments: tuple[str, ...]

@@ -1,6 +1,7 @@
 """robot.toml names the port, and nothing else is opened in its place."""
 
 import math
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,8 @@ import pytest
 from raccoon import RobotConfig, deg, open_robot, seq, straight, turn, wait
 from raccoon.core.config import ControllerConfig
 from raccoon.core.errors import HardwareError
+from raccoon.trace.format import read_trace
+from unit.trace.recordings import ScriptedPort
 
 MISSION = seq(wait(0.5), straight(0.10), turn(deg(45)))
 
@@ -41,3 +44,42 @@ def test_a_run_is_recorded_where_asked(tmp_path: Path) -> None:
         robot.note("halfway")
         robot.run(wait(0.05))
     assert [path.name for path in tmp_path.iterdir()] == ["run.jsonl.gz"]
+
+
+def test_the_second_run_is_recorded_beside_the_first(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    config = RobotConfig(controller=ControllerConfig(port="sim"))
+    for ticks in (3, 5):
+        with open_robot(config, record=tmp_path / "match") as robot:
+            for _ in range(ticks):
+                robot.tick()
+    assert {path.name: len(read_trace(path).ticks) for path in tmp_path.iterdir()} == {
+        "match.jsonl.gz": 3,
+        "match-2.jsonl.gz": 5,
+    }
+    [said] = caplog.messages
+    assert said.endswith("this run goes to " + str(tmp_path / "match-2.jsonl.gz"))
+
+
+def test_a_robot_drives_without_a_recording_where_none_can_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    config = RobotConfig(controller=ControllerConfig(port="sim"))
+    with ExitStack() as leaving:
+        with pytest.warns(RuntimeWarning, match="is not recorded, the run goes on"):
+            robot = leaving.enter_context(open_robot(config, record=tmp_path / "file" / "match"))
+        robot.run(straight(0.01))
+        assert robot.pose.x == pytest.approx(0.01, abs=0.003)
+
+
+def test_the_port_is_closed_where_the_robot_cannot_be_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_given: object, **_more: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr("raccoon.trace.record.RecordingPort", broken)
+    port = ScriptedPort([])
+    with pytest.raises(MemoryError), open_robot(RobotConfig(), port=port, record=tmp_path / "run"):
+        pass  # pragma: no cover - it is not opened
+    assert port.closed

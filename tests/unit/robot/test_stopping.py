@@ -167,6 +167,17 @@ def test_signal_handlers_are_put_back() -> None:
         signal.signal(signal.SIGTERM, before)
 
 
+def test_an_ignored_signal_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup leaves it
+    try:
+        with open_robot(RobotConfig(), port=Bench()):
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def test_ticks_are_not_delayed_by_what_was_loaded_before(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[object] = []
 

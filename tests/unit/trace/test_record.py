@@ -1,6 +1,7 @@
 import gzip
 import json
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -163,6 +164,70 @@ def test_existing_recording_is_not_overwritten_unasked(tmp_path: Path) -> None:
     assert read_trace(path).ticks == []
 
 
+def test_a_recording_that_is_not_needed_takes_the_next_free_name(tmp_path: Path) -> None:
+    kept = record(tmp_path / "run").read_bytes()
+    (tmp_path / "run-2.jsonl").write_text("of a program that was killed")
+    for number in (3, 4):
+        port = RecordingPort(ScriptedPort([cycle(0)]), tmp_path / "run.jsonl.gz", needed=False)
+        port.read()
+        port.close()
+        assert port.path == tmp_path / f"run-{number}.jsonl.gz"
+        assert len(read_trace(port.path).ticks) == 1
+    assert (tmp_path / "run.jsonl.gz").read_bytes() == kept
+    assert (tmp_path / "run-2.jsonl").read_text() == "of a program that was killed"
+
+
+def test_two_programs_that_begin_at_once_do_not_share_a_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run.jsonl").touch()
+    monkeypatch.setattr(Path, "exists", lambda _path: False)  # the other one came after the look
+    port = RecordingPort(ScriptedPort([]), tmp_path / "run", needed=False)
+    port.close()
+    assert port.path.name == "run-2.jsonl.gz"
+    with pytest.raises(FileExistsError):
+        RecordingPort(ScriptedPort([]), tmp_path / "run")
+
+
+def no_folder(folder: Path, _patch: pytest.MonkeyPatch) -> Path:
+    """A file lies where the folder of the recording should be."""
+    (folder / "file").touch()
+    return folder / "file" / "run"
+
+
+def full_at_once(folder: Path, patch: pytest.MonkeyPatch) -> Path:
+    """The disk is full before the header is written."""
+
+    def full(_descriptor: int, _data: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    patch.setattr("raccoon.trace.writer._write_all", full)
+    return folder / "run"
+
+
+@pytest.mark.parametrize("broken", [no_folder, full_at_once])
+def test_a_recording_that_cannot_begin_does_not_stop_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, broken: Callable[[Path, pytest.MonkeyPatch], Path]
+) -> None:
+    inner = ScriptedPort([cycle(0)])
+    path = broken(tmp_path, monkeypatch)
+    with pytest.raises(OSError, match=r"exists|directory|space"):
+        RecordingPort(inner, path)
+    with pytest.warns(
+        RuntimeWarning, match=r"run is not recorded, the run goes on: .*(exists|directory|space)"
+    ):
+        port = RecordingPort(inner, path, needed=False)
+    assert port.read() == cycle(0)
+    port.annotate("pose", (0.0,))
+    port.write(command(1))
+    port.event("driven")
+    port.close()
+    assert port.failure is not None
+    assert inner.commands == [command(1)]
+    assert inner.closed == 1
+    assert not list(tmp_path.glob("run*"))
+
+
 @pytest.mark.parametrize(
     ("change", "field"),
     [
@@ -191,9 +256,9 @@ def test_a_full_disk_ends_the_recording_not_the_run(tmp_path: Path, monkeypatch:
     def full(_descriptor: int, _data: bytes) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("raccoon.trace.writer._write_all", full)
     inner = ScriptedPort([cycle(0), cycle(1)])
     port = RecordingPort(inner, tmp_path / "run")
+    monkeypatch.setattr("raccoon.trace.writer._write_all", full)
     for number in range(2):
         port.read()
         port.write(command(number))

@@ -114,6 +114,29 @@ def test_a_program_must_command_the_same(
     assert message in capsys.readouterr().out
 
 
+def test_an_action_is_a_program_too(recorded: Path, tmp_path: Path) -> None:
+    text = "from raccoon import seq, straight, wait\nmission = seq(wait(0.2), straight(0.05))\n"
+    (tmp_path / "team.py").write_text(text)
+    assert run(recorded, "--program", tmp_path / "team.py") == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x = 1 / 0\n", r"team\.py, line 1: ZeroDivisionError: division by zero"),
+        ("\ndef mission(robot):\n    1 / 0\n", r"team\.py, line 3: ZeroDivisionError: division by zero"),
+        ("def mission(\n", r"team\.py: SyntaxError: '\(' was never closed \(team\.py, line 1\)"),
+        ("\0", r"team\.py: .*null bytes"),
+    ],
+)
+def test_what_a_program_does_wrong_is_said_with_its_line(
+    recorded: Path, tmp_path: Path, text: str, message: str
+) -> None:
+    (tmp_path / "team.py").write_text(text)
+    with pytest.raises(ConfigError, match=f"--program .*{message}"):
+        run(recorded, "--program", tmp_path / "team.py")
+
+
 def test_a_picture_is_drawn(recorded: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     run(recorded, "--plot", tmp_path / "out.svg")
@@ -129,6 +152,8 @@ def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no such file"):
         run(recorded, "--program", tmp_path / "team.py")
     (tmp_path / "team.py").write_text("x = 1\n")
+    with pytest.raises(ConfigError, match="--tolerance nan: allowed are numbers from 0 to below 1"):
+        run(recorded, "--program", tmp_path / "team.py", "--tolerance", "nan")
     with pytest.raises(ConfigError, match=r"must define mission\(robot\)"):
         run(recorded, "--program", tmp_path / "team.py")
     (tmp_path / "run.csv").write_text("t,analog.0\n0,1\n")

@@ -24,6 +24,11 @@ class ReferencePort:
         self._port = port
         self._board = board
 
+    @property
+    def real_time(self) -> bool:
+        """Whether the wrapped port's cycles come by the wall's clock."""
+        return bool(getattr(self._port, "real_time", False))
+
     def read(self) -> Inputs:
         """The wrapped port's next cycle, with the reference in it."""
         inputs = self._port.read()

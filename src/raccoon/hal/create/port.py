@@ -98,6 +98,11 @@ class CreatePort:
         self._closed = False
         self._start()
 
+    @property
+    def real_time(self) -> bool:
+        """Whether cycles come by the wall's clock."""
+        return isinstance(self._clock, RealClock)
+
     def read(self) -> Inputs:
         """The next stream frame; after 50 ms of silence a cycle without words and with LINK_DEAD.
 

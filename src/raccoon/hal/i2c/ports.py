@@ -57,6 +57,11 @@ class _AddingPort(Generic[T]):
         self._port = port
         self._fresh = _Fresh(source)
 
+    @property
+    def real_time(self) -> bool:
+        """Whether the wrapped port's cycles come by the wall's clock."""
+        return bool(getattr(self._port, "real_time", False))
+
     def write(self, outputs: Outputs) -> None:
         self._port.write(outputs)
 

@@ -58,6 +58,10 @@ class Dialect(Protocol):
         """Everything off."""
         ...
 
+    def hold(self, outputs: Outputs) -> bytes:
+        """Motors off, servos as in `outputs`, whatever frames came before."""
+        ...
+
     def aligned(self, reply: bytes) -> bool:
         """Whether the frame starts where it must."""
         ...

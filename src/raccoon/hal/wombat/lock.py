@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 
 from raccoon.core.errors import HardwareError
@@ -28,15 +29,22 @@ class BusLock:
     def __init__(self, device: str, *, folder: Path | None = None, proc: Path = Path("/proc")) -> None:
         refuse_other_owners(device, proc)
         path = (folder or _folder()) / f"raccoon-{Path(device).name}.lock"
-        self.descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            self.descriptor = _open_for_all(path)
+        except OSError as error:
+            raise HardwareError(
+                f"the lock file {path} of {device} cannot be opened: {error.strerror}; delete it with"
+                f" `sudo rm {path}`, where no robot program runs"
+            ) from error
         try:
             self._acquire(device)
         except BaseException:
             os.close(self.descriptor)
             raise
-        os.ftruncate(self.descriptor, 0)
-        os.pwrite(self.descriptor, f"{os.getpid()}\n".encode(), 0)
         self._held = True
+        with suppress(OSError):  # a note for others: another user's file may be locked, not written
+            os.ftruncate(self.descriptor, 0)
+            os.pwrite(self.descriptor, f"{os.getpid()}\n".encode(), 0)
 
     def _acquire(self, device: str) -> None:
         give_up = time.monotonic() + WAIT_SECONDS
@@ -46,17 +54,45 @@ class BusLock:
                 return
             except BlockingIOError:
                 if time.monotonic() > give_up:
-                    owner = os.pread(self.descriptor, 32, 0).decode("ascii", "replace").strip() or "unknown"
+                    owner = self._owner()
                     raise HardwareError(
                         f"{device} is in use by another robot program (process {owner}): stop it first"
                     ) from None
                 time.sleep(0.02)
+            except OSError as error:
+                raise HardwareError(f"the lock of {device} cannot be taken: {error}") from error
+
+    def _owner(self) -> str:
+        """What the file says of its owner, where there is such a process."""
+        owner = os.pread(self.descriptor, 32, 0).decode("ascii", "replace").strip()
+        return owner if owner.isdigit() and Path("/proc", owner).exists() else "unknown"
 
     def release(self) -> None:
         """Let others use the device. May be called twice."""
         if self._held:
             self._held = False
             os.close(self.descriptor)
+
+
+def _open_for_all(path: Path) -> int:
+    """A descriptor of the lock file, which every user may lock from now on, whoever made it.
+
+    What a program that was started with sudo leaves must not shut the team's own user out, nor the other way
+    round: the kernel refuses O_CREAT on another user's file in a folder like /run/lock, even to root.
+    """
+    while True:
+        try:
+            descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
+        except PermissionError:
+            return os.open(path, os.O_RDONLY | os.O_CLOEXEC)  # enough for a lock
+        except FileNotFoundError:
+            try:
+                descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+            except FileExistsError:  # made by another program in between
+                continue
+        with suppress(PermissionError):  # it is another user's
+            os.fchmod(descriptor, 0o666)  # the umask has taken some of it away
+        return descriptor
 
 
 def _folder() -> Path:

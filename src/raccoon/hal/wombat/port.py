@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 from collections.abc import Collection
+from contextlib import suppress
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -27,6 +28,10 @@ class Guard(Protocol):
 
     def beat(self) -> None:
         """The program is alive."""
+        ...
+
+    def hold(self, frame: bytes) -> None:
+        """What is sent from now on where the program is alive and says nothing."""
         ...
 
     def close(self, *, stopped: bool = True) -> None:
@@ -57,8 +62,7 @@ class WombatPort:
         reset_line: ResetLine | None = None,
         watch_analog: Collection[int] = (),
     ) -> None:
-        if not 10.0 <= rate_hz <= 500.0:
-            raise ConfigError(f"rate_hz is {rate_hz}: allowed are 10 to 500")
+        _check_rate(rate_hz)
         self._clock = clock or RealClock()
         self._link = link
         self._guard = guard
@@ -71,8 +75,14 @@ class WombatPort:
         self._monitor = Monitor(self.dialect, 1.0 / rate_hz, watch_analog)
         self._polls = self.dialect.polls(1.0 / rate_hz)
         self._ticker = Ticker(1.0 / (rate_hz * self._polls), self._clock)
-        atexit.register(self.close)
         self._receiver.exchange(self.dialect.command(STOP))
+        self._hold(self.dialect.hold(STOP))
+        atexit.register(self.close)
+
+    @property
+    def real_time(self) -> bool:
+        """Whether cycles come by the wall's clock; an emulator's may be stepped."""
+        return isinstance(self._clock, RealClock)
 
     @property
     def rates(self) -> Rates:
@@ -113,8 +123,11 @@ class WombatPort:
     def write(self, outputs: Outputs) -> None:
         """Command motors and servos; in force until the next write, and sent again with every cycle."""
         self._require_open()
+        moved = outputs.servo_us != self._outputs.servo_us
         self._outputs = outputs
         try:
+            if moved:
+                self._hold(self.dialect.hold(outputs))
             self._receiver.exchange(self.dialect.command(outputs))
             self._beat()
         except HardwareError as error:
@@ -154,6 +167,10 @@ class WombatPort:
         if self._guard is not None:
             self._guard.beat()
 
+    def _hold(self, frame: bytes) -> None:
+        if self._guard is not None:
+            self._guard.hold(frame)
+
     def _require_open(self) -> None:
         if self._closed:
             raise HardwareError("the port is closed")
@@ -164,6 +181,8 @@ class WombatPort:
         """Stop what can be stopped; the port is of no use from here on."""
         self._outputs = STOP
         self._failure = str(error)
+        with suppress(HardwareError):
+            self._hold(self.dialect.stop())
         if not self._stop(trust_registers=not self._monitor.frozen):
             self._failure += "; the motors may still run: switch the Wombat off"
         error.args = (self._failure,)
@@ -201,6 +220,11 @@ class WombatPort:
         return False
 
 
+def _check_rate(rate_hz: float) -> None:
+    if not 10.0 <= rate_hz <= 500.0:
+        raise ConfigError(f"rate_hz is {rate_hz}: allowed are 10 to 500")
+
+
 def open_wombat(
     kind: str = "wombat",
     *,
@@ -221,6 +245,7 @@ def open_wombat(
 
     if kind not in KINDS:
         raise ConfigError(f"kind is {kind!r}: allowed are {', '.join(KINDS)}")
+    _check_rate(rate_hz)
     link = SpiLink(device)
     try:
         clock = RealClock()
@@ -234,15 +259,19 @@ def open_wombat(
         if bemf_rate_hz is not None:
             dialect = dialect.at_rate(bemf_rate_hz)
         guard = Supervisor(link.target, [dialect.stop()], keep=[link.lock.descriptor])
+        try:
+            return WombatPort(
+                link,
+                clock=clock,
+                rate_hz=rate_hz,
+                dialect=dialect,
+                guard=guard,
+                reset_line=GpioResetLine(),
+                watch_analog=watch_analog,
+            )
+        except BaseException:
+            guard.close(stopped=False)
+            raise
     except BaseException:
         link.close()
         raise
-    return WombatPort(
-        link,
-        clock=clock,
-        rate_hz=rate_hz,
-        dialect=dialect,
-        guard=guard,
-        reset_line=GpioResetLine(),
-        watch_analog=watch_analog,
-    )

@@ -52,6 +52,11 @@ class RaccoonDialect:
     def stop(self) -> bytes:
         return raccoon_command.stop(self.version)
 
+    def hold(self, outputs: Outputs) -> bytes:
+        # Every frame says where the servos go. The motors are off by their modes: a shutdown would stop the
+        # counters, too, and lose the way on which the robot rolls out.
+        return raccoon_command.encode(Outputs(servo_us=outputs.servo_us), self.version)
+
     def aligned(self, reply: bytes) -> bool:
         return reply[0] == self.version and reply.endswith(self._padding)
 

@@ -132,11 +132,15 @@ def canary() -> list[Pair]:
     return [(stock.ADC_PE, CANARY)]
 
 
+def motors_off() -> list[Pair]:
+    """Every motor without current; servos are left as they are."""
+    pairs = [(stock.MOT_MODES, 0), (stock.MOT_DIRS, 0)]
+    return [*pairs, *((stock.PWM + offset, 0) for offset in range(2 * MOTOR_PORTS))]
+
+
 def stop(allstop: int = SERVOS_OFF) -> list[Pair]:
     """Everything off; `LATCHED_STOP` keeps the motors stopped until the register is written again."""
-    pairs = [(stock.MOT_MODES, 0), (stock.MOT_DIRS, 0)]
-    pairs += [(stock.PWM + offset, 0) for offset in range(2 * MOTOR_PORTS)]
-    return [*pairs, (stock.ALLSTOP, allstop)]
+    return [*motors_off(), (stock.ALLSTOP, allstop)]
 
 
 # The command image: these registers, in this order, in every frame.

@@ -16,7 +16,6 @@ from raccoon.hal.wombat.stock import Registers
 
 LARGEST_AFTER_BOOT = 50_000
 """Counts that a counter may hold when a restart is noticed."""
-FIRST_AFTER_BOOT = b"\0" + stock.MAGIC[1:]
 LARGEST_STEP = 128
 """Counts that filtered back-EMF may change by in one update before a second look: a torn byte is 256."""
 
@@ -50,6 +49,10 @@ class StockDialect:
         self._sequence += 1
         return stock_command.frame(stock_command.stop(), self._sequence)
 
+    def hold(self, _outputs: Outputs) -> bytes:
+        # Registers keep what nobody writes, and a lost canary must stay lost until the port has seen it.
+        return stock_command.frame(stock_command.motors_off())
+
     def aligned(self, reply: bytes) -> bool:
         return reply.startswith(stock.MAGIC)
 
@@ -79,9 +82,12 @@ class StockDialect:
         return reply[stock.ACCEL : stock.MOT_POS]
 
     def restarted(self, reply: bytes, before: bytes) -> bool:
+        # Only a whole frame bears witness: one of zeros, or one that breaks off, has no canary and no counts.
+        if reply[1:3] != stock.MAGIC[1:] or reply[stock.SERVO] == 0:
+            return False
         # The transfer engine starts before the registers are filled: one old byte, then a good frame.
         canary_lost = before[stock.ADC_PE] & ~reply[stock.ADC_PE] & stock_command.CANARY != 0
-        if not (canary_lost or reply.startswith(FIRST_AFTER_BOOT)):
+        if not (canary_lost or reply[0] == 0):
             return False
         # One damaged byte is no restart: the counters must have started anew, too.
         return near_zero(struct.unpack_from(">4i", reply, stock.MOT_POS), LARGEST_AFTER_BOOT)

@@ -1,10 +1,11 @@
 """A process that stops the motors when the robot program is killed or hangs. Standard library only.
 
-Run as a script, never imported by the program: `python -I -S stopper.py TARGET SECONDS FRAME...`. Standard
-input is the program's lifeline: a byte now and then says that it is alive, "q" that it has stopped the motors
-itself. When the lifeline breaks, or is silent for SECONDS, the frames (hexadecimal) go out on TARGET:
-`spi:DEVICE:HERTZ`, `tty:DEVICE:BAUD` or `unix:PATH` (an emulator in another process). Nothing of what they
-stop has a watchdog of its own.
+Run as a script, never imported by the program: `python -I -S stopper.py TARGET SECONDS HELD FRAME...`.
+Standard input is the program's lifeline: a byte now and then says that it is alive, "q" that it has stopped
+the motors itself. When the lifeline breaks, the frames (hexadecimal) go out on TARGET: `spi:DEVICE:HERTZ`,
+`tty:DEVICE:BAUD` or `unix:PATH` (an emulator in another process). When it is silent for SECONDS, the frame
+goes out that lies in the file with the descriptor HELD, so that a program that only waits drops nothing its
+servos hold; where none lies there, the others do. Nothing of what they stop has a watchdog of its own.
 """
 
 from __future__ import annotations
@@ -82,8 +83,8 @@ def send_tty(place: str, frames: list[bytes]) -> None:
 SENDERS = {"spi": send_spi, "tty": send_tty, "unix": send_unix}
 
 
-def watch(lifeline: int, seconds: float, stop: Callable[[], None]) -> None:
-    """Return when the program has ended well or is gone; stop the motors whenever it does not show itself.
+def watch(lifeline: int, seconds: float, stop: Callable[[], None], hold: Callable[[], None]) -> None:
+    """Return when the program has ended well or is gone: `stop` then. `hold` whenever it is silent.
 
     The program may come back after a pause (a debugger, a stopped process); it drives on by its next frame.
     """
@@ -91,7 +92,7 @@ def watch(lifeline: int, seconds: float, stop: Callable[[], None]) -> None:
     while True:
         ready, _, _ = select.select([lifeline], [], [], limit)
         if not ready:
-            stop()
+            hold()
             limit = None
             continue
         heard = os.read(lifeline, 64)
@@ -108,16 +109,23 @@ def main(arguments: list[str]) -> None:
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(each, signal.SIG_IGN)
     kind, place = arguments[0].split(":", 1)
-    frames = [bytes.fromhex(each) for each in arguments[2:]] * REPEATS
+    frames = [bytes.fromhex(each) for each in arguments[3:]]
 
-    def stop() -> None:
+    def send(frames: list[bytes]) -> None:
         try:
-            SENDERS[kind](place, frames)
+            SENDERS[kind](place, frames * REPEATS)
         except OSError as error:
             print(f"the motors could not be stopped: {error}", file=sys.stderr)
 
+    def stop() -> None:
+        send(frames)
+
+    def hold() -> None:
+        held = os.pread(int(arguments[2]), 4096, 0)
+        send([held] if held else frames)
+
     os.write(1, b"r")  # ready: signals are set, nothing is left to import but a few small modules
-    watch(0, float(arguments[1]), stop)
+    watch(0, float(arguments[1]), stop, hold)
 
 
 if __name__ == "__main__":

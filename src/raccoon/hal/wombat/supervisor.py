@@ -21,9 +21,10 @@ START_SECONDS = 10.0
 class Supervisor:
     """A process of its own that stops the motors when this one is killed, crashes or hangs.
 
-    target: where the stop goes, `spi:DEVICE:HERTZ` or `unix:PATH`. frames: what stops. keep: descriptors that
-    the process inherits and so keeps open until the motors are stopped (the lock of the bus).
-    Raises HardwareError where it cannot be started.
+    target: where the stop goes, `spi:DEVICE:HERTZ` or `unix:PATH`. frames: what stops. A program that lives
+    and says nothing for `seconds` gets what `hold` was told last instead, where it was told something. keep:
+    descriptors that the process inherits and so keeps open until the motors are stopped (the lock of the
+    bus). Raises HardwareError where it cannot be started.
     """
 
     def __init__(
@@ -37,27 +38,31 @@ class Supervisor:
         script = Path(__file__).with_name("stopper.py")
         # Isolated, without site packages: it starts fast and stays small.
         command = [sys.executable, "-I", "-S", "-B", str(script), target, str(seconds)]
+        # Memory that both see: a servo on its way changes the frame in every cycle and need wake up nobody.
+        self._held = os.memfd_create("raccoon-hold")
         try:
             self._process = subprocess.Popen(
-                [*command, *(frame.hex() for frame in frames)],
+                [*command, str(self._held), *(frame.hex() for frame in frames)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                pass_fds=tuple(keep),
+                pass_fds=(self._held, *keep),
                 start_new_session=True,  # Ctrl-C at the terminal is for the program, not for its supervisor
             )
         except OSError as error:
+            os.close(self._held)
             raise HardwareError(f"the supervisor process cannot be started: {error}") from error
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._lifeline = self._process.stdin.fileno()
+        self._next_beat = 0.0
+        self._closed = False
         if self._process.stdout.read(1) != b"r":
             self._process.kill()
+            self.close()
             raise HardwareError(
                 "the supervisor process did not start: nobody would stop the motors of a dead program"
             )
         os.set_blocking(self._lifeline, False)
-        self._next_beat = 0.0
-        self._closed = False
 
     @property
     def pid(self) -> int:
@@ -77,6 +82,13 @@ class Supervisor:
         except OSError as error:
             raise HardwareError(f"the supervisor process {self.pid} is gone: restart the program") from error
 
+    def hold(self, frame: bytes) -> None:
+        """What is sent from now on while the program lives and says nothing; always of the same length."""
+        try:
+            os.pwrite(self._held, frame, 0)
+        except OSError as error:
+            raise HardwareError(f"the supervisor process cannot be told what to hold: {error}") from error
+
     def close(self, *, stopped: bool = True) -> None:
         """End it. stopped: the motors are off; otherwise it stops them first. May be called twice."""
         if self._closed:
@@ -91,6 +103,7 @@ class Supervisor:
             pass
         self._process.stdin.close()
         self._process.stdout.close()
+        os.close(self._held)
         try:
             self._process.wait(timeout=2.0)
         except subprocess.TimeoutExpired:

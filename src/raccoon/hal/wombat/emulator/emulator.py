@@ -29,6 +29,8 @@ class Chip(Protocol):
 
     @property
     def powered(self) -> bool: ...
+    @property
+    def servo_us(self) -> tuple[int | None, ...]: ...
     def reset(self) -> None: ...
     def image(self) -> bytes: ...
     def accept(self, frame: bytes) -> None: ...
@@ -80,6 +82,11 @@ class Emulator:
     def motors_running(self) -> bool:
         """Whether any motor is driven, the short pauses for measuring included."""
         return self.chip.powered
+
+    @property
+    def servo_us(self) -> tuple[int | None, ...]:
+        """Pulse of each servo port, None where it is off."""
+        return self.chip.servo_us
 
     @property
     def state(self) -> PlantState:

@@ -6,13 +6,14 @@ import math
 import struct
 from collections.abc import Iterator
 
-from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS
 from raccoon.hal.wombat.devices import GRAVITY, RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY
 from raccoon.hal.wombat.emulator.board import ANALOG_NOISE, Board
 from raccoon.hal.wombat.emulator.faults import Faults
 from raccoon.hal.wombat.emulator.plant import Drive
 from raccoon.hal.wombat.emulator.raccoon_motors import RaccoonMotors
 from raccoon.hal.wombat.raccoon import BUTTON, DATA_LENGTH, FRAME_LENGTH
+from raccoon.hal.wombat.raccoon_command import ServoMode, Shutdown
 
 SLOT_SECONDS = {"shipped": 1.0 / (RACCOON_BEMF_RATE_HZ * MOTOR_PORTS), "published": 1250e-6}
 """Time of one motor's turn: as measured on robots, and as the source means it."""
@@ -21,8 +22,11 @@ COAST_SECONDS = 544e-6
 ANALOG_SECONDS = 1 / 250
 IMU_SECONDS = 1 / 50
 ANALOG_AVERAGED = 50
+SHUTDOWN_OFFSET = 5
 
 _HEAD = struct.Struct("<BI4i4iB6hhH")
+_SERVOS = struct.Struct("<B4H")
+_SERVOS_OFFSET = {17: 41, 21: 53}
 _IMU = struct.Struct("<3fb3fb3fb3fb3fb4fbff6f")
 
 
@@ -41,6 +45,7 @@ class RaccoonChip:
     def reset(self) -> None:
         """Power-on: counters, clock, heading and commands at 0."""
         self.motors = RaccoonMotors(self._version)
+        self.servo_us: tuple[int | None, ...] = (None,) * SERVO_PORTS
         self._clock = 0.0
         self._stamp = 0
         self._digital = 0
@@ -65,10 +70,20 @@ class RaccoonChip:
 
     def accept(self, frame: bytes) -> None:
         """Take one complete frame: at once, whatever its version says; then stamp the clock."""
-        self.motors.accept(frame, frame[0] == self._version and not self._faults.wrong_version)
+        understood = frame[0] == self._version and not self._faults.wrong_version
+        self.motors.accept(frame, understood)
+        self._move_servos(frame, understood)
         self._stamp = int(self._clock * 1e6) & 0xFFFF_FFFF
         button = int(self._board.state.button) << BUTTON
         self._digital = self._board.digital_bits() | button
+
+    def _move_servos(self, frame: bytes, understood: bool) -> None:
+        modes, *pulses = _SERVOS.unpack_from(frame, _SERVOS_OFFSET[self._version])
+        if understood and frame[SHUTDOWN_OFFSET] & Shutdown.SERVOS:
+            modes = 0
+        self.servo_us = tuple(
+            pulse if modes >> 2 * port & 3 == ServoMode.ENABLED else None for port, pulse in enumerate(pulses)
+        )
 
     def advance(self, seconds: float) -> None:
         """Run interrupts, and the main loop unless it hangs."""

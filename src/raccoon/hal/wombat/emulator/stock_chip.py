@@ -56,6 +56,14 @@ class StockChip:
         """Whether any motor is driven outside the pauses for measuring."""
         return any(self._drives)
 
+    @property
+    def servo_us(self) -> tuple[int | None, ...]:
+        """Pulse of each servo port, None where it is off."""
+        off = self.registers[stock.ALLSTOP]
+        return tuple(
+            None if off >> 4 + port & 1 else self.load(stock.SERVO + 2 * port) for port in range(SERVO_PORTS)
+        )
+
     def store(self, register: int, value: int, size: int = 2) -> None:
         """Write a big-endian number."""
         wrapped = value & (1 << 8 * size) - 1
