@@ -4,6 +4,11 @@ A light sensor reads lower in more light. Before the start the detector learns h
 much that moves. The lamp is a fall well below both which is quick and stays. What only looks like it is not
 all three: a camera flash does not stay, a shadow that leaves falls no lower than the light was before it
 came, the sun comes slowly (and is learnt).
+
+How quick a fall was, the readings around it tell. Where they are far apart (a slow rate, a silent link), the
+light may have come at any pace between two of them, so it must then stand still for as long as that lasted.
+A bulb that warms up takes longer than `rise`. Its light is known once the detector has been shown the lamp:
+then it is enough that it gets there within a bulb's time and stays.
 """
 
 from __future__ import annotations
@@ -12,21 +17,37 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import NamedTuple
 
 from raccoon.core.errors import CalibrationError, ConfigError, MotionTimeout
 from raccoon.core.readings import Status
 
 LEARNING_SECONDS = 0.5  # of ambient light before anything may fire
+LEARNING_READINGS = 10  # and at least so many: of five a flash is most of what they tell of the noise
 AMBIENT_SECONDS = 0.5  # time constant of the ambient level
 MEMORY_SECONDS = 60.0  # time constant in which a brighter past is forgotten
 LEAST_FALL = 0.35  # of the ambient reading, where the lamp is not calibrated
 LEAST_COUNTS = 60.0  # between ambient and threshold
 LEAST_SD = 8.0  # noise standard deviations between ambient and threshold
 LEAST_RATIO = 0.75  # lamp on over lamp off, above which a calibration is refused
+LEAST_LIGHT = 1.6  # light with the lamp over light without it, below which a calibration is refused
 QUICK = 1.8  # light over the least light just before, above which a lamp went on
-STEADY = 1.2  # light over the light three readings before, below which a lamp is fully on
+STEADY = 1.2  # light over the light STEADY_SECONDS before, below which a lamp is fully on
+STEADY_SECONDS = 0.015
+STILL = 1.1  # the same over a longer time: what goes on rising is daylight
+STILL_SECONDS = 0.1
+COARSE_SECONDS = 0.03  # between two readings, from which on STILL is asked of a lamp that came at once
+LEAST_READINGS = 3  # of a lamp: one may be an outlier, and at 10 Hz a flash is one
+LONGEST_GAP = 0.25  # s between two readings, above which nobody knows how quick the fall between them was
+NEAR = (0.5, 2.0)  # of the lamp's own light: a lamp as calibrated
+CLEAR = 1.45  # light over the light before: a white sleeve near the sensor adds up to 40 %
+SETTLED_SECONDS = 0.3  # that a lamp which warms up must stay near its calibrated light
+WARM_UP = (0.15, 0.75)  # shares of the new light between which a bulb's warm-up is timed
+WARM_UP_SECONDS = 0.24  # 1.2 time constants of a bulb (0.05..0.2 s); daylight takes longer
+UNKNOWN_WARM_UP_SECONDS = 0.12  # without calibration, where a shadow that leaves could look the same
+PATIENCE = 0.6  # s for a light to become the lamp, before it is refused and learnt
+HISTORY_SECONDS = 1.5  # readings kept: warm-up, SETTLED_SECONDS and PATIENCE
 FULL_SCALE = 4095.0
 
 
@@ -42,13 +63,15 @@ class StartLightReading(NamedTuple):
     """fired: the lamp went on (stays True; in a rehearsal True for one reading).
 
     ambient, threshold: counts. status: `invalid` while the ambient light is being learnt, `uncertain` where
-    it is so bright that the lamp could not be told from it.
+    it is so bright that the lamp could not be told from it. refused: it is bright enough for the lamp and
+    stays so, but came in no way a lamp does; True once per such light, which is learnt as ambient.
     """
 
     fired: bool
     ambient: float
     threshold: float
     status: Status
+    refused: bool = False
 
 
 def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLightCalibration:
@@ -63,7 +86,8 @@ def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLig
         if wrong:
             raise ConfigError(f"reading {wrong[0]} with the lamp {name}: allowed are counts from 0 to 4095")
     dark, lit = (float(sorted(counts)[len(counts) // 2]) for counts in (off, on))
-    if lit > LEAST_RATIO * dark or dark - lit < LEAST_COUNTS:
+    plain = _light(lit) >= LEAST_LIGHT * _light(dark)
+    if lit > LEAST_RATIO * dark or dark - lit < LEAST_COUNTS or not plain:
         raise CalibrationError(
             f"{dark:.0f} counts with the lamp off and {lit:.0f} with it on: shade the sensor from other light"
         )
@@ -74,8 +98,9 @@ class StartLight:
     """Detector of one start light. Feed it every reading until it fires.
 
     calibration: lamp levels; without one the fall must be at least 35 % of the reading. hold: s that the
-    light must stay. rise: s within which it must come. rehearsal: fire again each time the lamp comes on
-    (test mode).
+    light must stay, and at least three readings. rise: s within which it must come. A calibrated lamp may
+    also warm up slower than that (time constant of up to 0.2 s), and fires 0.3 s after it is near its level.
+    rehearsal: fire again each time the lamp comes on (test mode).
 
     Raises ConfigError for a hold or rise that is not above 0.
     """
@@ -91,14 +116,24 @@ class StartLight:
         if not (hold > 0.0 and rise > 0.0):
             raise ConfigError(f"hold = {hold} s, rise = {rise} s: allowed are numbers above 0")
         self._lamp = None if calibration is None else calibration.on
+        self._lamp_light = 0.0 if calibration is None else _light(calibration.on) - _light(calibration.off)
         self._hold, self._rise, self._rehearsal = hold, rise, rehearsal
         self._ambient = self._brightest = math.nan
         self._variance = 25.0
         self._learning: list[float] = []
+        self._learnt = math.nan  # the reading that was learnt last
         self._first = self._last = math.nan
-        self._recent: deque[tuple[float, float]] = deque()  # (time, counts) of the last hold + rise seconds
-        self._since: float | None = None  # when the candidate began
-        self._slow = False  # the fall was no lamp's: wait until it is over or learnt
+        self._unknown = True  # the ambient light
+        self._recent: deque[tuple[float, float]] = deque()  # (time, counts) of the last HISTORY_SECONDS
+        self._bright: float | None = None  # since when it is brighter than the threshold
+        self._since = math.nan  # when the candidate for a lamp that came at once began
+        self._before = math.nan  # time of the last reading before it
+        self._readings = 0  # of the candidate
+        self._gap = 0.0  # longest time between two readings around the candidate
+        self._window = 0.0  # s to look back for the light before it
+        self._near: float | None = None  # since when it has been as bright as the calibrated lamp
+        self._lit = False  # it is the lamp, and has been told
+        self._refused = False  # it was no lamp: wait until it is over or learnt, or a lamp comes on as well
         self.fired = False
         self.fires = 0
 
@@ -110,15 +145,17 @@ class StartLight:
             self._first = self._last = time
         dt, self._last = time - self._last, time
         threshold = self.threshold
-        if time - self._first < LEARNING_SECONDS:
+        self._remember(time, counts)
+        self._unknown = time - self._first < LEARNING_SECONDS or len(self._learning) < LEARNING_READINGS
+        if self._unknown:
             self._begin(counts)
             return self._reading(fired=False)
-        self._remember(time, counts)
         if counts > threshold:
-            self._since, self._slow = None, False
+            self._bright = self._near = None
+            self._lit = self._refused = False
             self._learn(counts, dt)
             return self._reading(fired=False)
-        return self._reading(fired=self._candidate(time, counts, dt))
+        return self._decide(time, counts, dt)
 
     @property
     def threshold(self) -> float:
@@ -130,26 +167,104 @@ class StartLight:
             return min((1.0 - LEAST_FALL) * self._brightest, self._brightest - clear)
         return min(math.sqrt(max(self._lamp, 1.0) * max(self._brightest, 1.0)), self._brightest - clear)
 
-    def _candidate(self, time: float, counts: float, dt: float) -> bool:
-        if self._since is None:
-            self._since = time
-        if self._slow:
+    def _decide(self, time: float, counts: float, dt: float) -> StartLightReading:
+        if self._bright is None:
+            self._bright = time
+            self._begin_candidate(time)
+        elif time > self._until and _light(counts) > QUICK * self._light_at(time - self._rise):
+            self._begin_candidate(time)  # a lamp may come on while something else is bright
+        self._readings += 1
+        self._gap = max(self._gap, dt)
+        if not self._like_lamp(counts):
+            self._near = None
+        elif self._near is None:
+            self._near = time
+        if self._lit or (self._refused and time > self._until):
             self._learn(counts, dt)
+            return self._reading(fired=False)
+        if self._came_on(time, counts) or self._warmed_up(time, counts):
+            self._lit = True  # a rehearsal fires once until the lamp is off again
+            self.fired = True
+            self.fires += 1
+            return self._reading(fired=True)
+        # Nothing is learnt before: a lamp that warms up would be, and then never be seen.
+        waited = time - (self._bright if self._near is None else self._near)
+        refused = not self._refused and waited > PATIENCE
+        self._refused = self._refused or refused
+        return self._reading(fired=False, refused=refused)
+
+    def _begin_candidate(self, time: float) -> None:
+        self._since, self._before = time, self._recent[-2][0]
+        self._readings, self._gap, self._window = 0, 0.0, 0.0
+
+    @property
+    def _until(self) -> float:
+        """Time of the last reading but one that may still show that the light came at once."""
+        return self._since + max(self._hold, self._gap) + self._rise
+
+    def _came_on(self, time: float, counts: float) -> bool:
+        """The light doubled at once, as far as the readings can tell, and is steady since."""
+        held = time - self._since
+        if self._readings < LEAST_READINGS or held < max(self._hold, self._gap) - 1e-6:
             return False
-        if time - self._since < self._hold - 1e-6:
+        if self._gap > LONGEST_GAP or self._recent[-2][0] > self._until:
             return False
+        if self._window == 0.0:
+            # However far apart the readings are, the last one before the fall is among them.
+            self._window = max(self._hold + self._rise, time - self._before)
         light = _light(counts)
-        before = _light(max(each for _, each in self._recent))
-        quick = light > QUICK * before and light < STEADY * _light(self._recent[-4][1])
-        if not quick:
-            # It may be a lamp that is still warming up, but not for long.
-            self._slow = time - self._since > self._hold + self._rise
+        begin = time - self._window - 1e-6
+        before = _light(
+            max(each for _, each in takewhile(lambda old: old[0] >= begin, reversed(self._recent)))
+        )
+        # What happened in a gap, nobody saw: for as long as it lasted the light must stand still after it.
+        span = max(STEADY_SECONDS, self._gap)
+        steady = STEADY if span < COARSE_SECONDS else STILL
+        return light > QUICK * before and light < steady * self._light_at(time - span)
+
+    def _like_lamp(self, counts: float) -> bool:
+        """As bright as the lamp was when it was shown; without that, clearly brighter than before."""
+        light, dark = _light(counts), _light(self._brightest)
+        if self._lamp is None:
+            return light > QUICK * dark
+        near = NEAR[0] * self._lamp_light <= light - dark <= NEAR[1] * self._lamp_light
+        return near and light > CLEAR * dark
+
+    def _warmed_up(self, time: float, counts: float) -> bool:
+        """The light came within a bulb's time, however many readings saw it come, and is steady since."""
+        if self._near is None or time - self._near < SETTLED_SECONDS - 1e-6:
             return False
-        if self._rehearsal:
-            self._slow = True  # fires once until the lamp is off again
-        self.fired = True
-        self.fires += 1
-        return True
+        if _light(counts) >= STILL * self._light_at(time - STILL_SECONDS):
+            return False
+        limit = WARM_UP_SECONDS if self._lamp is not None else UNKNOWN_WARM_UP_SECONDS
+        return self._rise_seconds(_light(counts)) <= limit
+
+    def _rise_seconds(self, lit: float) -> float:
+        """Time in which the light last rose through WARM_UP, taken to move evenly between two readings."""
+        dark = _light(self._brightest)
+        low, high = (dark + share * (lit - dark) for share in WARM_UP)
+        most, least = (FULL_SCALE / (1.0 + light) for light in (low, high))
+        end, after = math.nan, self._recent[-1]
+        for reading in reversed(self._recent):
+            if reading[1] > least and math.isnan(end):
+                end = _crossing(reading, after, high)
+            if reading[1] > most:
+                begin = _crossing(reading, after, low)
+                # Light that was on its way before has no beginning: it is daylight, learnt halfway.
+                moving = self._light_at(begin - WARM_UP_SECONDS) < dark - (low - dark)
+                # A lamp may have come on late between the two, and then the straight line begins too early.
+                return math.inf if moving else end - begin - 0.25 * (after[0] - reading[0])
+            after = reading
+        return math.inf
+
+    def _light_at(self, time: float) -> float:
+        """Light of the last reading up to `time` (s), or of the oldest that is kept."""
+        found = self._recent[0][1]
+        for at, counts in reversed(self._recent):
+            if at <= time + 1e-6:
+                found = counts
+                break
+        return _light(found)
 
     def _begin(self, counts: float) -> None:
         """Ambient level and noise from the median so far: a flash while learning must not pass for either."""
@@ -162,31 +277,39 @@ class StartLight:
 
     def _remember(self, time: float, counts: float) -> None:
         self._recent.append((time, counts))
-        while len(self._recent) > 4 and self._recent[0][0] < time - self._hold - self._rise:
+        while len(self._recent) > 4 and self._recent[0][0] < time - HISTORY_SECONDS:
             self._recent.popleft()
 
     def _learn(self, counts: float, dt: float) -> None:
         share = min(dt / AMBIENT_SECONDS, 1.0)
         self._ambient += share * (counts - self._ambient)
-        # From one reading to the next: a level that moves is no noise.
-        step = counts - self._recent[-2][1] if len(self._recent) > 1 else 0.0
+        # From one reading to the next: a level that moves is no noise. The end of a flash is none either.
+        step = 0.0 if math.isnan(self._learnt) else counts - self._learnt
+        self._learnt = counts
         self._variance += 0.3 * share * (min(0.5 * step * step, 9.0 * self._variance) - self._variance)
         self._brightest += min(dt / MEMORY_SECONDS, 1.0) * (self._ambient - self._brightest)
         self._brightest = min(self._brightest, self._ambient)
 
-    def _reading(self, *, fired: bool) -> StartLightReading:
-        if math.isnan(self._first) or self._last - self._first < LEARNING_SECONDS:
+    def _reading(self, *, fired: bool, refused: bool = False) -> StartLightReading:
+        if self._unknown:
             status = Status.INVALID
         elif self.threshold <= (LEAST_COUNTS if self._lamp is None else self._lamp):
             status = Status.UNCERTAIN
         else:
             status = Status.OK
-        return StartLightReading(fired, self._ambient, self.threshold, status)
+        return StartLightReading(fired, self._ambient, self.threshold, status, refused)
 
 
 def _light(counts: float) -> float:
     """Light on the sensor in units of the light that halves its reading (raccoon.model.reflectance)."""
     return FULL_SCALE / max(counts, 1.0) - 1.0
+
+
+def _crossing(before: tuple[float, float], after: tuple[float, float], light: float) -> float:
+    """Time at which the light passed `light` between two readings (time, counts)."""
+    first, last = _light(before[1]), _light(after[1])
+    share = (light - first) / (last - first) if last > first else 1.0
+    return before[0] + min(share, 1.0) * (after[0] - before[0])
 
 
 def wait_for_light(

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from raccoon.core.readings import Inputs, Status
+from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions import Action, Steps, wait
 from raccoon.robot.calibration import watched
+from raccoon.robot.limits import check_port
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
-    from raccoon.estimate.start_light import StartLightCalibration
+    from raccoon.estimate.start_light import StartLightCalibration, StartLightReading
     from raccoon.robot.robot import Robot
 
 SECONDS = 1.0  # of readings with the lamp off, and on
@@ -22,8 +23,10 @@ def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) 
 
     Call it with the lamp off. switched_on: asked once, comes back when somebody has switched it on (such as
     `lambda: input("lamp on, then Enter")`). The result is noted in the recording. Raises CalibrationError
-    where the lamp makes too little difference or the port reads nothing.
+    where the lamp makes too little difference or the port reads nothing, ValueError where there is no such
+    port.
     """
+    check_port("analog", port, ANALOG_PORTS)
     from raccoon.estimate.start_light import calibrate_start_light
 
     off = _counts(robot, port)
@@ -38,9 +41,11 @@ def rehearse_light(
 ) -> Action[int]:
     """Test mode of the start light: how often the lamp was seen to go on within `seconds` s.
 
-    Every time is noted in the recording and nothing starts. Where it is too bright to tell the lamp, that is
-    said. Raises ValueError for a time that is not above 0.
+    Every time is noted in the recording and nothing starts. Where it is too bright to tell the lamp, or light
+    that stays is refused, that is said. Raises ValueError for a time that is not above 0 and for a port that
+    is not there.
     """
+    check_port("analog", port, ANALOG_PORTS)
     if not seconds > 0.0:
         raise ValueError(f"seconds is {seconds}: allowed are numbers above 0")
 
@@ -53,12 +58,23 @@ def rehearse_light(
             reading = light.update(robot.time, robot.analog(port))
             if reading.fired:
                 robot.note(f"rehearsal: start light {light.fires}")
-            if reading.status is Status.UNCERTAIN:
-                say(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
+            tell_light(robot, port, reading)
             yield
         return light.fires
 
     return Action(f"rehearse the light on analog {port}", steps)
+
+
+def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
+    """Say what keeps the start light on analog `port` from being seen."""
+    if reading.refused:
+        say(
+            robot,
+            f"analog {port}: it became bright and stays so, but not as a start light does: no start. "
+            f"If it was the lamp, calibrate it (calibrate_light), or calibrate it again",
+        )
+    if reading.status is Status.UNCERTAIN:
+        say(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
 
 
 def _counts(robot: Robot, port: int) -> list[float]:

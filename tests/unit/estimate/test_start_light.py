@@ -5,9 +5,17 @@ import pytest
 
 from raccoon.core.errors import CalibrationError, ConfigError, MotionTimeout
 from raccoon.core.readings import Status
-from raccoon.estimate.start_light import StartLight, calibrate_start_light, wait_for_light
+from raccoon.estimate.start_light import (
+    StartLight,
+    StartLightCalibration,
+    StartLightReading,
+    calibrate_start_light,
+    wait_for_light,
+)
 
 RATE = 200
+LAMP_ON = 3.0  # s, in the tests with a lamp over steady ambient light
+LEVELS = ((3000.0, 150.0), (3000.0, 500.0), (3000.0, 1500.0), (3500.0, 1800.0), (800.0, 500.0))
 
 
 def background(rng: np.random.Generator, seconds: float) -> np.ndarray:
@@ -93,9 +101,174 @@ def test_wait_returns_the_time_or_gives_up() -> None:
 def test_lamp_without_effect_is_refused() -> None:
     with pytest.raises(CalibrationError, match="shade the sensor"):
         calibrate_start_light([1000.0] * 20, [900.0] * 20)
+    with pytest.raises(CalibrationError, match="shade the sensor"):  # a white sleeve makes as much
+        calibrate_start_light([800.0] * 20, [590.0] * 20)
     with pytest.raises(CalibrationError, match="3 readings"):
         calibrate_start_light([1000.0] * 3, [100.0] * 20)
     with pytest.raises(ConfigError, match="5000"):
         calibrate_start_light([5000.0] * 20, [100.0] * 20)
     with pytest.raises(ConfigError, match="hold"):
         StartLight(hold=0.0)
+
+
+def level(off: float, on: float, lamp: np.ndarray, seed: int = 0) -> np.ndarray:
+    """Counts where the lamp gives the share `lamp` of its light, with noise of 3 counts."""
+    light = 4095 / off - 1 + (4095 / on - 4095 / off) * lamp
+    return np.round(4095 / (1 + light) + np.random.default_rng(seed).normal(0, 3, len(lamp)))
+
+
+def bulb(time: np.ndarray, time_constant: float) -> np.ndarray:
+    """Share of its light that a lamp which goes on at LAMP_ON gives."""
+    return np.where(time >= LAMP_ON, 1 - np.exp(-np.maximum(time - LAMP_ON, 0) / time_constant), 0)
+
+
+def delay(time: np.ndarray, readings: np.ndarray, light: StartLight) -> float | None:
+    """Time from the lamp to the fire, s; below 0 where it fired before."""
+    for at, counts in zip(time, readings, strict=True):
+        if light.update(float(at), float(counts)).fired:
+            return float(at) - LAMP_ON
+    return None
+
+
+def times(rate: float, phase: float = 0.0, seconds: float = LAMP_ON + 2.0) -> np.ndarray:
+    return (np.arange(int(seconds * rate)) + phase) / rate
+
+
+@pytest.mark.parametrize("rate", [10, 25, 50, 100, 200, 1000])
+@pytest.mark.parametrize("time_constant", [1e-4, 0.02, 0.05, 0.1, 0.15, 0.2])
+def test_calibrated_lamp_may_warm_up_at_any_rate(rate: int, time_constant: float) -> None:
+    for off, on in LEVELS:
+        for phase in (0.0, 0.4, 0.8) if rate < 1000 else (0.0,):
+            time = times(rate, phase)
+            light = StartLight(StartLightCalibration(off, on))
+            found = delay(time, level(off, on, bulb(time, time_constant)), light)
+            assert found is not None, (off, on, phase)
+            assert 0.03 <= found <= 0.55 + 2.0 / rate
+
+
+@pytest.mark.parametrize("rate", [10, 25, 50, 100, 200, 1000])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_lamp_that_comes_at_once_fires_within_three_readings(rate: int, calibrated: bool) -> None:
+    for phase in np.arange(0.0, 1.0, 0.1 if rate < 1000 else 0.5):
+        time = times(rate, float(phase))
+        light = StartLight(StartLightCalibration(3000.0, 500.0) if calibrated else None)
+        found = delay(time, level(3000.0, 500.0, bulb(time, 1e-4)), light)
+        assert found is not None
+        assert 0.03 <= found <= max(3.0 / rate, 0.04 + 2.0 / rate) + 1e-6
+
+
+@pytest.mark.parametrize("gap", [0.01, 0.02, 0.03, 0.05, 0.07, 0.1])
+@pytest.mark.parametrize("rate", [10, 50, 200])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_readings_may_be_missing_around_the_lamp(gap: float, rate: int, calibrated: bool) -> None:
+    for begin in np.arange(-1.0, 0.9, 0.2) * gap + LAMP_ON:
+        time = times(rate)
+        silent = (time >= begin) & (time < begin + gap)
+        light = StartLight(StartLightCalibration(3000.0, 500.0) if calibrated else None)
+        readings = level(3000.0, 500.0, bulb(time, 1e-4))
+        found = None
+        for at, counts, missing in zip(time, readings, silent, strict=True):
+            if light.update(float(at), None if missing else float(counts)).fired:
+                found = float(at) - LAMP_ON
+                break
+        assert found is not None, begin
+        assert 0.03 <= found <= 0.06 + 2.0 * gap + 3.0 / rate
+
+
+def test_lamp_that_warms_up_behind_a_gap_is_seen() -> None:
+    time = times(RATE)
+    for begin in np.arange(-0.1, 0.3, 0.05) + LAMP_ON:
+        for off, on in LEVELS:
+            heard = (time < begin) | (time >= begin + 0.1)
+            readings = level(off, on, bulb(time, 0.1))
+            light = StartLight(StartLightCalibration(off, on))
+            assert delay(time[heard], readings[heard], light) is not None, (begin, off, on)
+
+
+@pytest.mark.parametrize("rate", [10, 25, 50, 100, 200, 1000])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_slow_cloud_is_no_lamp(rate: int, calibrated: bool) -> None:
+    for off, on in LEVELS if rate < 1000 else LEVELS[1:3]:
+        for seconds in (
+            1.0,
+            2.0,
+            10.0 if rate < 1000 else 3.0,
+        ):  # a cloud leaves; the sun is as bright as the lamp, or less
+            for share in (0.3, 0.6, 1.0) if calibrated else (0.1,):
+                time = times(rate, seconds=LAMP_ON + seconds + 1.5)
+                sun = share * np.clip((time - LAMP_ON) / seconds, 0, 1)
+                light = StartLight(StartLightCalibration(off, on) if calibrated else None)
+                assert delay(time, level(off, on, sun), light) is None, (off, on, seconds, share)
+
+
+@pytest.mark.parametrize("rate", [10, 25, 50, 100, 200, 1000])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_hand_that_passes_is_no_lamp(rate: int, calibrated: bool) -> None:
+    for off, on in LEVELS if rate < 1000 else LEVELS[3:]:
+        for edge in (0.03, 0.1, 0.3):
+            for depth in (0.9, -0.4):  # its shadow; a white sleeve that sends light back
+                time = times(rate)
+                inside = np.clip(np.minimum(time - 1.5, 2.5 - time) / edge, 0, 1)
+                ambient = (4095 / off - 1) * (1 - depth * inside)
+                readings = np.clip(np.round(4095 / (1 + ambient)), 0, 4095)
+                light = StartLight(StartLightCalibration(off, on) if calibrated else None)
+                assert delay(time, readings, light) is None, (off, on, edge, depth)
+
+
+@pytest.mark.parametrize("rate", [10, 25, 50, 200])
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_flashes_and_outliers_are_no_lamp(rate: int, calibrated: bool) -> None:
+    for gap in (0.0, 0.1):
+        time = times(rate)
+        flash = ((time % 0.5) < 0.02) & (time > 0.6)
+        silent = ((time % 0.5) >= 0.02) & ((time % 0.5) < 0.02 + gap)
+        readings = np.where(flash, 100.0, level(3000.0, 150.0, np.zeros(len(time))))
+        light = StartLight(StartLightCalibration(3000.0, 150.0) if calibrated else None)
+        assert delay(time[~silent], readings[~silent], light) is None
+        # And they do not hide the lamp that comes after them.
+        later = time + float(time[-1]) + 1.0 / rate
+        assert delay(later, np.full(len(time), 150.0), light) is not None
+
+
+def test_daylight_that_was_learnt_halfway_is_no_lamp() -> None:
+    time = times(RATE)
+    for begin in np.arange(0.0, 0.5, 0.05):
+        for seconds in (0.6, 1.0, 2.0):
+            sun = np.clip((time - begin) / seconds, 0, 1)
+            light = StartLight(StartLightCalibration(3000.0, 1200.0))
+            assert delay(time, level(3000.0, 700.0, sun), light) is None, (begin, seconds)
+
+
+def test_lamp_over_daylight_that_was_refused_is_seen() -> None:
+    time = times(RATE)
+    sun = 0.25 * np.clip((time - 1.0) / 1.2, 0, 1)
+    for known in (StartLightCalibration(3000.0, 150.0), None):
+        light = StartLight(known)
+        found = delay(time, level(3000.0, 150.0, sun + bulb(time, 1e-4)), light)
+        assert found is not None
+        assert 0.03 <= found < 0.06
+
+
+def replies(readings: np.ndarray, light: StartLight) -> list[StartLightReading]:
+    return [light.update(index / RATE, float(counts)) for index, counts in enumerate(readings)]
+
+
+def test_light_that_stays_and_is_no_lamp_is_refused_once() -> None:
+    time = times(RATE, seconds=LAMP_ON + 3.0)
+    slow = level(3000.0, 500.0, np.clip((time - LAMP_ON) / 0.7, 0, 1))
+    for known in (StartLightCalibration(3000.0, 500.0), None):
+        told = replies(slow, StartLight(known))
+        assert not any(each.fired for each in told)
+        refused = [index / RATE - LAMP_ON for index, each in enumerate(told) if each.refused]
+        assert len(refused) == 1
+        assert 0.6 < refused[0] < 1.5
+
+
+def test_what_does_not_stay_is_not_refused() -> None:
+    time = times(RATE)
+    hand = np.where((time > 1.5) & (time < 2.0), 3900.0, 3000.0)
+    flash = np.where((time > 1.5) & (time < 1.52), 100.0, 3000.0)
+    lamp = level(3000.0, 500.0, bulb(time, 0.15))
+    for readings in (hand, flash, lamp):
+        light = StartLight(StartLightCalibration(3000.0, 500.0))
+        assert not any(each.refused for each in replies(readings, light))

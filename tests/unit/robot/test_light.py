@@ -7,6 +7,7 @@ import pytest
 
 from raccoon import (
     CalibrationError,
+    MotionTimeout,
     calibrate_light,
     open_robot,
     rehearse_light,
@@ -16,6 +17,7 @@ from raccoon import (
 )
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.estimate.start_light import StartLightCalibration
 from robots import CONFIG, simulated
 
 PORT = 5
@@ -24,7 +26,7 @@ PORT = 5
 class Lamp:
     """A port with a light sensor on an analog input: counts by time."""
 
-    def __init__(self, counts: Callable[[float], float], port: Port | None = None) -> None:
+    def __init__(self, counts: Callable[[float], float | None], port: Port | None = None) -> None:
         self._port = simulated() if port is None else port
         self._counts = counts
 
@@ -73,3 +75,37 @@ def test_too_much_light_is_said_in_the_rehearsal() -> None:
 def test_a_rehearsal_takes_time() -> None:
     with pytest.raises(ValueError, match="seconds is 0"):
         rehearse_light(PORT, seconds=0.0)
+
+
+def test_light_that_stays_and_is_no_lamp_is_said_once_and_then_the_lamp_starts() -> None:
+    def counts(time: float) -> float:
+        if time > 5.0:
+            return 100.0
+        return 3000.0 - 1900.0 * min(max(time - 1.0, 0.0) / 0.8, 1.0)
+
+    with open_robot(CONFIG, port=Lamp(counts)) as robot:
+        robot.run(wait_for_light(PORT))
+        assert robot.time == pytest.approx(5.045, abs=0.01)
+        said = [each for each in robot.drive.remarks.values() if "start light" in each]
+        assert len(said) == 1
+        assert "analog 5" in said[0]
+        assert "calibrate_light" in said[0]
+
+
+def test_too_much_light_is_said_while_waiting() -> None:
+    with open_robot(CONFIG, port=Lamp(lambda _: 60.0)) as robot:
+        with pytest.raises(MotionTimeout):
+            robot.run(wait_for_light(PORT).timeout(1.0))
+        assert any("too bright" in said for said in robot.drive.remarks.values())
+
+
+@pytest.mark.parametrize("gap", [0.03, 0.05, 0.1])
+def test_start_light_is_seen_where_the_link_is_silent_as_it_comes_on(gap: float) -> None:
+    def counts(time: float) -> float | None:
+        if 2.0 <= time < 2.0 + gap:
+            return None
+        return 500.0 if time >= 2.0 else 3000.0
+
+    with open_robot(CONFIG, port=Lamp(counts)) as robot:
+        robot.run(wait_for_light(PORT, StartLightCalibration(3000.0, 500.0)).timeout(5.0))
+        assert 2.03 < robot.time < 2.06 + 2.0 * gap
