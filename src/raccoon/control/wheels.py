@@ -99,6 +99,12 @@ class Wheel:
             self._applied = self.pid.step(reading, speed, dt, feedforward, limit)
         return self._applied
 
+    def resume(self) -> None:
+        """Start from what the wheel does, as nobody knows what it did in a pause. What it learnt stays."""
+        self._active = False
+        self.watch.rest()
+        self.pid.reset(self.pid.integral)
+
     def top_speed(self, voltage: float) -> float:
         """Rad/s at steady state with `voltage` V at the motor; asked in every cycle."""
         return max(0.0, (voltage - self._static) / self._per_speed)
@@ -147,6 +153,11 @@ class WheelLoop:
         self._right.rest()
         self.saturated = False
         self.missing_speed = 0.0
+
+    def resume(self) -> None:
+        """Go on after a pause in which nothing was controlled."""
+        self._left.resume()
+        self._right.resume()
 
     def top_speed(self, battery_voltage: float) -> float:
         """Rad/s that the weaker wheel reaches at `battery_voltage` V under load."""

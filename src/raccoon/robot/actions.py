@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.conditions import JOIN, Condition
-from raccoon.robot.limits import check_kind
+from raccoon.robot.limits import check_kind, check_number
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -129,7 +129,9 @@ def seq(*actions: Action[Any]) -> Action[list[Any]]:
 def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
     """`action` again and again, for ever or `times` times."""
     _check("repeat", (action,))
-    if times is not None and times < 0:
+    if times is not None:
+        check_number("times", times, "whole, from 0")
+    if times is not None and (times < 0 or times % 1 != 0):
         raise ValueError(f"times is {times}: allowed are whole numbers from 0, or None for ever")
 
     def steps(robot: Robot) -> Steps[None]:
@@ -216,7 +218,8 @@ def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]:
 
 
 def wait(seconds: float) -> Action[None]:
-    """Let `seconds` s pass."""
+    """Let `seconds` s pass. The robot goes on reading meanwhile, which `time.sleep` would keep it from."""
+    check_number("seconds", seconds, "from 0")
     if not 0.0 <= seconds < float("inf"):
         raise ValueError(f"seconds is {seconds}: allowed are numbers from 0")
 
@@ -248,6 +251,7 @@ def _check(kind: str, actions: tuple[Any, ...]) -> None:
 
 
 def _positive(name: str, value: float) -> None:
+    check_number(name, value, "above 0")
     if not 0.0 < value < float("inf"):
         raise ValueError(f"{name} is {value}: it must be above 0")
 

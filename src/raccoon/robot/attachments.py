@@ -26,15 +26,22 @@ class Attachments:
         for mechanism in self.mechanisms.values():
             mechanism.sense(inputs, dt)
 
-    def added_to(self, outputs: Outputs, dt: float, battery_voltage: float | None) -> Outputs:
-        """The command of the drive with that of the attachments."""
+    def resume(self) -> None:
+        """Go on after a pause in which nothing was controlled."""
+        for mechanism in self.mechanisms.values():
+            mechanism.resume()
+
+    def added_to(
+        self, outputs: Outputs, dt: float, battery_voltage: float | None, *, resting: bool = False
+    ) -> Outputs:
+        """The command of the drive with that of the attachments. resting: see `Mechanism.duty`."""
         if not self.servos and not self.mechanisms:
             return outputs
         duty = list(outputs.duty)
         brake = list(outputs.brake)
         for mechanism in self.mechanisms.values():
             port = mechanism.config.motor
-            duty[port] = mechanism.duty(dt, battery_voltage)
+            duty[port] = mechanism.duty(dt, battery_voltage, resting=resting)
             brake[port] = mechanism.goal is not None
         return Outputs(tuple(duty), tuple(brake), self._pulses())
 
@@ -43,6 +50,11 @@ class Attachments:
         for mechanism in self.mechanisms.values():
             mechanism.goal = None
         return Outputs(servo_us=self._pulses()) if self.servos else STOP
+
+    def switch_off(self) -> None:
+        """Servos off with the next command."""
+        for servo in self.servos.values():
+            servo.pulse = None
 
     def _pulses(self) -> tuple[int | None, ...]:
         pulses: list[int | None] = [None] * SERVO_PORTS

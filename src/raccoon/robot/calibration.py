@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import CalibrationError
+from raccoon.core.errors import CalibrationError, ConfigError, MotionTimeout
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions import Action, Steps, seq, wait
-from raccoon.robot.conditions import after_distance
-from raccoon.robot.driving import drive
+from raccoon.robot.driving import search
+from raccoon.robot.limits import check_way
 from raccoon.robot.motions import straight
 from raccoon.robot.remarks import say
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
     from raccoon.robot.robot import Robot
 
+T = TypeVar("T")
 REST = 1.0  # s of standing before and after a calibration drive
 
 
@@ -57,7 +60,7 @@ def calibrate_drive(
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
     readings: list[Inputs] = []
-    robot.run(watched(seq(wait(REST), straight(distance), wait(REST)), readings))
+    _drive(robot, watched(seq(wait(REST), straight(distance), wait(REST)), readings))
     found = calibrate_straight(robot.config, readings, taped(), distance_std=tape_std)
     return found.applied(robot.config)
 
@@ -72,16 +75,26 @@ def calibrate_tophats(
 ) -> dict[str, TophatCalibration]:
     """Drive `distance` m over floor and lines and calibrate every tophat from what it read.
 
-    Returns the calibrations by name; they are in use from now on. store: file that they are added to as
-    `set_name` (`load_tophats` reads it). A sensor whose height changed since the calibration before is said.
-    Raises CalibrationError naming each tophat whose readings allow no threshold, and why; no calibration is
-    changed then.
+    Returns the calibrations by name; they are in use from now on. speed: m/s, negative backwards;
+    `motion.speed` when None. store: file that they are added to as `set_name` (`load_tophats` reads it). A
+    sensor whose height changed since the calibration before is said, and so is a store that fails after the
+    drive. Raises ConfigError before anything moves where the store is damaged or cannot be written;
+    CalibrationError where the way was not driven, or naming each tophat whose readings allow no threshold,
+    and why; no calibration is changed then.
     """
     from raccoon.estimate.tophat import calibrate
 
-    readings: list[Inputs] = []
+    check_way(distance=distance)
     velocity = robot.config.motion.speed if speed is None else speed
-    robot.run(watched(drive(velocity).until(after_distance(distance)), readings))
+    searching = search(velocity, abs(distance))
+    before = {name: each.calibration for name, each in robot.tophats.items()}
+    # In a replay this was stored when it happened.
+    kept = None if store is None or hasattr(robot.port, "trace") else Path(store)
+    if kept is not None:
+        stored = _checked(kept, set_name)
+        before = {name: stored.get(name) if each is None else each for name, each in before.items()}
+    readings: list[Inputs] = []
+    _drive(robot, watched(searching, readings))
     found = {
         name: calibrate(_counts(readings, sensor.config.analog)) for name, sensor in robot.tophats.items()
     }
@@ -89,12 +102,23 @@ def calibrate_tophats(
     if useless:
         reasons = "; ".join(f"{name}: {each.verdict}, {each.reason}" for name, each in useless.items())
         raise CalibrationError(f"after {distance:g} m: {reasons}")
-    _compare(robot, found, store, set_name)
-    if store is not None:
-        _store(robot, found, store, set_name)
     for name, each in found.items():
         robot.tophat(name).calibrate(each)
+    _compare(robot, before, found)
+    if kept is not None:
+        try:
+            _store(robot, found, kept, set_name)
+        except (OSError, ValueError) as error:
+            say(robot, f"the tophats are calibrated, but {kept} does not have it: {error}")
     return found
+
+
+def _drive(robot: Robot, action: Action[T]) -> T:
+    """Do the drive of a calibration; a robot that cannot drive cannot be calibrated."""
+    try:
+        return robot.run(action)
+    except MotionTimeout as error:
+        raise CalibrationError(f"the drive of the calibration failed: {error}") from error
 
 
 def load_tophats(
@@ -120,30 +144,40 @@ def load_tophats(
     return found
 
 
+def _checked(store: Path, set_name: str) -> dict[str, TophatCalibration]:
+    """The newest calibrations in `store`, by name. Raises ConfigError where it cannot be read or written."""
+    from raccoon.estimate.tophat.store import TophatStore
+
+    try:
+        found = {each.sensor: each.calibration for each in TophatStore(store).history(set_name=set_name)}
+        store.parent.mkdir(parents=True, exist_ok=True)
+        # As the store itself does it: only a file that was made tells whether one can be.
+        handle, trial = tempfile.mkstemp(dir=store.parent, prefix=f".{store.name}.", suffix=".part")
+        os.close(handle)
+        Path(trial).unlink()
+    except OSError as error:
+        raise ConfigError(f"store {store}: cannot be used, so nothing was driven: {error}") from error
+    return found
+
+
 def _compare(
-    robot: Robot, found: dict[str, TophatCalibration], store: str | Path | None, set_name: str
+    robot: Robot, before: dict[str, TophatCalibration | None], found: dict[str, TophatCalibration]
 ) -> None:
     """Say which sensors sit higher or lower than they did at the calibration before."""
-    from raccoon.estimate.tophat.store import TophatStore
     from raccoon.estimate.tophat.watch import height_changed
 
     for name, now in found.items():
-        before = robot.tophat(name).calibration
-        if before is None and store is not None:
-            entry = TophatStore(store).latest(name, set_name)
-            before = None if entry is None else entry.calibration
-        if before is not None and height_changed(before, now):
+        last = before[name]
+        if last is not None and height_changed(last, now):
             say(robot, f"tophat {name} sits higher or lower than at its last calibration")
 
 
-def _store(robot: Robot, found: dict[str, TophatCalibration], store: str | Path, set_name: str) -> None:
+def _store(robot: Robot, found: dict[str, TophatCalibration], store: Path, set_name: str) -> None:
     from datetime import UTC, datetime
 
     from raccoon.estimate.tophat.sensor import explanations
     from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 
-    if hasattr(robot.port, "trace"):
-        return  # a replay: this was stored when it happened
     now = datetime.now(UTC).isoformat(timespec="seconds")
     for name, each in found.items():
         white, black = each.surfaces()

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS
-from raccoon.robot.limits import check_angle, check_kind, check_port, check_way
+from raccoon.robot.limits import check_angle, check_kind, check_number, check_port, check_way
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -77,6 +77,7 @@ def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
 
 def after_time(seconds: float) -> Condition:
     """`seconds` s after the start of the action."""
+    check_number("seconds", seconds, "from 0")
     if not 0.0 <= seconds < float("inf"):
         raise ValueError(f"seconds is {seconds}: allowed are numbers from 0")
 
@@ -149,12 +150,14 @@ def _surface(tophat: str, black: bool) -> Condition:
 def analog_above(port: int, counts: float) -> Condition:
     """The analog port reads more than `counts`."""
     check_port("analog", port, ANALOG_PORTS)
+    check_number("counts", counts, "of raw counts")
     return when(lambda robot: _is_above(robot.analog(port), counts), f"analog {port} above {counts:g}")
 
 
 def analog_below(port: int, counts: float) -> Condition:
     """The analog port reads less than `counts`."""
     check_port("analog", port, ANALOG_PORTS)
+    check_number("counts", counts, "of raw counts")
     return when(lambda robot: _is_below(robot.analog(port), counts), f"analog {port} below {counts:g}")
 
 

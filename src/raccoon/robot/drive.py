@@ -65,6 +65,10 @@ class Drive:
             self._device = device
             self.wheels = self._loop(device)
 
+    def resume(self) -> None:
+        """Go on after a pause in which nothing was controlled."""
+        self.wheels.resume()
+
     def velocity(
         self,
         forward: float,
@@ -197,7 +201,7 @@ class Drive:
             return f"the battery is too weak: {missing:.3f} m/s are missing"
         if self.wheels.saturated:
             return "a wheel is at full power and falls behind"
-        return "the wheels follow"
+        return "the wheels follow" if any(self._given) else "the wheels are not driven"
 
     def speed_of(self, voltage: float) -> float:
         """M/s that so many V more at the motors are worth."""

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 from raccoon.control.motion import line_command, slewed
 from raccoon.control.profile import ProfileState
 from raccoon.control.voltage import VoltageScaling
+from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.limits import check_rate, check_speed
-from raccoon.robot.pacing import GAINS
+from raccoon.robot.limits import check_number, check_rate, check_speed
+from raccoon.robot.pacing import GAINS, STALL_PATIENCE, reason
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         top = math.copysign(robot.drive.planned_speed(abs(speed), motion.acceleration), speed)
         try:
             while True:
+                if robot.paused:  # the motors may have been stopped meanwhile
+                    velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
                 velocity = slewed(velocity, top, motion.acceleration * robot.dt)
                 rate = slewed(rate, turn_rate, motion.turn_acceleration * robot.dt)
                 held = 0.0
@@ -54,6 +57,38 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     return Action(f"drive {speed:g} m/s", steps)
 
 
+def search(speed: float, reach: float) -> Action[None]:
+    """Drive at `speed` m/s, negative backwards, until `reach` m are driven or somebody ends it.
+
+    Raises ValueError for a speed of 0, MotionTimeout where a wheel has not turned for 0.4 s, or the way takes
+    more than twice its time and 2 s.
+    """
+    check_speed(speed=speed)
+    if speed == 0.0:
+        raise ValueError("speed is 0: allowed are numbers above or below it")
+
+    def steps(robot: Robot) -> Steps[None]:
+        begin, start, silent = robot.time, robot.estimate.distance, 0.0
+        acceleration = robot.config.motion.acceleration
+        top = robot.drive.planned_speed(abs(speed), acceleration)
+        allowed = 2.0 * (reach / top + top / acceleration) + 2.0
+        body = drive(speed).start(robot)
+        try:
+            while (way := abs(robot.estimate.distance - start)) <= reach:
+                silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
+                seconds = robot.time - begin
+                if silent > STALL_PATIENCE or seconds > allowed:
+                    raise MotionTimeout(
+                        f"drive not done after {seconds:.1f} s: {way:.3f} of {reach:g} m; {reason(robot)}"
+                    )
+                next(body)
+                yield
+        finally:
+            body.close()
+
+    return Action(f"search {reach:g} m", steps)
+
+
 def motors(left: float, right: float, *, tuned_at: float | None = None) -> Action[None]:
     """Put plain duties (-1..1) on the wheels until ended from outside: no control at all, as a comparison.
 
@@ -62,6 +97,7 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
     missing.
     """
     for name, duty in (("left", left), ("right", right)):
+        check_number(f"{name} duty", duty, "from -1 to 1")
         if not -1.0 <= duty <= 1.0:
             raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
     scaling = None if tuned_at is None else VoltageScaling(tuned_at)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 from typing import Any
 
 LONGEST = 10.0
@@ -15,16 +16,25 @@ FASTEST_TURN = 20.0
 """rad/s; more is a rate in degrees."""
 
 
+def check_number(name: str, value: object, allowed: str) -> None:
+    """Raise TypeError where `value` is no number at all. allowed: which numbers are, in words."""
+    if not isinstance(value, Real):
+        raise TypeError(f"{name} is {value!r}: it must be a number, {allowed}")
+
+
 def check_way(**ways: float) -> None:
-    """Raise ValueError naming the first that is no distance in m."""
+    """Raise ValueError naming the first that is no distance in m, TypeError for what is no number."""
+    allowed = f"up to {LONGEST:g} m either way (30 cm are 0.30)"
     for name, value in ways.items():
+        check_number(name, value, allowed)
         if not abs(value) <= LONGEST:
-            _refuse(name, value, f"up to {LONGEST:g} m either way (30 cm are 0.30)")
+            _refuse(name, value, allowed)
 
 
 def check_angle(**angles: float) -> None:
     """Raise ValueError naming the first that is no angle in rad."""
     for name, value in angles.items():
+        check_number(name, value, f"up to {MOST_TURNS:g} turns in rad either way (write deg(90) for degrees)")
         if not abs(value) <= MOST_TURNS * math.tau:
             degrees = f"deg({value:g})" if math.isfinite(value) else "deg(90)"
             _refuse(
@@ -34,21 +44,29 @@ def check_angle(**angles: float) -> None:
 
 def check_speed(**speeds: float | None) -> None:
     """Raise ValueError naming the first that is not None and no speed in m/s, negative or not."""
+    allowed = f"up to {FASTEST:g} m/s (20 cm/s are 0.20)"
     for name, value in speeds.items():
-        if value is not None and not abs(value) <= FASTEST:
-            _refuse(name, value, f"up to {FASTEST:g} m/s (20 cm/s are 0.20)")
+        if value is None:
+            continue
+        check_number(name, value, allowed)
+        if not abs(value) <= FASTEST:
+            _refuse(name, value, allowed)
 
 
 def check_rate(**rates: float | None) -> None:
     """Raise ValueError naming the first that is not None and no turn rate in rad/s."""
+    allowed = f"up to {FASTEST_TURN:g} rad/s (write deg(90) for degrees a second)"
     for name, value in rates.items():
-        if value is not None and not abs(value) <= FASTEST_TURN:
-            _refuse(name, value, f"up to {FASTEST_TURN:g} rad/s (write deg(90) for degrees a second)")
+        if value is None:
+            continue
+        check_number(name, value, allowed)
+        if not abs(value) <= FASTEST_TURN:
+            _refuse(name, value, allowed)
 
 
 def check_port(kind: str, port: int, count: int) -> None:
     """Raise ValueError where there is no such port."""
-    if port not in range(count):
+    if port not in range(count) or not hasattr(port, "__index__"):
         raise ValueError(f"{kind} port {port!r}: there are 0 to {count - 1}")
 
 

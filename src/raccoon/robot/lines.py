@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from raccoon.control.motion import slewed
 from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.driving import drive
+from raccoon.robot.driving import search
+from raccoon.robot.limits import check_speed
 from raccoon.robot.motions import turning
 from raccoon.robot.pacing import MotionResult, check_finite, check_limits, reason
 
@@ -55,6 +57,8 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                     seen = robot.time
                 if robot.time - seen > LOST_TIME:
                     raise MotionTimeout(f"{tophat} lost the line: no edge for {LOST_TIME:g} s")
+                if robot.paused:  # the motors may have been stopped meanwhile
+                    velocity = robot.estimate.velocity
                 velocity = slewed(velocity, top, motion.acceleration * robot.dt)
                 # On the left edge black is to the right: too much of it means too far right.
                 robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
@@ -79,11 +83,15 @@ def align_on_line(
 
     left, right: names of the tophats. speed: m/s, negative backwards; half of `motion.speed` when None.
     reach: m to look for the line. squint: rad, the most that the line may lie askew. Where each sensor met
-    the edge tells the line's direction. The result's heading is the robot's against the line's normal.
-    Raises MotionTimeout where there is no line within reach, CalibrationError without calibrations.
+    the edge tells the line's direction: the edge on which both came to black, or, where one stood on the line
+    already, the one on which both left it. The result's heading is the robot's against the line's normal.
+    Raises MotionTimeout where there is no line within reach or a wheel does not turn, CalibrationError
+    without calibrations.
     """
-    check_finite(speed=0.0 if speed is None else speed)
+    check_speed(speed=speed)
     check_limits(reach=reach, squint=squint)
+    if speed == 0.0:
+        raise ValueError("speed is 0: allowed are numbers above or below it")
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin = robot.time
@@ -112,29 +120,48 @@ def align_on_line(
 def _edges(
     robot: Robot, left: str, right: str, speed: float | None, reach: float
 ) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
-    """Drive until both sensors have met an edge; where on the field each did, left first."""
+    """Drive until both sensors have met the same edge; where on the field each did, left first."""
     sensors = (_ready(robot, left, ahead=False), _ready(robot, right, ahead=False))
     if sensors[0].config.left <= sensors[1].config.left:
         raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")
     for sensor in sensors:
         sensor.forget_edge()
-    begin = robot.estimate.distance
-    body = drive(0.5 * robot.config.motion.speed if speed is None else speed).start(robot)
-    met: list[tuple[float, float] | None] = [None, None]
+    body = search(0.5 * robot.config.motion.speed if speed is None else speed, reach).start(robot)
+    # A line has two edges, and a sensor that stands on it meets but the second: only places on the same one
+    # give its direction. By whether the edge leads to black: where the left and the right sensor met it.
+    met: dict[bool, list[tuple[float, float] | None]] = {True: [None, None], False: [None, None]}
     try:
         while True:
             for index, sensor in enumerate(sensors):
-                if met[index] is None and sensor.edge is not None:
-                    met[index] = _place(robot, sensor, robot.time - sensor.edge.time)
-            if met[0] is not None and met[1] is not None:
-                return met[0], met[1]
-            if abs(robot.estimate.distance - begin) > reach:
-                missing = " and ".join(s.name for s, m in zip(sensors, met, strict=True) if m is None)
-                raise MotionTimeout(f"no line at {missing} within {reach:g} m; {reason(robot)}")
-            next(body)
+                edge = sensor.edge
+                if edge is None:
+                    continue
+                sensor.forget_edge()
+                places = met[edge.to_black]
+                if places[index] is None:
+                    places[index] = _place(robot, sensor, robot.time - edge.time)
+                if places[0] is not None and places[1] is not None:
+                    return places[0], places[1]
+            try:
+                next(body)
+            except StopIteration:
+                raise MotionTimeout(_no_line(robot, left, right, met.values(), reach)) from None
             yield
     finally:
         body.close()
+
+
+def _no_line(
+    robot: Robot,
+    left: str,
+    right: str,
+    met: Iterable[list[tuple[float, float] | None]],
+    reach: float,
+) -> str:
+    """Which sensors lack the edge that they were nearest to having both met, and why that may be."""
+    places = max(met, key=lambda each: sum(place is not None for place in each))
+    names = [name for name, place in zip((left, right), places, strict=True) if place is None]
+    return f"no line at {' and '.join(names)} within {reach:g} m; {reason(robot)}"
 
 
 def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:

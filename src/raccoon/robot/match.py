@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS
-from raccoon.core.readings import SIMULATOR
+from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver, real_deadline
+from raccoon.robot.light import tell_light
+from raccoon.robot.limits import check_number, check_port
 from raccoon.robot.remarks import tell
 
 if TYPE_CHECKING:
@@ -73,7 +75,7 @@ def timed(action: Action[T], name: str | None = None) -> Action[T]:
     label = action.name if name is None else name
 
     def steps(robot: Robot) -> Steps[T]:
-        begin, ended = robot.time, "stopped"
+        begin, end, ended = robot.time, 0.0, "stopped"
         robot.note(f"step begins: {label}")
         try:
             result = yield from action.start(robot)
@@ -83,10 +85,13 @@ def timed(action: Action[T], name: str | None = None) -> Action[T]:
             raise
         except BaseException as error:
             ended = f"{type(error).__name__}: {error}"
+            if isinstance(error, MatchOver) and robot.deadline is not None:
+                end = robot.deadline  # the alarm comes later than the last reading
             raise
         finally:
-            robot.steps.append(StepTime(label, begin, robot.time, ended))
-            robot.note(f"step ends: {label}: {ended} after {robot.time - begin:.3f} s")
+            end = max(end, robot.time)
+            robot.steps.append(StepTime(label, begin, end, ended))
+            robot.note(f"step ends: {label}: {ended} after {end - begin:.3f} s")
 
     return TimedStep(label, steps)
 
@@ -107,15 +112,19 @@ def mission(*actions: Action[Any]) -> Action[list[Any]]:
 def wait_for_light(port: int, calibration: StartLightCalibration | None = None) -> Action[None]:
     """Stand until the start light over the sensor on analog `port` goes on.
 
-    calibration: its levels off and on; without one the reading must fall by 35 %, quickly, and stay. The
-    estimators keep learning meanwhile.
+    calibration: its levels off and on (`calibrate_light`); without one the reading must fall by 35 %,
+    quickly, and stay. The estimators keep learning meanwhile. It waits for as long as it takes: append
+    `.timeout(seconds)` where it must not. Light that stays and is refused, and light in which no lamp can be
+    told, is said. Raises ValueError where there is no such port.
     """
+    check_port("analog", port, ANALOG_PORTS)
 
     def steps(robot: Robot) -> Steps[None]:
         from raccoon.estimate.start_light import StartLight
 
         light = StartLight(calibration)
-        while not light.update(robot.time, robot.analog(port)).fired:
+        while not (reading := light.update(robot.time, robot.analog(port))).fired:
+            tell_light(robot, port, reading)
             yield
         robot.note("start light")
 
@@ -134,11 +143,18 @@ def run_match(
 
     program: an action, or a function that runs what it likes on the robot. The robot's clock ends it at its
     next reading, whatever it is doing or catching; an alarm of the wall clock also ends code that never comes
-    back to the robot (alarm: None sets it on a real controller alone). After that the robot runs nothing
-    more, and its servos are off too. Errors of the program come through, with the motors off.
+    back to the robot (alarm: None sets it on a real controller alone). When the program has ended, by itself
+    or not, the match is over: the servos are off too, the background has ended, and the robot runs nothing
+    more. Errors of the program come through, with the motors off; what rescues it then ends with the match.
+
+    Raises RuntimeError for a second match: open the robot again for each.
     """
+    check_number("seconds", seconds, "of a match, above 0")
     if not 0.0 < seconds < math.inf:
         raise ValueError(f"seconds is {seconds}: it must be above 0")
+    robot.require()
+    if robot.deadline is not None:
+        raise RuntimeError("this robot has begun its match already: open the robot again for another one")
     if start is not None:
         robot.run(start)
     if robot.inputs is None:
@@ -154,21 +170,19 @@ def run_match(
     except MatchOver:
         robot.note("match over: everything off")
     finally:
-        robot.stop()
-    _everything_off(robot)
+        try:
+            robot.end_background()
+        finally:
+            robot.stop()
+    robot.end_match()
+    # Where the alarm came, the last reading is older than the end.
+    took = robot.time - begin if finished else max(robot.time - begin, seconds)
     steps = tuple(
         StepTime(each.name, each.begin - begin, each.end - begin, each.ended) for each in robot.steps[known:]
     )
-    robot.note(f"match ends after {robot.time - begin:.2f} s")
+    robot.note(f"match ends after {took:.2f} s")
     tell(robot)
-    return MatchReport(robot.time - begin, finished, steps, result, tuple(robot.drive.remarks.values()))
-
-
-def _everything_off(robot: Robot) -> None:
-    """As the rules ask: nothing moves or holds after the end."""
-    for servo in robot.attachments.servos.values():
-        servo.pulse = None
-    robot.stop()
+    return MatchReport(took, finished, steps, result, tuple(robot.drive.remarks.values()))
 
 
 def _real(robot: Robot, alarm: bool | None) -> bool:

@@ -92,13 +92,24 @@ class Mechanism:
         if self._duty != 0.0 or abs(self.rate) > REST_COUNTS * abs(scale):
             self.angle += (moved - self._offset * dt) * scale
 
-    def duty(self, dt: float, battery_voltage: float | None) -> float:
-        """The duty of this tick, in the sign of the board."""
+    def resume(self) -> None:
+        """Go on after a pause in which nothing was controlled; what it takes to hold is remembered."""
+        self._loop.resume()
+
+    def duty(self, dt: float, battery_voltage: float | None, *, resting: bool = False) -> float:
+        """The duty of this tick, in the sign of the board.
+
+        resting: no tick may follow for long. A duty that nobody watches turns it away from where it is held,
+        so it gets none then, and brakes.
+        """
         if battery_voltage is not None and battery_voltage > LEAST_BATTERY_VOLTAGE:
             self._battery = battery_voltage
         wanted = self._wanted()
         if wanted == (0.0, 0.0):
             self._loop.rest()
+            self._duty = 0.0
+        elif resting:
+            self._loop.resume()
             self._duty = 0.0
         else:
             voltage = self._loop.voltage(*wanted, self.rate, dt, self._battery)

@@ -11,6 +11,7 @@ from raccoon.control.motion import TrackingGains
 from raccoon.control.profile import Profile, ProfileState
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
+from raccoon.robot.limits import check_number
 from raccoon.robot.remarks import mismatch, tell
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ class Pace:
         """One state a tick; raises MotionTimeout when it takes too long or a wheel does not turn."""
         robot, profile = self._robot, self.profile
         sign = -1.0 if profile.distance < 0.0 else 1.0
+        last = robot.time
         try:
             while True:
                 state = profile.at(self._time)
@@ -97,7 +99,9 @@ class Pace:
                 self._watch()
                 # A robot that is ahead is not waited for: the profile has to end for it to come back.
                 if sign * (state.position - progress()) < self._lag_limit:
-                    self._time += robot.dt
+                    # The whole of it also after a pause: the motors went on with their last command.
+                    self._time += robot.time - last
+                last = robot.time
                 self.finished = self._time >= profile.duration
                 if robot.time - self.begin > self._allowed or self._stalled > STALL_PATIENCE:
                     raise MotionTimeout(self._explain(progress()))
@@ -157,14 +161,18 @@ def at_rest(robot: Robot) -> bool:
 
 
 def check_finite(**values: float) -> None:
-    """Raise ValueError naming the first value that is not finite."""
+    """Raise ValueError naming the first value that is not finite, TypeError for what is no number."""
     for name, value in values.items():
+        check_number(name, value, "and finite")
         if not math.isfinite(value):
             raise ValueError(f"{name} is {value}: it must be a finite number")
 
 
 def check_limits(**values: float | None) -> None:
-    """Raise ValueError naming the first limit that is not None and not above 0."""
+    """Raise ValueError naming the first limit that is not None and not above 0, TypeError for no number."""
     for name, value in values.items():
-        if value is not None and not 0.0 < value < math.inf:
+        if value is None:
+            continue
+        check_number(name, value, "above 0")
+        if not 0.0 < value < math.inf:
             raise ValueError(f"{name} is {value}: it must be above 0 (the sign belongs to the distance)")

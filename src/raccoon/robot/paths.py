@@ -15,7 +15,7 @@ from raccoon.control.path import Path, Point
 from raccoon.control.profile import profile
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.limits import check_angle, check_speed, check_way
+from raccoon.robot.limits import check_angle, check_number, check_speed, check_way
 from raccoon.robot.motions import straight, turning
 from raccoon.robot.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, at_rest, check_limits, finish
 
@@ -100,10 +100,9 @@ def follow_path(
     """
     check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
+    _check_points(points)
     if len(points) > 1:
         Path(points, rounding)  # what is wrong with the points is said before anything moves
-    elif not points:
-        raise ValueError("points is empty: a path needs at least 1 point")
     for number, (x, y) in enumerate(points):
         check_way(**{f"x of points[{number}]": x, f"y of points[{number}]": y})
 
@@ -116,6 +115,19 @@ def follow_path(
         return (yield from _follow(robot, path, speed, tolerance, timeout))
 
     return Action(f"follow a path of {len(points)} points", steps)
+
+
+def _check_points(points: Sequence[Point]) -> None:
+    """Raise ValueError where there is none, TypeError for what is no point."""
+    if len(points) == 0:
+        raise ValueError("points is empty: a path needs at least 1 point")
+    for number, point in enumerate(points):
+        try:
+            x, y = point
+        except (TypeError, ValueError):
+            raise TypeError(f"points[{number}] is {point!r}: it must be (x, y), m of the field") from None
+        check_number(f"x of points[{number}]", x, "m of the field")
+        check_number(f"y of points[{number}]", y, "m of the field")
 
 
 def _follow(

@@ -6,13 +6,14 @@ recording. Nothing here reads a clock, a file or a random number: time comes wit
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar, runtime_checkable
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.port import Port
-from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, STOP, Inputs, Outputs
 from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
@@ -20,7 +21,7 @@ from raccoon.robot.actions import Action, Steps
 from raccoon.robot.attachments import Attachments, named
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.drive import Drive
-from raccoon.robot.limits import check_kind
+from raccoon.robot.limits import check_kind, check_port
 from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
 from raccoon.robot.sensors import Floor, TophatSensor
 
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from raccoon.robot.servos import Servo
 
 T = TypeVar("T")
+
+# S between two readings that are a pause: longer than anything that delays a tick, and two cycles at least.
+PAUSE = 0.1
 
 
 @runtime_checkable
@@ -50,7 +54,8 @@ class Robot:
     """A robot behind `port`, described by `config`. Use it as a context: leaving it stops the motors.
 
     Everything that moves goes through `run`. Whatever ends it (the action's own end, an error, Ctrl-C), the
-    motors are stopped before `run` is left. Not thread-safe: one program, one thread.
+    motors are stopped before `run` is left. A mechanism that is held brakes until the next tick; after an
+    error it is let go. Not thread-safe: one program, one thread.
     """
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
@@ -71,7 +76,10 @@ class Robot:
         self.ticks = 0
         """Cycles so far."""
         self.dt = 0.0
-        """S between the last two readings."""
+        """S between the last two readings, for whatever adds up or ramps. After a pause it is one cycle:
+        nothing was controlled meanwhile, so nothing may make up for it at once."""
+        self.paused = False
+        """Whether this tick is the first after a pause, in which the program did not let the robot read."""
         self.inputs: Inputs | None = None
         self.deadline: float | None = None
         """S, time of a reading after which nothing runs any more: the end of a match."""
@@ -81,43 +89,58 @@ class Robot:
         self._background: list[Steps[Any]] = []
         self._plan: Pose | None = None
         self._closed = False
+        self._match_over = False
+        self._cycle = 1.0 / self.config.controller.rate_hz
+        self._pause = max(PAUSE, 2.0 * self._cycle)
         self._running: str | None = None
         self._notes: Annotated | None = port if isinstance(port, Annotated) else None
 
     # -- the loop -----------------------------------------------------------------------------------------
 
     def run(self, action: Action[T]) -> T:
-        """Do an action to its end and return its result. The motors are stopped however it ends."""
+        """Do an action to its end and return its result. The motors are stopped however it ends.
+
+        An error of the action comes through. What runs in the background stands still until the next `run`
+        or `tick`; what ends the program (Ctrl-C, the end of the match) ends it too. Raises HardwareError
+        where the robot is closed, RuntimeError where its match is over or in another `run`.
+        """
         check_kind(action, Action, "run()")
-        if self._closed:
-            raise HardwareError("the robot is closed: open it again to run something")
+        self.require()
         if self._running is not None:
             raise RuntimeError(
                 f"run({action.name}) inside run({self._running}): compose actions with seq, parallel or then"
             )
-        self._running = action.name
         body = action.start(self)
+        self._running = action.name
         try:
             while True:
                 self._sense()
                 try:
                     next(body)
                 except StopIteration as end:
-                    self._act()
+                    self._act(resting=True)
                     result: T = end.value
                     return result
                 self._act()
-        except BaseException:
-            self._halt()
+        except BaseException as error:
+            self._halt(error)
             raise
         finally:
             self._running = None
             body.close()
 
     def tick(self) -> Inputs:
-        """One cycle with whatever runs in the background and nothing else; the readings of it."""
-        self._sense()
-        self._act()
+        """One cycle with whatever runs in the background and nothing else; the readings of it.
+
+        What it drives goes on until the next cycle. The motors are stopped where it fails, as in `run`.
+        """
+        self.require()
+        try:
+            self._sense()
+            self._act()
+        except BaseException as error:
+            self._halt(error)
+            raise
         assert self.inputs is not None
         return self.inputs
 
@@ -127,7 +150,9 @@ class Robot:
 
     def _sense(self) -> None:
         inputs = self.port.read()
-        self.dt = 0.0 if self.inputs is None else inputs.time - self.inputs.time
+        elapsed = 0.0 if self.inputs is None else inputs.time - self.inputs.time
+        self.paused = elapsed > self._pause
+        self.dt = self._cycle if self.paused else elapsed
         self.inputs = inputs
         self.ticks += 1
         if self.deadline is not None and inputs.time >= self.deadline:
@@ -138,20 +163,26 @@ class Robot:
         if self.battery.voltage is not None:
             drawn = self.drive.current(estimate.left_speed, estimate.right_speed, self.battery.voltage)
             self.pack.update(inputs.time, inputs.battery_voltage, drawn)
-        self.attachments.sense(inputs, self.dt)
-        self._floor.sense(self, inputs)
+        self.attachments.sense(inputs, elapsed)
+        self._floor.sense(self, inputs, elapsed)
+        if self.paused:
+            self.drive.resume()
+            self.attachments.resume()
         if self._notes is not None:
             self._notes.annotate("drive", _numbers(estimate))
 
-    def _act(self) -> None:
+    def _act(self, *, resting: bool = False) -> None:
+        """Command this tick. resting: none may follow for long, so nothing is left driving."""
         for body in tuple(self._background):
             try:
                 next(body)
             except StopIteration:
                 self._background.remove(body)
+        if resting:
+            self.drive.stop()
         voltage = self.battery.voltage
         driven = self.drive.outputs(self.estimate, self.dt, voltage)
-        self._outputs = self.attachments.added_to(driven, self.dt, voltage)
+        self._outputs = self.attachments.added_to(driven, self.dt, voltage, resting=resting)
         self.port.write(self._outputs)
 
     # -- stopping -----------------------------------------------------------------------------------------
@@ -162,26 +193,49 @@ class Robot:
         self._outputs = self.attachments.stopped()
         self.port.write(self._outputs)
 
-    def _halt(self) -> None:
+    def _halt(self, error: BaseException) -> None:
         """Motors off on the way out of an error, which must not be hidden by a second one."""
-        self._end_background()
         try:
-            self.stop()
-        except (OSError, ValueError, AssertionError):
-            self.close()
+            if not isinstance(error, Exception):  # the program ends; one that it catches does not end it
+                self.end_background()
+        finally:
+            try:
+                self.stop()
+            except (OSError, ValueError, AssertionError):
+                self.close()
 
     def close(self) -> None:
         """Motors and servos off, port released. May be called twice."""
         if self._closed:
             return
         self._closed = True
-        self._end_background()
-        self.port.close()
+        try:
+            self.end_background()
+        finally:
+            self.port.close()
 
-    def _end_background(self) -> None:
-        for body in self._background:
-            body.close()
-        self._background.clear()
+    def end_match(self) -> None:
+        """Motors, servos and background off for good: as the rules ask, nothing moves or holds then."""
+        self._match_over = True
+        try:
+            self.end_background()
+        finally:
+            self.attachments.switch_off()
+            self.stop()
+
+    def end_background(self) -> None:
+        """End whatever runs in the background, all of it also where ending one of them fails."""
+        bodies, self._background = self._background, []
+        with ExitStack() as cleanly:
+            for body in bodies:
+                cleanly.callback(body.close)
+
+    def require(self) -> None:
+        """Raise HardwareError where the robot is closed, RuntimeError where its match is over."""
+        if self._closed:
+            raise HardwareError("the robot is closed: open it again to run something")
+        if self._match_over:
+            raise RuntimeError("the match of this robot is over: open the robot again to run something")
 
     def __enter__(self) -> Self:
         return self
@@ -250,11 +304,13 @@ class Robot:
         return named("mechanism", self.attachments.mechanisms, name)
 
     def analog(self, port: int) -> float | None:
-        """Counts of an analog port, None where it gave nothing."""
+        """Counts of an analog port, None where it gave nothing; ValueError where there is no such port."""
+        check_port("analog", port, ANALOG_PORTS)
         return None if self.inputs is None else self.inputs.analog[port]
 
     def digital(self, port: int) -> bool | None:
-        """True where the digital port is closed (pressed)."""
+        """True where the digital port is closed (pressed); ValueError where there is no such port."""
+        check_port("digital", port, DIGITAL_PORTS)
         return None if self.inputs is None else self.inputs.digital[port]
 
     @property

@@ -145,13 +145,16 @@ class Floor:
         self._sensors = tuple(sensors.values())
         self._ticks = 0
 
-    def sense(self, robot: Robot, inputs: Inputs) -> None:
-        """Update every sensor with the way it went, and look at one of them for what may be wrong with it."""
+    def sense(self, robot: Robot, inputs: Inputs, dt: float) -> None:
+        """Update every sensor with the way it went, and look at one of them for what may be wrong with it.
+
+        dt: s since the reading before.
+        """
         sensors = self._sensors
         if not sensors:
             return
         estimate = robot.odometry.estimate
-        speed, turn, dt = estimate.velocity, estimate.turn_rate, robot.dt
+        speed, turn = estimate.velocity, estimate.turn_rate
         lost = sum(each.lost for each in sensors)
         alone = len(sensors) == 1
         for each in sensors:

@@ -96,3 +96,17 @@ def test_an_absurd_battery_reading_is_not_used() -> None:
         assert make_loop().step(WheelTarget(3.0, 3.0), None, None, 0.005, reading)[0] == pytest.approx(
             expected
         )
+
+
+def test_after_a_pause_it_starts_from_what_the_wheels_do_and_knows_what_it_learnt() -> None:
+    loop = make_loop()
+    strong, weak = Motor(1.8, 1.08, 0.18), Motor(2.7, 1.08, 0.30)
+    wanted = WheelTarget(4.0, 4.0)
+    for _ in range(200):
+        duties = loop.step(wanted, strong.measured, weak.measured, 0.005, 6.8)
+        strong.advance(duties[0] * 6.8)
+        weak.advance(duties[1] * 6.8)
+    loop.resume()
+    left, right = loop.step(wanted, 0.0, 0.0, 0.005, 6.8)
+    assert left == pytest.approx(NOMINAL.voltage(4.0, 0.0) / 6.8, abs=0.02)  # no error is made up for
+    assert right == pytest.approx(duties[1], abs=0.02)  # what the weaker motor needs beyond it is still known

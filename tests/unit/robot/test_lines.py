@@ -1,14 +1,32 @@
 """Following and aligning on lines and walls, on tables drawn here."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from raccoon import CalibrationError, MotionTimeout, Robot, after_distance, deg, open_robot, wait
+from raccoon import (
+    CalibrationError,
+    MotionTimeout,
+    Robot,
+    after_distance,
+    calibrate_drive,
+    calibrate_tophats,
+    deg,
+    do,
+    drive,
+    on_black,
+    open_robot,
+    race,
+    repeat,
+    seq,
+    wait,
+)
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions import Action
+from raccoon.robot.driving import search
 from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import Line, World
@@ -63,6 +81,31 @@ def test_the_robot_stands_square_to_a_line(askew_deg: float, speed: float | None
     assert abs(result.heading) < 0.01
 
 
+@pytest.mark.parametrize("askew_deg", [0.0, 10.0, -10.0, 20.0, -20.0, 40.0])
+@pytest.mark.parametrize("further", [0.0, 0.02], ids=["at its edge", "well on it"])
+def test_the_robot_stands_square_to_a_line_that_a_sensor_stands_on_already(
+    askew_deg: float, further: float
+) -> None:
+    world = World(lines=(Line(((0.3, -0.5), (0.3, 0.5))),))
+    first = "right" if askew_deg > 0.0 else "left"
+    to_the_line = seq(drive(0.15).until(on_black(first)), drive(0.05).until(after_distance(further)))
+    align = seq(to_the_line, align_on_line("left", "right"))
+    results, robot, _ = on_table(world, (0.0, 0.0, deg(askew_deg)), align)
+    assert robot.inputs is not None
+    assert robot.inputs.truth is not None
+    assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=0.8)
+    assert abs(results[-1].heading) < 0.01
+
+
+def test_backwards_over_a_line_that_a_sensor_stands_on_already() -> None:
+    world = World(lines=(Line(((-0.2, -0.5), (-0.2, 0.5))),))
+    align = seq(drive(-0.15).until(on_black("left")), align_on_line("left", "right", -0.08))
+    _, robot, _ = on_table(world, (0.1, 0.0, deg(12.0)), align)
+    assert robot.inputs is not None
+    assert robot.inputs.truth is not None
+    assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=0.8)
+
+
 def test_no_line_within_reach_is_said() -> None:
     with pytest.raises(MotionTimeout, match=r"no line at left and right within 0\.1 m"):
         on_table(World.empty(), (0.0, 0.0, 0.0), align_on_line("left", "right", reach=0.1))
@@ -74,6 +117,61 @@ def test_a_tophat_without_calibration_is_said() -> None:
         pytest.raises(CalibrationError, match="not calibrated"),
     ):
         robot.run(follow_line("left"))
+
+
+class Stuck:
+    """The simulated robot with its motors unplugged."""
+
+    def __init__(self) -> None:
+        self._port = simulated()
+
+    def read(self) -> Inputs:
+        return self._port.read()
+
+    def write(self, outputs: Outputs) -> None:
+        """Nothing arrives."""
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_a_robot_that_cannot_move_gives_up_looking_for_a_line() -> None:
+    with open_robot(CONFIG, port=Stuck()) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(CALIBRATION)
+        robot.run(wait(0.5))
+        with pytest.raises(
+            MotionTimeout, match=r"0\.000 of 0\.5 m; power and no motion at left \(motor port 0\)"
+        ):
+            robot.run(align_on_line("left", "right"))
+        assert robot.time < 2.0
+
+
+def test_a_robot_that_cannot_move_gives_up_calibrating() -> None:
+    with open_robot(CONFIG, port=Stuck()) as robot:
+        for calibration in (calibrate_tophats, lambda each: calibrate_drive(each, lambda: 0.6)):
+            begin = robot.time
+            with pytest.raises(
+                CalibrationError, match=r"failed: .*power and no motion at left \(motor port 0\)"
+            ):
+                calibration(robot)
+            assert robot.time - begin < 3.0
+
+
+def test_a_robot_that_is_far_too_slow_gives_up_as_well() -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(wait(0.5))
+        begin = robot.time
+        hindered = race(search(0.15, 0.5), repeat(do(lambda each: each.drive.stop())))
+        with pytest.raises(MotionTimeout, match=r"drive not done after 9\.\d s: 0\.000 of 0\.5 m"):
+            robot.run(hindered)
+        assert robot.time - begin == pytest.approx(2.0 * (0.5 / 0.15 + 0.15 / 0.4) + 2.0, abs=0.1)
+
+
+@pytest.mark.parametrize("make", [lambda: align_on_line("left", "right", 0.0), lambda: search(0.0, 0.5)])
+def test_a_line_is_not_looked_for_without_driving(make: Callable[[], object]) -> None:
+    with pytest.raises(ValueError, match="speed is 0: allowed are numbers above or below it"):
+        make()
 
 
 class WallAhead:

@@ -9,7 +9,19 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon import Robot, do, drive, open_robot, repeat, seq, servo, straight, wait
+from raccoon import (
+    Robot,
+    calibrate_light,
+    do,
+    drive,
+    open_robot,
+    rehearse_light,
+    repeat,
+    seq,
+    servo,
+    straight,
+    wait,
+)
 from raccoon.core.config import ServoConfig
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.robot.actions import Action, Steps
@@ -115,7 +127,7 @@ def test_the_clock_ends_it_whatever_the_program_does(program: Action[None] | Cal
         report = run_match(robot, program, seconds=1.0)
         assert report.seconds == pytest.approx(1.0, abs=0.05)
         assert port.last == STOP
-        with pytest.raises(MatchOver):
+        with pytest.raises(RuntimeError, match="the match of this robot is over: open the robot again"):
             robot.run(straight(0.1))
         assert port.last == STOP
 
@@ -139,9 +151,51 @@ def test_the_alarm_of_the_wall_clock_ends_code_that_never_comes_back() -> None:
 
     port = Lamp()
     with open_robot(CONFIG, port=port) as robot:
-        report = run_match(robot, hangs, seconds=0.1, alarm=True)
+        report = run_match(robot, timed(do(hangs), "think"), seconds=0.1, alarm=True)
+        assert robot.time < 0.05  # nothing was read since
     assert not report.finished
     assert port.last == STOP
+    # So the match was as long as it should be, and not as long as the readings go.
+    assert report.seconds == pytest.approx(0.1)
+    assert report.steps[0].end == pytest.approx(0.1)
+    assert report.steps[0].ended.startswith("MatchOver")
+    assert "   0.10 s  stopped by the clock" in report.table()
+
+
+def test_a_robot_has_one_match() -> None:
+    with open_robot(CONFIG, port=Lamp()) as robot:
+        assert run_match(robot, straight(0.05), start=wait(0.5)).finished
+        for again in (lambda: run_match(robot, wait(1.0)), lambda: robot.run(wait(1.0)), robot.tick):
+            begin = robot.ticks
+            with pytest.raises(RuntimeError, match="the match of this robot is over: open the robot again"):
+                again()
+            assert robot.ticks == begin
+
+
+def test_a_program_that_fails_may_be_rescued_until_the_time_is_over() -> None:
+    def broken(_robot: Robot) -> None:
+        raise KeyError("pom")
+
+    with open_robot(CONFIG, port=Lamp()) as robot:
+        with pytest.raises(KeyError):
+            run_match(robot, broken, seconds=1.0)
+        robot.run(straight(0.05))
+        with pytest.raises(RuntimeError, match="has begun its match already: open the robot again"):
+            run_match(robot, wait(1.0))
+        with pytest.raises(MatchOver):
+            robot.run(wait(5.0))
+
+
+@pytest.mark.parametrize("port", [6, -1, "5", 5.0])
+def test_a_light_on_a_port_that_is_not_there_is_refused(port: int) -> None:
+    with open_robot(CONFIG, port=Lamp()) as robot:
+        for make in (
+            lambda: wait_for_light(port),
+            lambda: rehearse_light(port),
+            lambda: calibrate_light(robot, port, lambda: None),
+        ):
+            with pytest.raises(ValueError, match=f"analog port {port!r}: there are 0 to 5"):
+                make()
 
 
 def test_a_match_without_time_is_refused() -> None:

@@ -9,6 +9,7 @@ import pytest
 from raccoon import (
     Action,
     CalibrationError,
+    ConfigError,
     Robot,
     after_distance,
     calibrate_tophats,
@@ -98,6 +99,51 @@ def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
         pytest.raises(CalibrationError, match=r"no calibration of left, right in the set 'default'"),
     ):
         load_tophats(robot, tmp_path / "none.json")
+
+
+def damaged(folder: Path) -> Path:
+    file = folder / "damaged.json"
+    file.write_text('{"format": 1, "calibr', encoding="utf-8")
+    return file
+
+
+def folder_instead(folder: Path) -> Path:
+    file = folder / "folder.json"
+    file.mkdir()
+    return file
+
+
+def in_a_file(folder: Path) -> Path:
+    (folder / "file").touch()
+    return folder / "file" / "tophats.json"
+
+
+@pytest.mark.parametrize("make", [damaged, folder_instead, in_a_file])
+def test_a_store_that_cannot_keep_it_is_said_before_the_drive(
+    tmp_path: Path, make: Callable[[Path], Path]
+) -> None:
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        store = make(tmp_path)
+        with pytest.raises(ConfigError, match=store.name):
+            calibrate_tophats(robot, 0.9, store=store)
+        assert robot.ticks == 0
+
+
+def test_a_calibration_that_cannot_be_stored_after_the_drive_is_used_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_path: Path, _text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("raccoon.estimate.tophat.store.write_atomically", full)
+    store = tmp_path / "new" / "tophats.json"
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        robot.run(wait(0.3))
+        found = calibrate_tophats(robot, 0.9, store=store)
+        assert robot.tophat("left").calibration == found["left"]
+        said = f"the tophats are calibrated, but {store} does not have it: [Errno 28] No space left on device"
+        assert said in robot.drive.remarks.values()
+        assert not list(store.parent.iterdir())
 
 
 class Rewired:

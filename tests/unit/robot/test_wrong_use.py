@@ -20,6 +20,7 @@ from raccoon import (
     drive_to,
     follow_line,
     follow_path,
+    motors,
     on_black,
     open_robot,
     parallel,
@@ -28,6 +29,7 @@ from raccoon import (
     race,
     repeat,
     seq,
+    spin,
     straight,
     turn,
     turn_to,
@@ -38,6 +40,12 @@ from raccoon import (
 from robots import CONFIG, run, simulated
 
 NAN = float("nan")
+ANY: Any = straight
+
+
+def loose(value: object) -> Any:
+    """What no type checker would let pass."""
+    return value
 
 
 @pytest.mark.parametrize(
@@ -78,19 +86,13 @@ NAN = float("nan")
         (lambda: analog_above(6, 1000), "analog port 6: there are 0 to 5"),
         (lambda: analog_below(-1, 1000), "analog port -1: there are 0 to 5"),
         (lambda: pressed(10), "digital port 10: there are 0 to 9"),
+        (lambda: pressed(loose(5.0)), r"digital port 5\.0: there are 0 to 9"),
+        (lambda: repeat(wait(1.0), loose(2.5)), r"times is 2\.5: allowed are whole numbers from 0"),
     ],
 )
 def test_a_wrong_number_or_unit_is_refused_when_it_is_written(make: Callable[[], object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         make()
-
-
-ANY: Any = straight
-
-
-def loose(value: object) -> Any:
-    """What no type checker would let pass."""
-    return value
 
 
 @pytest.mark.parametrize(
@@ -125,11 +127,49 @@ def loose(value: object) -> Any:
         (lambda: wait(1.0).timeout_or(1.0, ANY), r"timeout_or\(\) takes an Action"),
         (lambda: after_time(1.0) | loose(True), r"\| takes a Condition, not True"),
         (lambda: when(loose(True)), r"when\(\) takes a function of the robot, not True"),
+        (
+            lambda: straight(loose("0.3")),
+            r"distance is '0\.3': it must be a number, up to 10 m .*30 cm are 0\.30",
+        ),
+        (lambda: straight(loose(None)), "distance is None: it must be a number"),
+        (lambda: straight(0.3, loose("fast")), r"speed is 'fast': it must be a number, up to 3 m/s"),
+        (lambda: straight(0.3, timeout=loose("5")), "timeout is '5': it must be a number, above 0"),
+        (lambda: turn(loose("90")), r"angle is '90': it must be a number, up to 4 turns .*deg\(90\)"),
+        (lambda: drive(0.1, loose("1")), "turn_rate is '1': it must be a number, up to 20 rad/s"),
+        (lambda: motors(loose("a"), 0.0), "left duty is 'a': it must be a number, from -1 to 1"),
+        (lambda: spin("arm", loose("2")), "speed is '2': it must be a number, and finite"),
+        (lambda: wait(loose("1")), "seconds is '1': it must be a number, from 0"),
+        (lambda: wait(1.0).timeout(loose("1")), "seconds is '1': it must be a number, above 0"),
+        (lambda: after_time(loose([1.0])), r"seconds is \[1\.0\]: it must be a number, from 0"),
+        (lambda: analog_above(0, loose("3")), "counts is '3': it must be a number, of raw counts"),
+        (lambda: repeat(wait(1.0), loose("3")), "times is '3': it must be a number"),
+        (
+            lambda: follow_path([loose((0.1, 0.0, 0.0))]),
+            r"points\[0\] is \(0\.1, 0\.0, 0\.0\): it must be \(x, y\)",
+        ),
+        (
+            lambda: follow_path([(0.1, 0.0), loose(0.2)]),
+            r"points\[1\] is 0\.2: it must be \(x, y\), m of the",
+        ),
+        (lambda: follow_path([(0.1, loose("0"))]), r"y of points\[0\] is '0': it must be a number"),
     ],
 )
 def test_a_wrong_kind_is_refused_when_it_is_written(make: Callable[[], object], said: str) -> None:
     with pytest.raises(TypeError, match=said):
         make()
+
+
+def test_reading_a_port_that_is_not_there_is_refused() -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        for port in (-1, 6, loose("0")):
+            with pytest.raises(ValueError, match=f"analog port {port!r}: there are 0 to 5"):
+                robot.analog(port)
+        for port in (-1, 10):
+            with pytest.raises(ValueError, match=f"digital port {port}: there are 0 to 9"):
+                robot.digital(port)
+        robot.tick()
+        assert robot.analog(5) is not None
+        assert robot.digital(9) is False
 
 
 def test_running_what_is_no_action_is_refused() -> None:

@@ -1,0 +1,128 @@
+"""A program that keeps the robot from reading for a while: nothing makes up for the pause at once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from raccoon import (
+    Action,
+    Robot,
+    RobotConfig,
+    after_time,
+    do,
+    drive,
+    follow_line,
+    move,
+    open_robot,
+    parallel,
+    race,
+    seq,
+    straight,
+    wait,
+)
+from raccoon.core.config import MechanismConfig
+from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.estimate.tophat import calibrate
+from robots import CONFIG, simulated
+
+ARM = RobotConfig(motors=CONFIG.motors, tophats=CONFIG.tophats, mechanisms={"arm": MechanismConfig(motor=2)})
+CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
+
+
+class Pausing:
+    """The simulated robot, which a test can let go on by itself; remembers every command."""
+
+    def __init__(self) -> None:
+        self._port = simulated(config=ARM)
+        self.written: list[Outputs] = []
+
+    def read(self) -> Inputs:
+        return self._port.read()
+
+    def write(self, outputs: Outputs) -> None:
+        self.written.append(outputs)
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+    def pause(self, seconds: float, *, stopped: bool = False) -> None:
+        """Nobody reads. stopped: as the supervisor does it, the motors are stopped meanwhile."""
+        if stopped:
+            self._port.write(STOP)
+        for _ in range(round(seconds * 200)):
+            self._port.read()
+
+    def duties(self) -> list[float]:
+        return [max(abs(each) for each in written.duty) for written in self.written]
+
+
+def first_duties(action: Action[Any], seconds: float) -> list[float]:
+    port = Pausing()
+    with open_robot(ARM, port=port) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(CALIBRATION)
+        robot.run(wait(0.5))
+        port.pause(seconds)
+        port.written.clear()
+        robot.run(action.until(after_time(0.05)))
+    return port.duties()[:8]
+
+
+@pytest.mark.parametrize("seconds", [0.3, 5.0])
+@pytest.mark.parametrize("action", [drive(0.15), drive(0.0, 1.0), follow_line("left")], ids=repr)
+def test_a_drive_after_a_pause_speeds_up_as_after_none(action: Action[None], seconds: float) -> None:
+    assert first_duties(action, seconds) == pytest.approx(first_duties(action, 0.0), abs=0.02)
+
+
+def test_a_drive_whose_motors_were_stopped_in_a_pause_speeds_up_again() -> None:
+    port = Pausing()
+
+    def think(_robot: Robot) -> None:
+        port.pause(1.0, stopped=True)
+        port.written.clear()
+
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(race(drive(0.15), seq(wait(0.6), do(think), wait(1.2))))
+    before, *after = port.duties()  # the first is of the tick in which it thought
+    assert after[0] < 0.4 * before
+    assert max(after) < before + 0.05
+
+
+@pytest.mark.parametrize("seconds", [0.3, 5.0])
+def test_an_arm_that_is_held_through_a_pause_is_not_torn_back(seconds: float) -> None:
+    port = Pausing()
+    with open_robot(ARM, port=port) as robot:
+        robot.run(move("arm", 1.0))
+        assert port.written[-1].duty[2] == 0.0  # a duty that nobody watches would turn it away
+        assert port.written[-1].brake[2]
+        port.pause(seconds)
+        port.written.clear()
+        robot.run(wait(1.0))
+        assert max(abs(each.duty[2]) for each in port.written) < 0.12
+        assert robot.mechanism("arm").angle == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_pause_counts_as_one_cycle_and_is_known_for_one_tick() -> None:
+    port = Pausing()
+    with open_robot(ARM, port=port) as robot:
+        seen = []
+        for pause in (0.0, 0.05, 1.0, 0.0):
+            port.pause(pause)
+            robot.tick()
+            seen.append((robot.paused, round(robot.dt, 6)))
+    # What delays a tick or two counts in full, as the motors went on meanwhile.
+    assert seen == [(False, 0.0), (False, 0.055), (True, 0.005), (False, 0.005)]
+
+
+def test_a_straight_goes_on_through_a_short_pause() -> None:
+    port = Pausing()
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        thinks = seq(wait(1.0), do(lambda _: port.pause(0.3)), wait(0.1))
+        result, _ = robot.run(parallel(straight(0.3), thinks))
+        assert result.along == pytest.approx(0.0, abs=0.002)
+    assert max(port.duties()) < 0.9
