@@ -6,12 +6,12 @@ Each kind is one sub-command: a function that adds it to the parser and one that
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Callable, Mapping, Sequence
-from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from raccoon.cli.motors import add_calibration
+from raccoon.cli.motors import add_calibration, put_in
 from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError
 
@@ -62,11 +62,25 @@ def _add_drive(kinds: Any) -> None:
 def _calibrate_drive(args: argparse.Namespace) -> int:
     from raccoon.trace.loading import load_runs
 
+    _check_lengths(args)
     robot = load_robot(args.robot)
     runs = [run for path in args.recording for run in load_runs(path)]
     entries = _straight(args, robot, runs) if args.straight is not None else _manoeuvre(args, robot, runs)
     _show(entries)
     return _finish(args, entries)
+
+
+def _check_lengths(args: argparse.Namespace) -> None:
+    """Raise ConfigError for lengths that no tape measures."""
+    if not 0.0 < args.tape_std < math.inf:
+        raise ConfigError(f"--tape-std {args.tape_std:g}: allowed are numbers above 0 (m)")
+    if args.straight is not None:
+        if not math.isfinite(args.straight) or args.straight == 0.0:
+            raise ConfigError(f"--straight {args.straight:g}: allowed are numbers other than 0 (m)")
+        if args.tape_std >= 0.5 * abs(args.straight):
+            raise ConfigError(
+                f"--tape-std {args.tape_std:g}: it must be below half of --straight {args.straight:g} (m)"
+            )
 
 
 def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]) -> Mapping[str, Measured]:
@@ -99,6 +113,8 @@ def _taped(text: str, std: float) -> TapedWay:
         begin, end, metres = (float(part) for part in text.split(":"))
     except ValueError:
         raise ConfigError(f"--tape {text}: allowed is BEGIN:END:METRES, such as 2.0:6.5:0.60") from None
+    if not (math.isfinite(metres) and metres != 0.0 and begin < end):
+        raise ConfigError(f"--tape {text}: BEGIN must be before END, and METRES not 0")
     return TapedWay(begin, end, metres, std)
 
 
@@ -112,13 +128,10 @@ def _show(entries: Mapping[str, Measured]) -> None:
 
 def _finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
     """Put the values into robot.toml where that was asked for."""
-    from raccoon.core.config_file import write_measured
-
     if not args.write:
         print(f"{args.robot} is as it was: say --write to put these values in")
         return 0
-    write_measured(args.robot, entries, day=date.today())
-    print(f"wrote {args.robot}; what was replaced is in {args.robot.stem}.history.toml")
+    print(put_in(args.robot, entries))
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.cli.outputs import check_folders
 from raccoon.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"{target}: allowed are the endings {', '.join(ENDINGS)}")
     if target.exists() and not args.overwrite:
         raise ConfigError(f"{target} exists and is left as it is: name another file or say --overwrite")
+    check_folders(target)
     loaded = load_run(source)
     _write(loaded, target)
     for problem in loaded.recording.problems:

@@ -7,6 +7,7 @@ import os
 import sys
 from pathlib import Path
 
+from raccoon.cli.outputs import check_folders
 from raccoon.core.errors import ConfigError
 
 HELP = "write a robot.toml with every key, its default and its meaning"
@@ -27,6 +28,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if path.exists():
         raise ConfigError(f"{path} exists and is left as it is: name another file")
+    check_folders(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}")
     partial.write_text(template(), encoding="utf-8")
     os.link(partial, path)  # unlike a rename this fails where somebody else was quicker

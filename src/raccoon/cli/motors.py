@@ -10,6 +10,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from raccoon.cli.numbers import check_seed
 from raccoon.core.config import Measured, load_robot
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation
     from raccoon.robot.identification import excite, fit_wheels
     from raccoon.robot.opening import open_robot
 
+    check_seed(args.seed)
     config = load_robot(args.robot)
     if args.port is not None:
         config = replace(config, controller=replace(config.controller, port=args.port))
@@ -68,16 +70,22 @@ def show(fit: WheelFit) -> None:
 
 def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
     """Put the values into robot.toml where that was asked for."""
-    from raccoon.core.config_file import write_measured
-
     for key, value in entries.items():
         print(f"{key} = {value.value:.5g} +- {value.std:.2g}, at {value.battery_voltage:.2f} V")
     if not args.write:
         print(f"{args.robot} is as it was: say --write to put these values in")
         return 0
-    write_measured(args.robot, entries, day=date.today())
-    print(f"wrote {args.robot}")
+    print(put_in(args.robot, entries))
     return 0
+
+
+def put_in(robot: Path, entries: Mapping[str, Measured]) -> str:
+    """Put measured values into a robot.toml; what was done, in words. Raises as `write_measured`."""
+    from raccoon.core.config_file import write_measured
+
+    history = write_measured(robot, entries, day=date.today())
+    replaced = "" if history is None else f"; what was replaced is in {history.name} beside it"
+    return f"wrote {robot}{replaced}"
 
 
 def add_calibration(kinds: Any) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -11,15 +12,34 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
-from raccoon.estimate.tophat import TophatCalibration, calibrate
+from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
 from raccoon.estimate.tophat.sensor import Explanation, explanations
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 from raccoon.trace.loading import load_runs
 
-HEADER = (
-    f"{'sensor':14}{'set':12}{'time':21}{'verdict':13}{'white':>7}{'black':>7}{'cut':>7}"
-    f"{'apart':>7}{'error':>9}  battery  sensor by its readings"
-)
+VERDICT = 2 + max(len(verdict) for verdict in Verdict)
+"""Width of a column of verdicts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Widths of the columns whose entries are as long as people make them."""
+
+    sensor: int
+    set_name: int
+
+    @classmethod
+    def of(cls, sensors: Iterable[str], set_names: Iterable[str]) -> Layout:
+        """Wide enough for all of these, and two spaces."""
+        return cls(2 + max(map(len, ("sensor", *sensors))), 2 + max(map(len, ("set", *set_names))))
+
+    @property
+    def header(self) -> str:
+        """The line above the rows."""
+        return (
+            f"{'sensor':{self.sensor}}{'set':{self.set_name}}{'time':21}{'verdict':{VERDICT}}"
+            f"{'white':>7}{'black':>7}{'cut':>7}{'apart':>7}{'error':>9}  battery  sensor by its readings"
+        )
 
 
 def show_store(path: Path) -> int:
@@ -28,9 +48,10 @@ def show_store(path: Path) -> int:
     if not entries:
         print(f"{path}: no tophat calibrations yet")
         return 1
-    print(HEADER)
+    layout = Layout.of((entry.sensor for entry in entries), (entry.set_name for entry in entries))
+    print(layout.header)
     for entry in entries:
-        print(_row(entry))
+        print(_row(entry, layout))
     return 0
 
 
@@ -43,12 +64,13 @@ def calibrate_recordings(
         raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
     readings, voltage = _readings(recordings, {sensor.analog for sensor in robot.tophats.values()})
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    print(HEADER)
+    layout = Layout.of(robot.tophats, [set_name])
+    print(layout.header)
     failed = 0
     for name, sensor in robot.tophats.items():
         found = calibrate(readings.get(sensor.analog, []))
         entry = _entry(name, set_name, now, found, robot.name, voltage)
-        print(_row(entry))
+        print(_row(entry, layout))
         failed += not found.usable
         if write and found.usable:
             TophatStore(store).add(entry)
@@ -91,9 +113,12 @@ def _known(found: TophatCalibration) -> Iterator[Explanation]:
         yield from explanations(white.mean, black.mean)
 
 
-def _row(entry: StoredCalibration) -> str:
+def _row(entry: StoredCalibration, layout: Layout) -> str:
     found = entry.calibration
-    start = f"{entry.sensor:14}{entry.set_name:12}{entry.time[:19]:21}{found.verdict!s:13}"
+    start = (
+        f"{entry.sensor:{layout.sensor}}{entry.set_name:{layout.set_name}}"
+        f"{entry.time[:19]:21}{found.verdict!s:{VERDICT}}"
+    )
     if not found.usable:
         return f"{start}{found.reason}"
     white, black = found.surfaces()

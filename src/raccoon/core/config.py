@@ -25,7 +25,7 @@ from raccoon.core.nominal import (
     parse_model,
 )
 from raccoon.core.readings import MOTOR_PORTS
-from raccoon.core.schema import Measured, refuse_unknown, section, subtable, template_line
+from raccoon.core.schema import Measured, refuse_unknown, section, shown, subtable, template_line
 from raccoon.core.sections import (
     REAL_CONTROLLERS,
     BatteryConfig,
@@ -59,8 +59,12 @@ __all__ = [
     "TophatConfig",
     "load_robot",
     "parse_robot",
+    "parse_toml",
     "template",
 ]
+
+
+BYTE_ORDER_MARK = "\ufeff"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,13 +104,23 @@ def load_robot(path: str | Path) -> RobotConfig:
     """
     path = Path(path)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from error
-    try:
-        return parse_robot(table)
+        return parse_robot(parse_toml(path.read_bytes()))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+
+
+def parse_toml(content: str | bytes) -> dict[str, Any]:
+    """The tables of a TOML file, with or without the byte order mark that editors of Windows write.
+
+    Raises ConfigError where it is none.
+    """
+    try:
+        text = content if isinstance(content, str) else content.decode("utf-8")
+        return tomllib.loads(text.removeprefix(BYTE_ORDER_MARK))
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"not a TOML file: {error}; save it as UTF-8") from None
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits, a thousand brackets
+        raise ConfigError(f"not a TOML file: {error}") from None
 
 
 def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
@@ -129,7 +143,7 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
     refuse_unknown(table, known, "")
     name = table.get("name", "robot")
     if not isinstance(name, str):
-        raise ConfigError(f"name = {name!r}: it must be a text")
+        raise ConfigError(f"name = {shown(name)}: it must be a text")
     tophats = _named(table, "tophat", TophatConfig, "analog")
     servos = _named(table, "servo", ServoConfig, "port")
     mechanisms = _named(table, "mechanism", MechanismConfig, "motor")

@@ -2,13 +2,13 @@
 
 The file is edited as text, key by key, and then read again: only if it says exactly what it said before
 plus the new values is it put in place, in one step, so a power cut leaves the old file or the new one.
-What was replaced goes into `robot.history.toml` beside it.
+A byte order mark and the line ends of Windows stay. What was replaced goes into `robot.history.toml` beside
+it.
 """
 
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace
@@ -16,7 +16,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from raccoon.core.config import Measured, parse_robot
+from raccoon.core.config import BYTE_ORDER_MARK, Measured, parse_robot, parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 
@@ -24,26 +24,30 @@ _HEADER = re.compile(r"^\s*\[(?!\[)\s*(?P<name>[^\]]+?)\s*\]\s*(#.*)?$")
 _ANY_HEADER = re.compile(r"^\s*\[")
 
 
-def write_measured(path: str | Path, values: Mapping[str, Measured], *, day: date | None = None) -> None:
+def write_measured(
+    path: str | Path, values: Mapping[str, Measured], *, day: date | None = None
+) -> Path | None:
     """Set measured values, by dotted key (`motor.0.radians_per_tick`), in the robot.toml at `path`.
 
-    day: date of those that carry none. Raises FileNotFoundError where there is no file, ConfigError where
-    the file or a value is not allowed, or where a key is written in a form that cannot be edited; nothing
-    is changed then.
+    day: date of those that carry none. Gives the file into which what was replaced went, None where nothing
+    was. Raises FileNotFoundError where there is no file, ConfigError where the file, its history or a value
+    is not allowed, or where a key is written in a form that cannot be edited; nothing is changed then.
     """
     path = Path(path).resolve()
-    text = path.read_text(encoding="utf-8")
+    content = path.read_bytes()
     dated = {key: value if value.date else replace(value, date=day) for key, value in values.items()}
     try:
-        table = tomllib.loads(text)
-        changed = updated_text(text, dated)
-        parse_robot(tomllib.loads(changed))
-    except (ConfigError, tomllib.TOMLDecodeError) as error:
+        table = parse_toml(content)
+        changed = updated_text(content.decode("utf-8"), dated)
+        parse_robot(parse_toml(changed))
+    except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     old = {key: found for key in dated if (found := _lookup(table, key)) is not None}
-    if old:
-        _append_history(path.with_name(f"{path.stem}.history.toml"), old, day)
+    history = path.with_name(f"{path.stem}.history.toml") if old else None
+    if history is not None:
+        _append_history(history, old, day)
     write_atomically(path, changed)
+    return history
 
 
 def updated_text(text: str, values: Mapping[str, Measured]) -> str:
@@ -52,18 +56,22 @@ def updated_text(text: str, values: Mapping[str, Measured]) -> str:
     Raises ConfigError where a key stands in a form that this cannot edit (inside another key's braces,
     dotted).
     """
-    lines = text.splitlines()
-    expected = tomllib.loads(text)
+    mark = BYTE_ORDER_MARK if text.startswith(BYTE_ORDER_MARK) else ""
+    lines = text.removeprefix(mark).split("\n")
+    end = "\r" if lines[0].endswith("\r") else ""
+    if not lines[-1]:
+        lines.pop()
+    expected = parse_toml(text)
     for key, value in values.items():
         table, _, name = key.rpartition(".")
         if not table:
             raise ConfigError(f"{key}: a measured value stands in a table, such as motor.0.radians_per_tick")
-        _set_line(lines, table, name, formatted(value))
-        _assign(expected, key, tomllib.loads(f"x = {formatted(value)}")["x"])
-    result = "\n".join(lines) + "\n"
+        _set_line(lines, table, name, formatted(value), end)
+        _assign(expected, key, parse_toml(f"x = {formatted(value)}")["x"])
+    result = mark + "\n".join(lines) + "\n"
     try:
-        agrees = tomllib.loads(result) == expected
-    except tomllib.TOMLDecodeError:
+        agrees = parse_toml(result) == expected
+    except ConfigError:
         agrees = False
     if not agrees:
         names = ", ".join(values)
@@ -89,13 +97,16 @@ def _number(value: float, digits: int = 8) -> str:
     return text if any(mark in text for mark in ".e") else f"{text}.0"
 
 
-def _set_line(lines: list[str], table: str, name: str, value: str) -> None:
-    """Replace the line of a key, or add one to its table, or add the table."""
+def _set_line(lines: list[str], table: str, name: str, value: str, line_end: str) -> None:
+    """Replace the line of a key, or add one to its table, or add the table.
+
+    line_end: what stands before the line feed, of a line that is added.
+    """
     begin = _table_start(lines, table)
     if begin is None:
         if lines and lines[-1].strip():
-            lines.append("")
-        lines += [f"[{table}]", f"{name} = {value}"]
+            lines.append(line_end)
+        lines += [f"[{table}]{line_end}", f"{name} = {value}{line_end}"]
         return
     end = next((n for n in range(begin, len(lines)) if _ANY_HEADER.match(lines[n])), len(lines))
     pattern = re.compile(rf"^(?P<start>\s*{re.escape(name)}\s*=\s*)(?P<rest>.*)$")
@@ -105,7 +116,7 @@ def _set_line(lines: list[str], table: str, name: str, value: str) -> None:
             lines[number] = found["start"] + value + _comment(found["rest"])
             return
     last = max((n for n in range(begin, end) if lines[n].strip()), default=begin - 1)
-    lines.insert(last + 1, f"{name} = {value}")
+    lines.insert(last + 1, f"{name} = {value}{line_end}")
 
 
 def _table_start(lines: list[str], table: str) -> int | None:
@@ -119,9 +130,9 @@ def _table_start(lines: list[str], table: str) -> int | None:
 
 
 def _comment(rest: str) -> str:
-    """The comment behind a value that holds no text."""
+    """The comment behind a value that holds no text, and the line's end."""
     place = rest.find("#")
-    return "" if place < 0 else "   " + rest[place:]
+    return rest[len(rest.rstrip("\r")) :] if place < 0 else "   " + rest[place:]
 
 
 def _assign(table: dict[str, Any], key: str, value: object) -> None:
@@ -143,14 +154,21 @@ def _lookup(table: Mapping[str, Any], key: str) -> Any:
 
 
 def _append_history(path: Path, old: Mapping[str, Any], day: date | None) -> None:
-    """Add what is being replaced, newest last."""
-    text = path.read_text(encoding="utf-8") if path.exists() else "# Values that a calibration replaced.\n"
+    """Add what is being replaced, newest last. Raises ConfigError where the file is no history."""
+    text = "# Values that a calibration replaced.\n"
+    try:
+        if path.exists():
+            content = path.read_bytes()
+            parse_toml(content)
+            text = content.decode("utf-8")
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}; mend it or move it away") from None
     for key, value in old.items():
         text += f'\n[[replaced]]\nkey = "{key}"\n'
         if day is not None:
             text += f"on = {day.isoformat()}\n"
         text += f"was = {_inline(value)}\n"
-    tomllib.loads(text)
+    parse_toml(text)
     write_atomically(path, text)
 
 

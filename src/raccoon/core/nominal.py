@@ -8,32 +8,37 @@ from typing import Any
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import (
-    NOT_NEGATIVE,
-    POSITIVE,
+    BATTERY_VOLTAGE,
     Bounds,
     Measured,
     measured,
     refuse_unknown,
     section,
+    shown,
     subtable,
 )
+
+INERTIA = Bounds(1e-12, 1e6)
+"""Wide: a fit on its way tries inertias that no robot has, and the simulator says which it cannot take."""
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryModel:
     """`[model.battery]`."""
 
-    open_circuit_voltage: Measured = measured(6.8, 0.03, "V", "voltage without load", Bounds(1.0, 30.0))
-    internal_resistance: Measured = measured(0.05, 0.005, "ohm", "internal resistance", NOT_NEGATIVE)
+    open_circuit_voltage: Measured = measured(6.8, 0.03, "V", "voltage without load", BATTERY_VOLTAGE)
+    internal_resistance: Measured = measured(0.05, 0.005, "ohm", "internal resistance", Bounds(0.0, 10.0))
 
 
 @dataclass(frozen=True, slots=True)
 class MotorModel:
     """`[model.motor]`; `[model.motor.left]` and `[model.motor.right]` override it."""
 
-    armature_resistance: Measured = measured(1.8, 0.03, "ohm", "resistance of the winding", POSITIVE)
+    armature_resistance: Measured = measured(
+        1.8, 0.03, "ohm", "resistance of the winding", Bounds(0.01, 1000.0)
+    )
     back_emf_constant: Measured = measured(
-        1.08, 0.005, "V/(rad/s)", "K_E at the wheel shaft; also N m/A", POSITIVE
+        1.08, 0.005, "V/(rad/s)", "K_E at the wheel shaft; also N m/A", Bounds(0.001, 100.0)
     )
 
 
@@ -41,8 +46,8 @@ class MotorModel:
 class FrictionModel:
     """`[model.friction]`, at the wheel shaft."""
 
-    coulomb: Measured = measured(0.18, 0.005, "N m", "torque that opposes any motion", NOT_NEGATIVE)
-    viscous: Measured = measured(0.004, 0.0005, "N m s/rad", "torque a unit of speed", NOT_NEGATIVE)
+    coulomb: Measured = measured(0.18, 0.005, "N m", "torque that opposes any motion", Bounds(0.0, 100.0))
+    viscous: Measured = measured(0.004, 0.0005, "N m s/rad", "torque a unit of speed", Bounds(0.0, 100.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +55,15 @@ class DriveModel:
     """`[model.drive]`."""
 
     inertia_straight: Measured = measured(
-        0.020, 0.0006, "kg m2", "inertia that one motor feels when both turn alike", POSITIVE
+        0.020, 0.0006, "kg m2", "inertia that one motor feels when both turn alike", INERTIA
     )
     inertia_turn: Measured = measured(
-        0.014, 0.0005, "kg m2", "inertia that one motor feels when they turn against each other", POSITIVE
+        0.014, 0.0005, "kg m2", "inertia that one motor feels when they turn against each other", INERTIA
     )
-    wheel_radius: Measured = measured(0.0345, 0.0001, "m", "radius of a driven wheel", POSITIVE)
-    track_width: Measured = measured(0.16, 0.0008, "m", "distance between the wheels' contacts", POSITIVE)
+    wheel_radius: Measured = measured(0.0345, 0.0001, "m", "radius of a driven wheel", Bounds(0.001, 1.0))
+    track_width: Measured = measured(
+        0.16, 0.0008, "m", "distance between the wheels' contacts", Bounds(0.01, 10.0)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +71,7 @@ class BemfModel:
     """`[model.bemf]`."""
 
     filter_time_constant: Measured = measured(
-        0.0225, 0.0005, "s", "lag of the back-EMF; left like this, a Wombat's own counts", NOT_NEGATIVE
+        0.0225, 0.0005, "s", "lag of the back-EMF; left like this, a Wombat's own counts", Bounds(0.0, 1.0)
     )
     offset: Measured = measured(0.0, 1.0, "counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
 
@@ -107,7 +114,7 @@ def parse_model(table: Mapping[str, Any]) -> NominalModel:
     sides = {side: motor.pop(side, {}) for side in ("left", "right")}
     for side, entry in sides.items():
         if not isinstance(entry, Mapping):
-            raise ConfigError(f"model.motor.{side} = {entry!r}: it must be a table")
+            raise ConfigError(f"model.motor.{side} = {shown(entry)}: it must be a table")
     built: dict[str, Any] = {
         key: section(kind, table.get(key, {}), f"model.{key}")
         for key, kind in MODEL_SECTIONS.items()

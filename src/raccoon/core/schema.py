@@ -36,16 +36,22 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Closed interval a value must lie in; `positive` also excludes 0."""
+    """Closed interval a value must lie in; `positive` also excludes 0, `or_zero` allows it too."""
 
     low: float = -math.inf
     high: float = math.inf
     positive: bool = False
+    or_zero: bool = False
 
     def allows(self, value: float) -> bool:
+        """Whether a value lies in it; NaN does not."""
+        if self.or_zero and value == 0.0:
+            return True
         return self.low <= value <= self.high and not (self.positive and value <= 0.0)
 
     def __str__(self) -> str:
+        if self.or_zero:
+            return f"0 and numbers from {self.low:g} to {self.high:g}"
         if self.positive and math.isinf(self.high):
             return "numbers above 0"
         if self.positive:
@@ -59,6 +65,8 @@ class Bounds:
 
 POSITIVE = Bounds(positive=True)
 NOT_NEGATIVE = Bounds(0.0)
+BATTERY_VOLTAGE = Bounds(3.1, 30.0)
+"""V; below it no controller runs, and no speed loop believes a reading."""
 
 
 def number(default: float, unit: str, meaning: str, bounds: Bounds = Bounds()) -> Any:
@@ -98,10 +106,23 @@ def named(unit: str, meaning: str, bounds: Bounds) -> Any:
     return field(default_factory=dict, metadata={"unit": unit, "meaning": meaning, "bounds": bounds})
 
 
+LONGEST = 60
+"""Letters of a value that a message shows."""
+
+
+def shown(value: object) -> str:
+    """A value as a message shows it, short."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no whole number of more than some thousand digits
+        return "a number of thousands of digits"
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
 def section(kind: type[Any], entry: object, where: str) -> Any:
     """The section of class `kind` from a table; `where` is its name in messages. Raises ConfigError."""
     if not isinstance(entry, Mapping):
-        raise ConfigError(f"{where} = {entry!r}: it must be a table")
+        raise ConfigError(f"{where} = {shown(entry)}: it must be a table")
     known = {each.name: each for each in fields(kind)}
     refuse_unknown(entry, tuple(known), where)
     hints = get_type_hints(kind)
@@ -115,23 +136,23 @@ def section(kind: type[Any], entry: object, where: str) -> Any:
 def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
     if hint is bool:
         if not isinstance(value, bool):
-            raise ConfigError(f"{where} = {value!r}: allowed are true and false")
+            raise ConfigError(f"{where} = {shown(value)}: allowed are true and false")
         return value
     if hint is str:
         allowed = spec.metadata["allowed"]
         if not isinstance(value, str) or (allowed and value not in allowed):
-            raise ConfigError(f"{where} = {value!r}: allowed is {' | '.join(allowed) or 'a text'}")
+            raise ConfigError(f"{where} = {shown(value)}: allowed is {' | '.join(allowed) or 'a text'}")
         return value
     bounds: Bounds = spec.metadata["bounds"]
     if hint is int:
         if isinstance(value, bool) or not isinstance(value, int) or not bounds.allows(value):
             raise ConfigError(
-                f"{where} = {value!r}: allowed are the ports {bounds.low:.0f} to {bounds.high:.0f}"
+                f"{where} = {shown(value)}: allowed are the ports {bounds.low:.0f} to {bounds.high:.0f}"
             )
         return value
     if get_origin(hint) is Mapping:
         if not isinstance(value, Mapping):
-            raise ConfigError(f"{where} = {value!r}: it must be a table of numbers")
+            raise ConfigError(f"{where} = {shown(value)}: it must be a table of numbers")
         return {key: _number(entry, bounds, f"{where}.{key}") for key, entry in value.items()}
     if hint is Measured or Measured in get_args(hint):
         return _measured(value, bounds, where)
@@ -140,10 +161,14 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
 
 def _number(value: object, bounds: Bounds, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ConfigError(f"{where} = {value!r}: allowed are {bounds}")
-    if not math.isfinite(value) or not bounds.allows(value):
-        raise ConfigError(f"{where} = {value!r}: allowed are {bounds}")
-    return float(value)
+        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
+    try:
+        found = float(value)
+    except OverflowError:  # a whole number beyond every float
+        found = math.inf
+    if not math.isfinite(found) or not bounds.allows(found):
+        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
+    return found
 
 
 def _measured(value: object, bounds: Bounds, where: str) -> Measured:
@@ -156,7 +181,7 @@ def _measured(value: object, bounds: Bounds, where: str) -> Measured:
     if isinstance(day, datetime):
         day = day.date()
     if day is not None and not isinstance(day, date):
-        raise ConfigError(f"{where}.date = {day!r}: it must be a date such as 2026-03-01")
+        raise ConfigError(f"{where}.date = {shown(day)}: it must be a date such as 2026-03-01")
     voltage = value.get("battery_voltage")
     return Measured(
         value=_number(value["value"], bounds, f"{where}.value"),
@@ -170,7 +195,7 @@ def subtable(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any
     """The table under `key`, an empty one where there is none. Raises ConfigError for anything else."""
     entry = table.get(key, {})
     if not isinstance(entry, Mapping):
-        raise ConfigError(f"{where}{'.' if where else ''}{key} = {entry!r}: it must be a table")
+        raise ConfigError(f"{where}{'.' if where else ''}{key} = {shown(entry)}: it must be a table")
     return cast(Mapping[str, Any], entry)
 
 
@@ -188,11 +213,11 @@ def template_line(spec: Field[Any]) -> str:
     allowed = meta.get("allowed")
     rule = " | ".join(allowed) if allowed else str(meta.get("bounds", ""))
     unit = f"{meta['unit']}, " if meta.get("unit") else ""
-    line = f"# {spec.name} = {_shown(spec.default)}".rstrip()
+    line = f"# {spec.name} = {_default(spec.default)}".rstrip()
     return f"{line}  # {unit}{meta['meaning']}" + (f" ({rule})" if rule else "")
 
 
-def _shown(default: object) -> str:
+def _default(default: object) -> str:
     if isinstance(default, Measured):
         value = f"{default.value:g}"
         return f"{{ value = {value}, std = {default.std:g} }}" if default.std else value

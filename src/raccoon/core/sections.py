@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS, SERVO_PULSE_US
 from raccoon.core.schema import (
-    NOT_NEGATIVE,
-    POSITIVE,
+    BATTERY_VOLTAGE,
     Bounds,
     Measured,
     measured,
@@ -25,16 +24,25 @@ REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
 """Those whose seconds are the wall's."""
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
 
+# What any robot of this size stays within by far, so that no slip of the pen is planned or simulated with.
+RATE = Bounds(0.001, 1000.0)
+ACCELERATION = Bounds(0.001, 10_000.0)
+JERK = Bounds(0.001, 1e6, or_zero=True)
+TOLERANCE = Bounds(1e-6, 10.0)
+
 
 @dataclass(frozen=True, slots=True)
 class ControllerConfig:
     """`[controller]`: what the program talks to."""
 
     port: str = word("wombat", "what the program talks to", CONTROLLERS)
-    rate_hz: float = number(200.0, "Hz", "cycles a second", Bounds(10.0, 1000.0))
+    rate_hz: float = number(200.0, "Hz", "cycles a second", Bounds(10.0, 500.0))
     device: str = word("", "path of a serial port or SPI device; the usual one of the port where empty")
     counter_rate_hz: float = number(
-        0.0, "Hz", "measured updates of a Wombat's counters; 0: usual for its firmware", Bounds(0.0, 1000.0)
+        0.0,
+        "Hz",
+        "measured updates of a Wombat's counters; 0: usual for its firmware",
+        Bounds(1.0, 1000.0, or_zero=True),
     )
 
 
@@ -44,8 +52,10 @@ class BatteryConfig:
 
     chemistry: str = word("lifepo4", "of the cells", ("lifepo4", "lipo", "nimh"))
     cells: float = number(2.0, "", "in series", Bounds(1.0, 12.0))
-    weakest: float = number(6.1, "V", "lowest voltage of a match: no motion is planned faster", POSITIVE)
-    tuned_at: Measured | None = optional("V", "resting voltage the program was tuned at", POSITIVE)
+    weakest: float = number(
+        6.1, "V", "lowest voltage of a match: no motion is planned faster", BATTERY_VOLTAGE
+    )
+    tuned_at: Measured | None = optional("V", "resting voltage the program was tuned at", BATTERY_VOLTAGE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,20 +72,26 @@ class MotorConfig:
 
     inverted: bool = switch(False, "true where positive duty turns the wheel backwards")
     radians_per_tick: Measured | None = optional(
-        "rad", "wheel angle of one tick of the position counter; derived from the model when absent", POSITIVE
+        "rad",
+        "wheel angle of one tick of the position counter; derived from the model when absent",
+        Bounds(1e-8, 10.0),
     )
     bemf_offset: Measured | None = optional("counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
     power_factor: Measured = measured(
         1.0, 0.0, "", "static compensation k: the duty of this motor is multiplied by it", Bounds(0.5, 1.5)
     )
     static_voltage: Measured | None = optional(
-        "V", "that friction takes at any speed; derived from the model when absent", NOT_NEGATIVE
+        "V", "that friction takes at any speed; derived from the model when absent", Bounds(0.0, 30.0)
     )
     speed_voltage: Measured | None = optional(
-        "V/(rad/s)", "that a unit of wheel speed takes; derived from the model when absent", POSITIVE
+        "V/(rad/s)",
+        "that a unit of wheel speed takes; derived from the model when absent",
+        Bounds(0.001, 100.0),
     )
     acceleration_voltage: Measured | None = optional(
-        "V/(rad/s2)", "that a unit of acceleration takes; derived from the model when absent", POSITIVE
+        "V/(rad/s2)",
+        "that a unit of acceleration takes; derived from the model when absent",
+        Bounds(1e-6, 100.0),
     )
 
 
@@ -98,7 +114,9 @@ class ServoConfig:
     port: int = port(0, "servo port", SERVO_PORTS)
     lowest_us: float = number(PULSES.low, "us", "shortest pulse the mechanism stands", PULSES)
     highest_us: float = number(PULSES.high, "us", "longest pulse the mechanism stands", PULSES)
-    speed_us: float = number(3000.0, "us/s", "how fast the loaded servo turns, as change of pulse", POSITIVE)
+    speed_us: float = number(
+        3000.0, "us/s", "how fast the loaded servo turns, as change of pulse", Bounds(1.0, 1e6)
+    )
     positions_us: Mapping[str, float] = named("us", "names for pulses, such as { open = 1200 }", PULSES)
 
     def __post_init__(self) -> None:
@@ -119,21 +137,21 @@ class MechanismConfig:
     """`[mechanism.NAME]`: an arm or a gripper on a motor of its own, beside the drive."""
 
     motor: int = port(2, "motor port", MOTOR_PORTS)
-    speed: float = number(3.0, "rad/s", "of moves", POSITIVE)
-    acceleration: float = number(20.0, "rad/s2", "of moves", POSITIVE)
-    inertia: float = number(0.01, "kg m2", "that the motor feels", POSITIVE)
-    tolerance: float = number(0.03, "rad", "a move ends this near its goal", POSITIVE)
+    speed: float = number(3.0, "rad/s", "of moves", RATE)
+    acceleration: float = number(20.0, "rad/s2", "of moves", ACCELERATION)
+    inertia: float = number(0.01, "kg m2", "that the motor feels", Bounds(1e-6, 100.0))
+    tolerance: float = number(0.03, "rad", "a move ends this near its goal", TOLERANCE)
 
 
 @dataclass(frozen=True, slots=True)
 class MotionConfig:
     """`[motion]`: how fast the robot moves unless a motion says otherwise, and how closely it ends."""
 
-    speed: float = number(0.15, "m/s", "of straight motions", POSITIVE)
-    acceleration: float = number(0.4, "m/s2", "of straight motions", POSITIVE)
-    turn_rate: float = number(1.5, "rad/s", "of turns", POSITIVE)
-    turn_acceleration: float = number(6.0, "rad/s2", "of turns", POSITIVE)
-    jerk: float = number(0.0, "m/s3", "of straight motions; 0 is no limit", NOT_NEGATIVE)
-    turn_jerk: float = number(0.0, "rad/s3", "of turns; 0 is no limit", NOT_NEGATIVE)
-    distance_tolerance: float = number(0.001, "m", "a straight motion ends this near its goal", POSITIVE)
-    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", POSITIVE)
+    speed: float = number(0.15, "m/s", "of straight motions", Bounds(0.001, 10.0))
+    acceleration: float = number(0.4, "m/s2", "of straight motions", ACCELERATION)
+    turn_rate: float = number(1.5, "rad/s", "of turns", RATE)
+    turn_acceleration: float = number(6.0, "rad/s2", "of turns", ACCELERATION)
+    jerk: float = number(0.0, "m/s3", "of straight motions; 0 is no limit", JERK)
+    turn_jerk: float = number(0.0, "rad/s3", "of turns; 0 is no limit", JERK)
+    distance_tolerance: float = number(0.001, "m", "a straight motion ends this near its goal", TOLERANCE)
+    heading_tolerance: float = number(0.002, "rad", "a turn ends this near its goal", TOLERANCE)

@@ -182,6 +182,8 @@ def _range(text: str, given: str) -> tuple[float, float, bool]:
     if len(numbers) != 2:
         raise ConfigError(f"{text!r}: {given!r} is neither LOW:HIGH nor MEAN~SD nor a number")
     if mark == "~":
+        if numbers[1] < 0.0:
+            raise ConfigError(f"{text!r}: the standard deviation {numbers[1]:g} must be 0 or more")
         return numbers[0] - numbers[1], numbers[0] + numbers[1], True
     return numbers[0], numbers[1], False
 

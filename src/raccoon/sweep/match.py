@@ -20,6 +20,7 @@ from raccoon.sweep.factors import LIGHT, Factor, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
 from raccoon.sweep.watch import MatchOver, WatchedPort, wall_limit
+from raccoon.trace.record import already_there
 
 Row = dict[str, Any]
 """One match: run, seed, status, reason, seconds, x, y, heading, position_error, heading_error, and the value
@@ -87,9 +88,14 @@ class Match:
 
 
 def seed_of(sweep_seed: int, run: int) -> int:
-    """Seed of one match: 63 bits that differ from match to match and from sweep to sweep."""
+    """Seed of one match: 63 bits that differ from match to match and from sweep to sweep.
+
+    Raises ConfigError for a seed below 0.
+    """
     import numpy as np
 
+    if sweep_seed < 0:
+        raise ConfigError(f"seed is {sweep_seed}: allowed are whole numbers from 0")
     words = np.random.SeedSequence(sweep_seed, spawn_key=(run,)).generate_state(2, np.uint32)
     return (int(words[0]) << 32 | int(words[1])) >> 1
 
@@ -112,7 +118,13 @@ def nominal_end(match: Match) -> tuple[float, float, float]:
 
 
 def play(match: Match, run: int, seed: int, record: str | Path | None = None) -> Row:
-    """Play a match. record: where its trace goes, None for nowhere. Passes on no error of the program."""
+    """Play a match. record: where its trace goes, None for nowhere. Passes on no error of the program.
+
+    Raises FileExistsError where there is such a recording.
+    """
+    there = None if record is None else already_there(record)
+    if there is not None:
+        raise FileExistsError(f"{there} exists: choose another name")
     values = match.values(seed)
     return {"run": run, "seed": seed, **_play(match, values, seed, record), **values}
 

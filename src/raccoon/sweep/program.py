@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
+import tokenize
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,8 +31,9 @@ class Program:
         """Raises ConfigError where there is no such file or it is no text."""
         path = Path(path)
         try:
-            return cls(path.name, path.read_text(encoding="utf-8"), str(path.resolve().parent))
-        except (OSError, UnicodeDecodeError) as error:
+            with tokenize.open(path) as file:  # in the encoding that Python would read it in
+                return cls(path.name, file.read(), str(path.resolve().parent))
+        except (OSError, UnicodeDecodeError, SyntaxError) as error:
             raise ConfigError(f"{path}: not a program that can be read: {error}") from None
 
     @property

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any
 
+from raccoon.core.config import BYTE_ORDER_MARK
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 
@@ -87,7 +88,13 @@ class Results:
                 if path.exists():
                     raise ConfigError(f"{path} is there already and is not the result of a sweep")
             return wanted
-        found = json.loads(self._about_path.read_text("utf-8"))
+        try:
+            found = json.loads(self._about_path.read_text("utf-8"))
+            end = found.get("end")
+        except (ValueError, AttributeError) as error:
+            raise ConfigError(
+                f"{self._about_path}: not what a sweep writes: {error}; choose another file"
+            ) from None
         for name in wanted:
             if name != "end" and found.get(name) != wanted[name]:
                 known, own = _short(found.get(name)), _short(wanted[name])
@@ -95,7 +102,7 @@ class Results:
                 raise ConfigError(
                     f"{self.path} is the result of a sweep with another {what}; choose another file"
                 )
-        return {**wanted, "end": found.get("end")}
+        return {**wanted, "end": end}
 
     def _opened(self) -> IO[str]:
         """The file of rows, locked, with what it holds read and a torn last line cut off."""
@@ -119,7 +126,7 @@ class Results:
             raise ConfigError(f"{self.path}: another sweep is writing it") from None
         write_atomically(self._about_path, json.dumps(self.about, indent=1))
         file.seek(0)
-        text = file.read()
+        text = _text_of(file, self._rows_path)
         whole = text[: text.rfind("\n") + 1]
         if len(whole) != len(text):
             file.truncate(len(whole.encode()))
@@ -146,14 +153,23 @@ def read_results(path: str | Path) -> list[Row]:
     if path.suffix == ".parquet":
         rows: list[Row] = _pyarrow(path).parquet.read_table(path).to_pylist()
         return rows
-    text = path.read_text("utf-8")
-    header = tuple(next(csv.reader(io.StringIO(text)), ()))
+    with path.open(encoding="utf-8", newline="") as file:
+        text = _text_of(file, path)
+    header = tuple(next(csv.reader(io.StringIO(text.removeprefix(BYTE_ORDER_MARK))), ()))
     found = _read(text[: text.rfind("\n") + 1], header, path)
     return [found[run] for run in sorted(found)]
 
 
+def _text_of(file: IO[str], path: Path) -> str:
+    try:
+        return file.read()
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not a table of a sweep: {error}") from None
+
+
 def _read(text: str, columns: tuple[str, ...], path: Path) -> dict[int, Row]:
-    lines = csv.reader(io.StringIO(text, newline=""))
+    """Rows by run. A spreadsheet may have put a byte order mark in front."""
+    lines = csv.reader(io.StringIO(text.removeprefix(BYTE_ORDER_MARK), newline=""))
     header = tuple(next(lines, columns))
     if header != columns or "run" not in header:
         raise ConfigError(f"{path}: its columns are not those of this sweep: {', '.join(header[:12])}")

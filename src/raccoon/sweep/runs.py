@@ -16,6 +16,7 @@ from raccoon.sweep.match import Match, Row, columns, crashed, nominal_end, play,
 from raccoon.sweep.results import Results
 from raccoon.sweep.workers import AHEAD, process_crew
 
+MOST_RUNS = 10_000_000
 Progress = Callable[[int, int, int], None]
 """Called with the numbers of matches played, wanted and failed."""
 
@@ -38,8 +39,9 @@ def sweep(
     plays at once. out: a .csv or .parquet that takes each row as its match ends; where it holds rows of this
     sweep already they are kept and only the rest is played, else ConfigError.
     """
-    if runs < 1:
-        raise ConfigError(f"runs is {runs}: allowed are numbers from 1")
+    if not 1 <= runs <= MOST_RUNS:
+        raise ConfigError(f"runs is {runs}: allowed are numbers from 1 to {MOST_RUNS}")
+    seed_of(seed, 0)  # refuses a seed that is none before a file is begun
     if out is None:
         rows: dict[int, Row] = {}
         _play_into(rows.__setitem__, match, seed, range(runs), _crew(executor, workers), progress, runs, rows)

@@ -21,7 +21,7 @@ AHEAD = 2
 @contextmanager
 def process_crew(workers: int | None = None) -> Iterator[Crew]:
     """Processes of this computer, by default one for each core. Raises ConfigError."""
-    count = _checked(workers or len(os.sched_getaffinity(0)))
+    count = _checked(workers, len(os.sched_getaffinity(0)))
 
     def pool() -> Executor:
         return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin_worker)
@@ -45,7 +45,7 @@ def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Itera
     except ImportError:
         raise ConfigError("--executor dask needs Dask: pip install 'raccoon[cluster]'") from None
     if scheduler is None:
-        count = _checked(workers or len(os.sched_getaffinity(0)))
+        count = _checked(workers, len(os.sched_getaffinity(0)))
         with (
             LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster,
             Client(cluster) as client,
@@ -63,7 +63,7 @@ def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Itera
         gc.collect()
         raise ConfigError(f"scheduler {scheduler!r}: it does not answer: {failed}")
     with client:
-        count = _checked(workers or max(1, sum(client.nthreads().values())))
+        count = _checked(workers, max(1, sum(client.nthreads().values())))
         yield Crew(_executor(client), AHEAD * count)
 
 
@@ -73,7 +73,9 @@ def _executor(client: object) -> Executor:
     return executor
 
 
-def _checked(workers: int) -> int:
+def _checked(workers: int | None, usual: int) -> int:
+    if workers is None:
+        return usual
     if not 1 <= workers <= 4096:
         raise ConfigError(f"workers is {workers}: allowed are numbers from 1 to 4096")
     return workers

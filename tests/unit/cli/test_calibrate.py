@@ -51,6 +51,12 @@ def test_straight_drive_is_shown_and_written_only_when_told(
     assert "motor.0.radians_per_tick" in capsys.readouterr().out
     assert robot.read_text(encoding="utf-8") == 'name = "drumbot"  # ours\n'
     assert main([*arguments, "--write"]) == 0
+    assert capsys.readouterr().out.endswith(f"wrote {robot}\n"), "nothing was replaced"
+    assert not (tmp_path / "robot.history.toml").exists()
+    assert main([*arguments, "--write"]) == 0
+    said = capsys.readouterr().out
+    assert said.endswith(f"wrote {robot}; what was replaced is in robot.history.toml beside it\n")
+    assert (tmp_path / "robot.history.toml").exists()
     motor = load_robot(robot).motor(0)
     assert motor.radians_per_tick is not None
     assert motor.radians_per_tick.value == pytest.approx(PER_TICK / 1.03, rel=0.01)
@@ -79,7 +85,16 @@ def test_one_turning_direction_is_refused_with_the_manoeuvre_that_would_do(
 
 @pytest.mark.parametrize(
     ("extra", "reason"),
-    [(["--tape", "1:2"], "BEGIN:END:METRES"), (["--straight", "0.6", "--tape", "1:2:0.6"], "one recording")],
+    [
+        (["--tape", "1:2"], "BEGIN:END:METRES"),
+        (["--straight", "0.6", "--tape", "1:2:0.6"], "one recording"),
+        (["--tape-std", "0", "--straight", "0.6"], "--tape-std 0: allowed are numbers above 0 (m)"),
+        (["--tape-std", "nan", "--tape", "1:2:0.6"], "--tape-std nan: allowed are numbers above 0 (m)"),
+        (["--tape-std", "0.4", "--straight", "0.6"], "it must be below half of --straight 0.6"),
+        (["--straight", "inf"], "--straight inf: allowed are numbers other than 0 (m)"),
+        (["--tape", "2:1:0.6"], "BEGIN must be before END"),
+        (["--tape", "1:2:nan"], "METRES not 0"),
+    ],
 )
 def test_bad_arguments_are_told(
     tmp_path: Path, robot: Path, capsys: pytest.CaptureFixture[str], extra: list[str], reason: str

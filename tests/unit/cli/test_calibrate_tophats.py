@@ -38,6 +38,23 @@ def test_stores_what_it_believes_and_shows_it(folder: Path, capsys: pytest.Captu
     assert "new at 7 mm" in shown
 
 
+def test_long_names_leave_their_columns_apart(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot = folder / "robot.toml"
+    robot.write_text('[tophat."the left one of both"]\nanalog = 0\n', encoding="utf-8")
+    drive = [str(folder / "drive.csv"), "--robot", str(robot)]
+    for name in ("practice-table", "hall"):
+        assert command(folder, *drive, "--set", name, "--write") == 0
+    capsys.readouterr()
+    assert command(folder, "--show") == 0
+    header, *rows = capsys.readouterr().out.splitlines()
+    at = {name: header.index(name) for name in ("set", "time", "verdict")}
+    for row, name in zip(rows, ("practice-table", "hall"), strict=True):
+        assert row[: at["set"]].rstrip() == "the left one of both"
+        assert row[at["set"] : at["time"]].strip() == name
+        assert row[at["time"] - 1] == " "
+        assert row[at["time"] :].startswith("20")
+
+
 def test_without_write_nothing_is_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command(folder, str(folder / "drive.csv"), "--robot", str(folder / "robot.toml"))
     assert "say --write" in capsys.readouterr().out

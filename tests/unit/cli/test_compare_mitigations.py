@@ -180,6 +180,14 @@ def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
         stored(file, 2, 0.001)
 
 
+@pytest.mark.parametrize("content", [b"\xff\n", b"3\n", b'{"seed": 1}\n'])
+def test_a_file_of_something_else_is_no_file_of_results(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "results.jsonl"
+    file.write_bytes(content)
+    with pytest.raises(ConfigError, match=r"results\.jsonl: not a file of results"):
+        stored(file, 1, 0.001)
+
+
 def test_a_part_of_the_work_is_a_part_of_every_column() -> None:
     order = in_turn({"a": 4, "b": 2})
     assert order == [("a", 0), ("b", 0), ("a", 1), ("a", 2), ("b", 1), ("a", 3)]

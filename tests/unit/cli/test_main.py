@@ -59,9 +59,35 @@ def test_init_writes_a_file_that_can_be_read_and_never_overwrites(
     assert [each.name for each in tmp_path.iterdir()] == ["robot.toml"]
 
 
+@pytest.mark.parametrize(
+    "command", [["demo"], ["tune", "wheels"], ["calibrate", "motors"], ["compare-mitigations"]]
+)
+def test_a_seed_is_not_negative(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*command, "--seed", "-1"]) == 2
+    said = f"raccoon {command[0]}: --seed -1: allowed are whole numbers from 0\n"
+    assert capsys.readouterr().err == said
+
+
+def test_a_file_without_a_folder_is_named_as_it_was_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for command in (["init", "a/b.toml"], ["convert", "run.csv", "a/b.csv"]):
+        assert main(command) == 2
+        said = f"raccoon {command[0]}: {command[-1]}: there is no folder a\n"
+        assert capsys.readouterr().err == said
+
+
 def test_bad_input_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "--jobs", "0"]) == 2
     assert capsys.readouterr().err == "raccoon demo: --jobs 0: allowed are whole numbers from 1\n"
+
+
+def test_a_path_through_a_file_is_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes").write_text("", encoding="utf-8")
+    path = tmp_path / "notes" / "robot.toml"
+    assert main(["tune", "wheels", "--robot", str(path)]) == 2
+    assert capsys.readouterr().err == f"raccoon tune: {path}: not a directory\n"
 
 
 def test_a_file_that_is_not_there_is_named_and_how_to_make_it(

@@ -1,6 +1,8 @@
 """`raccoon sweep`: from the arguments to the words."""
 
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
@@ -43,13 +45,72 @@ def test_from_processes_to_a_table_and_a_rate(program: str, capsys: pytest.Captu
     assert main(["view", "run", "run.jsonl.gz"]) == 0
 
 
+def test_the_command_that_shows_a_failure_can_be_copied(
+    program: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("a robot.toml").write_text("", encoding="utf-8")
+    sweep = ["sweep", program, *VARIED, "--robot", "a robot.toml", "--within", "1e-9", "--out", "r.csv"]
+    assert main([*sweep, "--runs", "1", "--seed", "4", "--workers", "1"]) == 0
+    found = re.search(r"see one: raccoon (.*)\n +raccoon (.*)\n", capsys.readouterr().out)
+    assert found is not None
+    play, view = (shlex.split(each) for each in found.groups())
+    assert main(play) == 0
+    said = capsys.readouterr().out
+    failed = next(row for row in read_results("r.csv") if row["status"] == "failed")
+    assert f"{failed['position_error']:.6g}" in said
+    assert said.endswith(f"recorded: run-{failed['run']}.jsonl.gz\n")
+    assert main(view) == 0
+
+
+def test_a_recording_that_is_there_is_refused_before_the_match(
+    program: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    only = ["sweep", program, *VARIED, "--any-end", "--only", "7", "--record"]
+    assert main([*only, "run.jsonl"]) == 0
+    assert capsys.readouterr().out.endswith("recorded: run.jsonl.gz\n")
+    before = Path("run.jsonl.gz").read_bytes()
+
+    def played(*_: object) -> None:
+        raise AssertionError("the match was played")
+
+    monkeypatch.setattr("raccoon.cli.sweep.play.play", played)
+    for name in ("run.jsonl.gz", "run.jsonl", "run"):
+        assert main([*only, name]) == 2
+        said = capsys.readouterr()
+        assert said.out == ""
+        assert said.err == (
+            "raccoon sweep: --record run.jsonl.gz: it is there already; choose another name\n"
+        )
+    assert Path("run.jsonl.gz").read_bytes() == before
+    assert not list(Path().glob("run-*"))
+
+
+def test_nothing_is_said_to_be_recorded_that_is_not(program: str, capsys: pytest.CaptureFixture[str]) -> None:
+    Path(program).write_text("mission = 3 +", encoding="utf-8")
+    assert main(["sweep", program, *VARIED, "--any-end", "--only", "7", "--record", "run"]) == 2
+    said = capsys.readouterr()
+    assert "SyntaxError" in said.out
+    assert "recorded" not in said.out
+    assert said.err == "raccoon sweep: --record run: nothing was recorded\n"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["drive.py", "--record", "run"], "say which with --only RUN"),
+        (["drive.py", "--only", "-1"], "--only -1: allowed are numbers from 0"),
+        (["drive.py", "--only", "1", "--record", "robot.toml/run"], "nothing can be written in"),
+        (["drive.py", "--only", "1", "--record", "."], "--record .: it is a folder"),
+        (["drive.py", "--seed", "-1"], "--seed -1: allowed are whole numbers from 0"),
+        (["drive.py", "--start", "0", "inf", "0"], "--start 0 inf 0: allowed are X and Y"),
+        (["drive.py", "--workers", "0"], "workers is 0"),
+        (["drive.py", "--faults", "nan"], "--faults is nan"),
+        (["drive.py", "--within-angle", "-1"], "--within-angle is -1.0"),
+        (["drive.py", "--out", "nowhere/r.csv"], "there is no folder nowhere"),
         (["nowhere.py"], "nowhere.py"),
         (["drive.py", "--only-varied"], "nothing is varied"),
         (["drive.py", "--vary", "drive.wheel=2"], "there is no such id"),
-        (["drive.py", "--faults", "3"], "fault.imu_silent is 3.0"),
+        (["drive.py", "--faults", "3"], "--faults is 3.0: allowed are numbers from 0 to 1"),
         (["drive.py", "--runs", "0"], "runs is 0"),
         (["drive.py", "--workers", "-1"], "workers is -1"),
         (["drive.py", "--out", "r.txt"], "endings .csv and .parquet"),

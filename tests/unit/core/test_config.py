@@ -75,7 +75,7 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[drive]\nleft = 1", r"drive.left and drive.right are both motor port 1"),
         ("[motor.4]\ninverted = true", r"motor.4: allowed are the ports 0 to 3"),
         ("[motor.0]\ninverted = 1", r"motor.0.inverted = 1: allowed are true and false"),
-        ("[motor.0]\nradians_per_tick = 0", r"motor.0.radians_per_tick = 0: allowed are numbers above 0"),
+        ("[motor.0]\nradians_per_tick = 0", r"motor.0.radians_per_tick = 0: allowed are numbers from 1e-08"),
         ("[motor.0]\nradians_per_tick = {std = 1}", r"motor.0.radians_per_tick has no value"),
         (
             "[motor.0]\nradians_per_tick = {value = 1, date = 3}",
@@ -83,12 +83,16 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ),
         ("[motor.0]\nradians_per_tick = {value = 1, std = -1}", r"radians_per_tick.std = -1: allowed are"),
         ("[controller]\nport = 'ev3'", r"controller.port = 'ev3': allowed is wombat \| wombat-raccoon"),
-        ("[controller]\nrate_hz = nan", r"controller.rate_hz = nan: allowed are numbers from 10 to 1000"),
+        ("[controller]\nrate_hz = nan", r"controller.rate_hz = nan: allowed are numbers from 10 to 500"),
+        (
+            "[controller]\nport = 'sim'\nrate_hz = 501",  # the same program must run on a Wombat
+            r"controller.rate_hz = 501: allowed are numbers from 10 to 500",
+        ),
         (
             "[model.battery]\ninternal_resistance = -0.1",
             r"internal_resistance = -0.1: allowed are numbers from 0",
         ),
-        ("[model.drive]\ntrack_width = 0", r"model.drive.track_width = 0: allowed are numbers above 0"),
+        ("[model.drive]\ntrack_width = 0", r"model.drive.track_width = 0: allowed are numbers from 0.01"),
         ("[model.drive]\ntrack_width = '16 cm'", r"track_width = '16 cm': allowed are numbers"),
         ("[model.motor.left]\nback_emf = 1", r"model.motor.left.back_emf: there is no such key"),
         (
@@ -113,7 +117,26 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[mechanism.arm]\nmotor = 1", r"mechanism.arm.motor = 1: the drive is on that port"),
         ("[mechanism.a]\n[mechanism.b]", r"mechanism.b.motor = 2: the port is taken by mechanism.a"),
         ("name = ", r"not a TOML file"),
+        (
+            "[model.battery]\nopen_circuit_voltage = 2.0",
+            r"model.battery.open_circuit_voltage = 2.0: allowed are numbers from 3.1 to 30",
+        ),
+        (
+            f"[motion]\nspeed = {'9' * 400}",
+            r"motion.speed = 9{60}\.\.\.: allowed are numbers from 0.001 to 10$",
+        ),
+        (f"[motion]\nspeed = 0x{'f' * 5000}", r"motion.speed = a number of thousands of digits: allowed are"),
+        (f"[drive]\nleft = {'9' * 400}", r"drive.left = 9{60}\.\.\.: allowed are the ports 0 to 3"),
+        (f"[motor.0]\nradians_per_tick = {{value = {'9' * 400}}}", r"radians_per_tick.value = 9{60}\.\.\.:"),
+        (f"name = {'9' * 5000}", r"robot.toml: not a TOML file: "),
+        (f"name = {'[' * 5000}", r"robot.toml: not a TOML file: "),
+        (
+            "[model.drive]\ntrack_width = 1e-320",
+            r"model.drive.track_width = 1e-320: allowed are numbers from",
+        ),
+        ("[motion]\njerk = 1e-320", r"motion.jerk = 1e-320: allowed are 0 and numbers from 0.001 to 1e\+06"),
     ],
+    ids=lambda each: each[:40],
 )
 def test_every_bad_value_is_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
@@ -123,8 +146,14 @@ def test_every_bad_value_is_named(tmp_path: Path, text: str, message: str) -> No
 def test_a_file_of_another_encoding_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "robot.toml"
     path.write_bytes(b"name = '\xff'")
-    with pytest.raises(ConfigError, match="not a TOML file"):
+    with pytest.raises(ConfigError, match=r"not a TOML file.*; save it as UTF-8"):
         load_robot(path)
+
+
+def test_a_file_of_a_windows_editor_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + EXAMPLE.strip().replace("\n", "\r\n").encode())
+    assert load_robot(path) == load_robot(write(tmp_path, EXAMPLE))
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 import os
 import tomllib
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -68,6 +69,44 @@ def test_what_was_replaced_is_kept_in_order(tmp_path: Path) -> None:
     assert history[0]["key"] == "motor.0.radians_per_tick"
 
 
+def test_a_history_that_is_none_is_named_and_nothing_changes(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    history = tmp_path / "robot.history.toml"
+    history.write_text("what was = \n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"robot\.history\.toml: not a TOML file.*move it away"):
+        write_measured(path, {"motor.0.radians_per_tick": TICKS}, day=DAY)
+    assert path.read_text(encoding="utf-8") == TEXT
+
+
+def test_the_file_of_what_was_replaced_is_given(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    assert write_measured(path, {"motor.1.radians_per_tick": TICKS}, day=DAY) is None
+    replaced = write_measured(path, {"motor.1.radians_per_tick": TICKS}, day=DAY)
+    assert replaced == tmp_path / "robot.history.toml"
+    assert replaced.exists()
+
+
+def test_a_file_of_a_windows_editor_keeps_its_mark_and_line_ends(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_bytes(("\ufeff" + TEXT.replace("\n", "\r\n")).encode())
+    values = {
+        "motor.0.radians_per_tick": TICKS,
+        "motor.1.bemf_offset": Measured(-20.0, 0.3),
+        "model.imu.gyro_bias": Measured(0.001, 0.0),
+        "model.drive.wheel_radius": Measured(0.035, 0.0001),
+    }
+    write_measured(path, values, day=DAY)
+    text = path.read_bytes().decode()
+    assert text.startswith("\ufeff# our drum bot\r\n")
+    assert text.count("\n") == text.count("\r\n") == text.count("\r")
+    robot = load_robot(path)
+    assert robot.motor(0).radians_per_tick == Measured(0.00388, 0.00004, DAY, 6.7)
+    assert robot.model.imu.gyro_bias.value == 0.001
+    assert text.replace("\r", "").removeprefix("\ufeff") == updated_text(
+        TEXT, {key: replace(value, date=DAY) for key, value in values.items()}
+    )
+
+
 def test_a_first_calibration_leaves_no_history(tmp_path: Path) -> None:
     path = written(tmp_path)
     write_measured(path, {"motor.1.radians_per_tick": TICKS}, day=DAY)
@@ -93,7 +132,7 @@ def test_a_form_that_cannot_be_edited_is_refused_and_untouched(tmp_path: Path, t
 @pytest.mark.parametrize(
     ("key", "value", "reason"),
     [
-        ("motor.0.radians_per_tick", -1.0, "above 0"),
+        ("motor.0.radians_per_tick", -1.0, "from 1e-08"),
         ("motor.9.radians_per_tick", 1.0, "ports 0 to 3"),
         ("motor.0.unknown", 1.0, "no such key"),
         ("name", 1.0, "stands in a table"),

@@ -83,6 +83,18 @@ FAULTS: dict[str, tuple[Damage, str, float, float]] = {
         0.01,
         1.0,
     ),
+    "back-EMF beyond its word": (
+        between(2.0, 2.5, lambda i: word(i, 1, 1e300, "bemf")),
+        "the right back-EMF is beyond any wheel's",
+        0.01,
+        1.0,
+    ),
+    "counter beyond its word": (
+        between(2.0, 2.5, lambda i: word(i, 1, 1e300, "position")),
+        "a wheel reads no number",
+        0.01,
+        1.0,
+    ),
     "counter jumps": (
         lambda n, i: word(i, 1, (i.position[1] or 0.0) + (1e7 if n >= 450 else 0.0), "position"),
         "the right counter jumped",
@@ -122,6 +134,26 @@ def test_a_fault_is_told_bounded_and_gets_over_with(name: str) -> None:
     assert place_error < place
     assert math.degrees(heading_error) < heading
     if name != "time repeats":
+        assert found[-1][0].status is Status.OK
+
+
+@pytest.mark.parametrize("odd", [1e9, 2.0**64, 1e155, -1e300])
+@pytest.mark.parametrize("kind", ["bemf", "position", "gyro", "accel", "time"])
+def test_no_word_is_too_odd(kind: str, odd: float) -> None:
+    """Every fifth word of half a second: nothing is raised, and the pose stays where it belongs."""
+
+    def spoil(number: int, inputs: Inputs) -> Inputs:
+        if number % 5 or not 1.2 <= inputs.time < 1.7:
+            return inputs
+        if kind in ("gyro", "accel"):
+            return replace(inputs, **{kind: (odd, odd, odd)})
+        return replace(inputs, time=odd) if kind == "time" else word(inputs, 0, odd, kind)
+
+    found = run(drive([(1.0, 0.0, 0.0), (1.0, 0.18, 0.0), (0.5, 0.0, 0.0)]), spoil)
+    if kind == "time" and odd == 1e9:
+        assert found[-1][0].status is Status.INVALID, "hours went by"
+    else:
+        assert errors(found)[0] < 0.01
         assert found[-1][0].status is Status.OK
 
 

@@ -77,7 +77,8 @@ def test_a_worker_process_that_is_killed_loses_nothing(tmp_path: Path) -> None:
 
 
 def test_numbers_of_workers_are_checked() -> None:
-    with pytest.raises(ConfigError, match="workers is 5000"), process_crew(5000):
-        pass
+    for count in (0, -1, 5000):
+        with pytest.raises(ConfigError, match=f"workers is {count}: allowed"), process_crew(count):
+            pass
     with pytest.raises(ValueError, match="window is 0"):
         Crew(lambda: Breaking(0), 0)

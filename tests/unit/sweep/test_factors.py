@@ -66,6 +66,7 @@ def test_names_and_units(text: str, name: str, unit: str) -> None:
         ("battery.open_circuit_voltage=6:7:8", "neither LOW:HIGH"),
         ("battery.open_circuit_voltage=-1:7", "voltage is -1 V: allowed are numbers from 1 to 30"),
         ("battery.internal_resistance=-0.1~0.05", r"resistance is -0\.1\d* ohm"),
+        ("battery.open_circuit_voltage=7~-0.1", "the standard deviation -0.1 must be 0 or more"),
         ("light.ambient=0:3", "light.ambient is 3.0: allowed are numbers from 0 to 1"),
         ("light.ambient@left=0:1", "neither parameters nor places"),
         ("fault.imu=0.1", "there is no such fault"),

@@ -50,6 +50,28 @@ def test_a_record_of_a_match_is_a_trace(tmp_path: Path) -> None:
 
     play(tiny_match(), 0, seed=1, record=tmp_path / "run.jsonl.gz")
     assert len(read_trace(tmp_path / "run.jsonl.gz").ticks) > 100
+    with pytest.raises(FileExistsError, match=r"run\.jsonl\.gz exists"):
+        play(tiny_match(), 1, seed=1, record=tmp_path / "run.jsonl")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"\xef\xbb\xbfmission = '\xc3\xa4'\r\n", b"# coding: latin-1\nmission = '\xe4'\n"],
+    ids=["byte order mark", "latin-1"],
+)
+def test_a_program_is_read_as_python_reads_it(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "p.py"
+    path.write_bytes(content)
+    text = Program.read(path).text
+    assert "mission = 'ä'\n" in text
+    compile(text, "p.py", "exec")
+
+
+def test_a_program_of_no_known_encoding_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "p.py"
+    path.write_bytes(b"# coding: nonsense\n")
+    with pytest.raises(ConfigError, match=r"p\.py: not a program that can be read: unknown encoding"):
+        Program.read(path)
 
 
 @pytest.mark.parametrize(

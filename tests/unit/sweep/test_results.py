@@ -2,6 +2,7 @@
 
 import builtins
 import math
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -125,6 +126,33 @@ def test_a_file_of_something_else_is_left_alone(path: Path) -> None:
     with pytest.raises(ConfigError, match="is not the result of a sweep"):
         Results(path, COLUMNS, ABOUT)
     assert path.read_text() == "my notes"
+
+
+def test_a_spreadsheet_may_have_saved_it(tmp_path: Path) -> None:
+    path = tmp_path / "results.csv"
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(0))
+    results.close()
+    before = read_results(path)
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert read_results(path) == before
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(1))
+    results.finish()
+    results.close()
+    assert [each["run"] for each in read_results(path)] == [0, 1]
+
+
+@pytest.mark.parametrize("damaged", ["results.csv", "results.csv.sweep.json"])
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"[]", b"{"])
+def test_a_damaged_file_is_named(tmp_path: Path, damaged: str, content: bytes) -> None:
+    path = tmp_path / "results.csv"
+    results = Results(path, COLUMNS, ABOUT)
+    results.add(row(0))
+    results.close()
+    (tmp_path / damaged).write_bytes(content + b"\n")
+    with pytest.raises(ConfigError, match=re.escape(damaged)):
+        Results(path, COLUMNS, ABOUT)
 
 
 def test_two_sweeps_do_not_write_one_file(path: Path) -> None:

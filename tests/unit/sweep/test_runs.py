@@ -91,3 +91,11 @@ def test_the_goal_is_where_the_nominal_robot_ends() -> None:
 def test_a_number_of_runs_is_asked_for() -> None:
     with pytest.raises(ConfigError, match="runs is 0"):
         sweep(tiny_match(), 0)
+    with pytest.raises(ConfigError, match=r"runs is 10{20}: allowed are numbers from 1 to 10000000"):
+        sweep(tiny_match(), 10**20)
+
+
+def test_a_seed_is_not_negative(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="seed is -1: allowed are whole numbers from 0"):
+        sweep(tiny_match(), 1, seed=-1, out=tmp_path / "r.csv")
+    assert not list(tmp_path.iterdir())

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.cli.numbers import check_seed
 from raccoon.cli.outputs import check_folders
 from raccoon.core.files import write_atomically
 
@@ -48,7 +49,8 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.compare_mitigations.results import stored
     from raccoon.cli.compare_mitigations.table import draw, markdown
 
-    check_folders(args.markdown, args.plot)
+    check_seed(args.seed)
+    check_folders(args.markdown, args.plot, args.results)
     robots = _robots(args)
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
     found = measured(

@@ -14,10 +14,17 @@ from raccoon.core.errors import ConfigError
 def stored(path: Path, seed: int, tape_std: float) -> Found:
     """The robots in a file of results; none where there is no file. A line that was cut off is left out.
 
-    Raises ConfigError where the results are those of another seed or tape.
+    Raises ConfigError where the results are those of another seed or tape, or the file is none of results.
     """
+    try:
+        return _found(path, path.read_text("utf-8") if path.exists() else "", seed, tape_std)
+    except (UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
+        raise ConfigError(f"{path}: not a file of results: {error!r}; take another") from None
+
+
+def _found(path: Path, text: str, seed: int, tape_std: float) -> Found:
     found: Found = {}
-    for line in path.read_text("utf-8").splitlines() if path.exists() else ():
+    for line in text.splitlines():
         try:
             row = json.loads(line)
         except ValueError:

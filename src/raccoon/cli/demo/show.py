@@ -24,6 +24,7 @@ from raccoon.cli.demo.robots import (
     trials,
 )
 from raccoon.cli.demo.tophats import REFUSED_CONTRAST, TophatResult, tophat_results
+from raccoon.cli.numbers import check_seed
 from raccoon.core.errors import ConfigError
 from raccoon.model.paper import MOTORS, battery_speed_ratio, extreme_motor_speeds
 from raccoon.trace.format import read_trace
@@ -39,6 +40,7 @@ def show(folder: Path, seed: int, jobs: int) -> int:
     """The whole demo; 0 when the library keeps its promises."""
     if jobs < 1:
         raise ConfigError(f"--jobs {jobs}: allowed are whole numbers from 1")
+    check_seed(seed)
     begin = time.perf_counter()
     folder.mkdir(parents=True, exist_ok=True)
     results, claims = _drive_all(folder, seed, jobs)

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from importlib.util import module_from_spec, spec_from_file_location
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, cast
+from traceback import extract_tb
+from typing import Any
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import ConfigError, ReplayDiverged
+from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
 from raccoon.robot.opening import replay
+from raccoon.sweep.program import Program
 from raccoon.trace.loading import Run
 
 
 def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig | None) -> int:
     """Replay a program on traces. Exit status 1 where it diverges from one of them."""
-    mission = load_mission(args.program)
+    if not 0.0 <= args.tolerance < 1.0:
+        raise ConfigError(f"--tolerance {args.tolerance}: allowed are numbers from 0 to below 1")
+    with _told(args.program):
+        mission = load_mission(args.program)
     diverged = 0
     for run in runs:
         if run.trace is None:
             raise ConfigError(f"{run.name}: a program needs a trace with its commands (.jsonl.gz)")
         try:
-            _replay(run, mission, args, robot)
+            with _told(args.program):
+                _replay(run, mission, args, robot)
             print(f"{run.name}: the same in all of {len(run.trace.ticks)} cycles")
         except ReplayDiverged as difference:
             diverged += 1
@@ -40,15 +46,24 @@ def _replay(
 
 
 def load_mission(path: Path) -> Callable[[Any], Any]:
-    """The function `mission` of a program file. Raises ConfigError where there is none."""
+    """The function `mission` of a program file, or one that runs the action of that name.
+
+    Raises ConfigError where there is none, and whatever the file raises.
+    """
     if not path.is_file():
         raise ConfigError(f"--program {path}: there is no such file")
-    spec = spec_from_file_location(path.stem, path)
-    if spec is None or spec.loader is None:
-        raise ConfigError(f"--program {path}: not a Python file (.py)")
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    mission = getattr(module, "mission", None)
-    if not callable(mission):
-        raise ConfigError(f"--program {path}: it must define mission(robot)")
-    return cast(Callable[[Any], Any], mission)
+    return Program.read(path).mission()
+
+
+@contextmanager
+def _told(program: Path) -> Iterator[None]:
+    """What goes wrong in a team's program as a ConfigError, with the line of it."""
+    try:
+        yield
+    except (RaccoonError, EOFError):
+        raise
+    except Exception as error:
+        own = str(program.resolve())
+        lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == own]
+        place = f", line {lines[-1]}" if lines else ""
+        raise ConfigError(f"--program {program}{place}: {type(error).__name__}: {error}") from error

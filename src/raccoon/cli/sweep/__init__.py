@@ -53,7 +53,7 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play and print; 0 whatever the program does."""
+    """Play and print; 0 whatever the program does, once it was played and recorded where that was asked."""
     from raccoon.cli.sweep.play import one, sweep_and_print
 
     return one(args) if args.only is not None else sweep_and_print(args)

@@ -6,6 +6,8 @@ import argparse
 import math
 from contextlib import AbstractContextManager
 
+from raccoon.cli.numbers import check_seed, check_start
+from raccoon.cli.outputs import check_folders, check_recording
 from raccoon.cli.sweep.bar import Bar
 from raccoon.cli.sweep.report import print_report, print_row
 from raccoon.core.config import load_robot
@@ -23,10 +25,13 @@ from raccoon.trace.loading import recording_file
 
 def sweep_and_print(args: argparse.Namespace) -> int:
     """Play all matches."""
+    if args.record is not None:
+        raise ConfigError("--record is for one match: say which with --only RUN")
+    check_folders(args.out)
     match = match_of(args)
     with Bar(args.runs) as bar:
         rows = sweep(match, args.runs, seed=args.seed, executor=_crew(args), out=args.out, progress=bar.show)
-    print_report(match, rows, args.seed)
+    print_report(match, rows, args.seed, args.given)
     if args.out is not None:
         print(f"\nevery match: {args.out}")
     return 0
@@ -34,15 +39,24 @@ def sweep_and_print(args: argparse.Namespace) -> int:
 
 def one(args: argparse.Namespace) -> int:
     """Play one match of a sweep again, and record it where asked to."""
+    if args.only < 0:
+        raise ConfigError(f"--only {args.only}: allowed are numbers from 0")
+    if args.record is not None:
+        check_recording(args.record)
     match = match_of(args)
     print_row(play(match, args.only, seed_of(args.seed, args.only), args.record))
-    if args.record is not None:
-        print(f"recorded: {recording_file(args.record)}")
+    if args.record is None:
+        return 0
+    file = recording_file(args.record)
+    if not file.exists():
+        raise ConfigError(f"--record {args.record}: nothing was recorded")
+    print(f"recorded: {file}")
     return 0
 
 
 def match_of(args: argparse.Namespace) -> Match:
     """The match that the arguments describe. Raises ConfigError, FileNotFoundError."""
+    _check_numbers(args)
     robot = load_robot(args.robot)
     x, y, degrees = args.start
     match = Match(
@@ -60,6 +74,18 @@ def match_of(args: argparse.Namespace) -> Match:
     if not match.factors:
         raise ConfigError("nothing is varied: leave out --only-varied, or give --vary")
     return match if args.any_end else with_nominal_end(match)
+
+
+def _check_numbers(args: argparse.Namespace) -> None:
+    """Raise ConfigError, in the words and units of the command line."""
+    limits = (("within", args.within), ("within-angle", args.within_angle), ("seconds", args.seconds))
+    for name, value in limits:
+        if not value > 0.0:
+            raise ConfigError(f"--{name} is {value}: allowed are numbers above 0")
+    check_seed(args.seed)
+    check_start(args.start)
+    if not 0.0 <= args.faults <= 1.0:
+        raise ConfigError(f"--faults is {args.faults}: allowed are numbers from 0 to 1")
 
 
 def _factors(args: argparse.Namespace, usual: tuple[Factor, ...]) -> tuple[Factor, ...]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import shlex
+from collections.abc import Sequence
 
 from raccoon.sweep.factors import Factor
 from raccoon.sweep.match import OK, Match, Row
@@ -13,8 +15,8 @@ MOST = 3
 REASONS = 6
 
 
-def print_report(match: Match, rows: list[Row], seed: int) -> None:
-    """Failure rate, reasons, and what it is most sensitive to."""
+def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str]) -> None:
+    """Failure rate, reasons, and what it is most sensitive to. given: the command line of the sweep."""
     units = {each.name: each for each in match.factors}
     found = summary(rows, list(units))
     low, high = found.rate.interval
@@ -22,16 +24,18 @@ def print_report(match: Match, rows: list[Row], seed: int) -> None:
     print(f"failure rate {_percent(found.rate.value)}, 95 % interval {_percent(low)} to {_percent(high)}")
     for reason, count in found.reasons[:REASONS]:
         print(f"  {count:6d} x {reason}")
-    _print_first_failure(rows)
+    _print_first_failure(rows, given)
     _print_sensitivities(found, units)
 
 
-def _print_first_failure(rows: list[Row]) -> None:
-    failed = [row for row in rows if row["status"] != OK]
-    if failed:
-        print(
-            f"  see one: --only {failed[0]['run']} --record run.jsonl.gz, then raccoon view run run.jsonl.gz"
-        )
+def _print_first_failure(rows: list[Row], given: Sequence[str]) -> None:
+    """The first match that failed, and the commands that play and draw it: to copy."""
+    run = next((row["run"] for row in rows if row["status"] != OK), None)
+    if run is not None:
+        recording = f"run-{run}.jsonl.gz"
+        # In front of the rest, which may end with what belongs to an option, or begin with --.
+        words = ("raccoon", "sweep", "--only", str(run), "--record", recording, *given[1:])
+        print(f"  see one: {shlex.join(words)}\n           raccoon view run {recording}")
 
 
 def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:

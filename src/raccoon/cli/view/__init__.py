@@ -5,10 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from raccoon.cli.numbers import check_start
+from raccoon.cli.outputs import check_folders
 from raccoon.core.errors import ConfigError
 
 HELP = "draw a recorded drive over the table"
 ENDINGS = (".svg", ".png", ".gif")
+SLOWEST, FASTEST = 0.01, 1000.0
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,8 +36,11 @@ def run(args: argparse.Namespace) -> int:
     target: Path = args.output or Path("drive.svg")
     if target.suffix not in ENDINGS:
         raise ConfigError(f"{target}: allowed are the endings {', '.join(ENDINGS)}")
-    if not args.speed > 0.0:
-        raise ConfigError(f"--speed is {args.speed}: allowed are numbers above 0")
+    if not SLOWEST <= args.speed <= FASTEST:
+        raise ConfigError(f"--speed is {args.speed}: allowed are numbers from {SLOWEST:g} to {FASTEST:g}")
+    if args.start is not None:
+        check_start(args.start)
+    check_folders(target)
     world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
     drive = drive_of(args.trace, args.start)
     if target.suffix == ".gif":

@@ -23,7 +23,7 @@ from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_se
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.published import pose_covariance, published
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.slip import BumpWatch
+from raccoon.estimate.drive.slip import MOST_FORCE, BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.timing import Swing
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
@@ -227,7 +227,7 @@ class Odometry:
             return
         forward = inputs.accel[0] * inputs.device.accel_m_s2
         velocity = 0.5 * self._geometry.wheel_radius * (self._left.mean + self._right.mean)
-        if math.isfinite(forward) and self._bump.update(span, forward, velocity, still):
+        if abs(forward) < MOST_FORCE and self._bump.update(span, forward, velocity, still):
             self._reasons.tell("bumped: the wheels do not move as the robot does", inputs.time)
 
     def _stands(self, span: float, command: Outputs) -> bool:

@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
 from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
-from raccoon.estimate.drive.wheels import WheelDecoder, WheelReading
+from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
 
 COARSE_GYRO = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""
@@ -135,15 +135,18 @@ class DriveReadings:
         if reading.dt <= 0.0 and inputs.time <= time != 0.0:
             tell("time stands still or runs back", time)
         if reading.dt > GAP:
-            tell(f"{reading.dt:.2f} s between two cycles", time, 0.5)
+            more = "" if reading.dt < LONGEST_GAP else "more than "
+            tell(f"{more}{reading.dt:.2f} s between two cycles", time, 0.5)
         if reading.not_a_number:
             tell("a wheel reads no number", time)
-        for side, jumped, wheel in (
-            ("left", reading.left_jumped, self.left),
-            ("right", reading.right_jumped, self.right),
+        for side, jumped, absurd, wheel in (
+            ("left", reading.left_jumped, reading.left_absurd, self.left),
+            ("right", reading.right_jumped, reading.right_absurd, self.right),
         ):
             if jumped:
                 tell(f"the {side} counter jumped", time)
+            if absurd:
+                tell(f"the {side} back-EMF is beyond any wheel's", time)
             if wheel.silent > HOLD:
                 tell(f"the {side} wheel is silent", time)
             if wheel.stuck:

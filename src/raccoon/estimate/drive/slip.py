@@ -20,6 +20,8 @@ RESTING_SPEED = 0.3
 """rad/s below which a wheel reads nothing."""
 BUMP_VELOCITY = 0.12
 """m/s that the accelerometer sees and the wheels do not."""
+MOST_FORCE = 400.0
+"""m/s2; the accelerometers of these robots end at 16 g or less."""
 BUMP_TIME = 0.2
 """s over which it is summed."""
 

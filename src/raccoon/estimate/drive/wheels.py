@@ -21,7 +21,13 @@ from raccoon.model.bemf import counter_lag
 SAMPLE_TIME = 0.005
 """s between two samples of the back-EMF; their noise is independent from one to the next."""
 MAX_WHEEL_SPEED = 60.0
-"""rad/s; no wheel of such a robot turns faster, so a counter that says so jumped."""
+"""rad/s; no wheel of such a robot turns faster, so a counter that says so jumped, and a back-EMF lies."""
+MAX_TICKS = 2.0**63
+"""A counter has 64 bits."""
+LATEST = 1e12
+"""s; a clock that shows more, 30 000 years, shows no time."""
+LONGEST_GAP = 3600.0
+"""s; a longer gap counts as one of an hour: where the robot is nobody knows after either."""
 
 _JUMPS = (Fault.POSITION_JUMP, Fault.RESET)
 
@@ -32,10 +38,11 @@ class WheelReading:
 
     left_speed, right_speed: rad/s as the board filtered them, so late by its filter's time constant.
     left_angle, right_angle: rad since the last cycle that had a counter. None: no such reading in this cycle.
-    dt: s since the last cycle; 0 in the first one and where time stood still or ran back (then nothing
-    else is set).
+    dt: s since the last cycle, at most LONGEST_GAP; 0 in the first one and where time stood still or ran back
+    (then nothing else is set).
     left_jumped, right_jumped: the counter moved further than a wheel can, and was left out.
-    not_a_number: a word was NaN or infinite, and was left out.
+    not_a_number: a word was NaN, infinite or beyond what its port can hold, and was left out.
+    left_absurd, right_absurd: the back-EMF is that of a wheel faster than any, and was left out.
     left_blind, right_blind: the back-EMF reads 0 and may do so while the wheel creeps: the device has a dead
     zone.
     """
@@ -48,6 +55,8 @@ class WheelReading:
     left_jumped: bool = False
     right_jumped: bool = False
     not_a_number: bool = False
+    left_absurd: bool = False
+    right_absurd: bool = False
     left_blind: bool = False
     right_blind: bool = False
 
@@ -101,6 +110,7 @@ class _Wheel:
         "_scale",
         "_side",
         "_tick",
+        "absurd",
         "jumped",
         "last",
         "port",
@@ -117,7 +127,7 @@ class _Wheel:
         self._tick = 1.0
         self.last: float | None = None
         self.since = 0.0
-        self.jumped = False
+        self.absurd = self.jumped = False
 
     def prepare(self, device: Device) -> None:
         sign = -1.0 if self._robot.motor(self.port).inverted else 1.0
@@ -127,9 +137,14 @@ class _Wheel:
 
     def speed(self, inputs: Inputs) -> float | None:
         counts = inputs.bemf[self.port]
+        self.absurd = False
         if counts is None or not math.isfinite(counts):
             return None
-        return (counts - self._offset) * self._scale
+        speed = (counts - self._offset) * self._scale
+        if not -MAX_WHEEL_SPEED <= speed <= MAX_WHEEL_SPEED:
+            self.absurd = True
+            return None
+        return speed
 
     def angle(self, inputs: Inputs, dt: float) -> float | None:
         """Angle since the last counter reading."""
@@ -138,7 +153,7 @@ class _Wheel:
         self.jumped = False
         self.since += dt
         ticks = inputs.position[self.port]
-        if ticks is None or not math.isfinite(ticks):
+        if ticks is None or not -MAX_TICKS <= ticks <= MAX_TICKS:
             return None
         last, since = self.last, self.since
         self.last, self.since = ticks, 0.0
@@ -179,19 +194,20 @@ class WheelDecoder:
         left_angle, right_angle = left.angle(inputs, dt), right.angle(inputs, dt)
         reading = WheelReading(left.speed(inputs), right.speed(inputs), left_angle, right_angle, dt)
         reading.left_jumped, reading.right_jumped = left.jumped, right.jumped
+        reading.left_absurd, reading.right_absurd = left.absurd, right.absurd
         reading.left_blind, reading.right_blind = left.blind(inputs), right.blind(inputs)
         reading.not_a_number = _bad(inputs, left.port) or _bad(inputs, right.port)
         return reading
 
     def _elapsed(self, time: float) -> float:
-        if not math.isfinite(time):
+        if not -LATEST <= time <= LATEST:
             return 0.0
         last, self._time = self._time, time
-        return 0.0 if last is None else max(time - last, 0.0)
+        return 0.0 if last is None else min(max(time - last, 0.0), LONGEST_GAP)
 
 
 def _bad(inputs: Inputs, port: int) -> bool:
     bemf, position = inputs.bemf[port], inputs.position[port]
     return (bemf is not None and not math.isfinite(bemf)) or (
-        position is not None and not math.isfinite(position)
+        position is not None and not -MAX_TICKS <= position <= MAX_TICKS
     )

@@ -95,7 +95,10 @@ def calibrate_straight(
     believed.
     """
     _require(abs(distance) >= SHORTEST, f"{distance} m were driven: at least {SHORTEST} m are needed")
-    _require(0.0 < distance_std < 0.5 * abs(distance), f"distance_std is {distance_std} m")
+    _require(
+        math.isfinite(distance) and 0.0 < distance_std < 0.5 * abs(distance),
+        f"distance_std is {distance_std} m: it must be above 0 and below half of the {distance:g} m driven",
+    )
     rest = resting_start(robot, inputs)
     offsets = [resting_bemf(inputs[:rest], port) for port in (robot.drive.left, robot.drive.right)]
     bias = resting_gyro(inputs[:rest])

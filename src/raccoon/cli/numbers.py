@@ -1,0 +1,26 @@
+"""Numbers that several commands take: refused before the work, in the words of the command line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from raccoon.core.errors import ConfigError
+
+FARTHEST = 1000.0
+"""m; no table is so large, and beyond it a picture or a pose would lose its millimetres."""
+
+
+def check_seed(seed: int) -> None:
+    """Raise ConfigError for a `--seed` that no generator takes."""
+    if seed < 0:
+        raise ConfigError(f"--seed {seed}: allowed are whole numbers from 0")
+
+
+def check_start(start: Sequence[float]) -> None:
+    """Raise ConfigError for a `--start X Y DEG` that is nowhere."""
+    x, y, degrees = start
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST and math.isfinite(degrees)):
+        shown = " ".join(f"{each:g}" for each in start)
+        allowed = f"X and Y from {-FARTHEST:g} to {FARTHEST:g} m and a number of degrees"
+        raise ConfigError(f"--start {shown}: allowed are {allowed}")
