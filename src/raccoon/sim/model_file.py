@@ -12,14 +12,13 @@ A diagnosis adds where the numbers come from: `std`, `source` and `probability` 
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
 
-from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.core.config import RobotConfig, parse_robot, parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 from raccoon.core.schema import Measured, refuse_unknown, section
@@ -32,9 +31,7 @@ def load_model(path: str | Path) -> Parameters:
     """Read a `model.toml`. Raises ConfigError naming file, key, value and what is allowed."""
     path = Path(path)
     try:
-        return parse_model(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from error
+        return parse_model(parse_toml(path.read_bytes()))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 

@@ -36,11 +36,11 @@ from __future__ import annotations
 
 import itertools
 import math
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from raccoon.core.config import parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import refuse_unknown
 from raccoon.sim.world import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
@@ -53,9 +53,7 @@ def load_world(path: str | Path) -> World:
     """Read a table file. Raises ConfigError naming file, key and value; FileNotFoundError."""
     path = Path(path)
     try:
-        return parse_world(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: not a TOML file: {error}") from error
+        return parse_world(parse_toml(path.read_bytes()))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 

@@ -111,3 +111,11 @@ def test_too_little_voltage_to_move_is_no_stall() -> None:
     for _ in range(1000):
         watch.update(NOMINAL.static_voltage + 0.3, 0.0, 0.005)
     assert not watch.stalled
+
+
+def test_a_load_that_is_hardly_known_is_not_odd() -> None:
+    """At one speed for a minute the fit forgets what an acceleration took."""
+    unsure = WheelState(False, True, 1.0, 0.01, 0.24, 0.54)
+    assert oddities(unsure, unsure) == ("", "")
+    sure = WheelState(False, True, 1.0, 0.01, 0.24, 0.03)
+    assert all("times the voltage a load should" in each for each in oddities(sure, sure))

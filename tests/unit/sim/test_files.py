@@ -36,6 +36,17 @@ def test_a_model_survives_the_way_to_disk_and_back(tmp_path: Path) -> None:
     assert [each.name for each in tmp_path.iterdir()] == ["model.toml"]
 
 
+def test_models_and_tables_may_have_been_saved_by_a_windows_editor(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    model = Parameters.from_robot(RobotConfig()).with_effect("battery.internal_resistance", resistance=0.12)
+    model.save(path)
+    path.write_bytes("\ufeff".encode() + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert Parameters.from_model_file(path) == model
+    table = next(TABLES.glob("*.toml"))
+    (tmp_path / "table.toml").write_bytes("\ufeff".encode() + table.read_bytes())
+    assert World.from_file(tmp_path / "table.toml") == World.from_file(table)
+
+
 def test_a_model_keeps_where_its_numbers_come_from(tmp_path: Path) -> None:
     origin = Origin({"angle": 0.004}, "named: the gears have play.", 0.97)
     model = replace(
