@@ -15,7 +15,10 @@ HELP = "compare a recording with the simulation, name what is wrong and write th
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument(
-        "trace", type=Path, nargs="+", help="recordings: traces, CSV, MCAP or EMPS files, or folders of them"
+        "trace",
+        type=_recording,
+        nargs="+",
+        help="recordings: traces, CSV, MCAP or EMPS files, or folders of them",
     )
     parser.add_argument(
         "--robot", type=Path, help="robot.toml; without it the recording's own, or the default"
@@ -41,22 +44,38 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--save-model", type=Path, help="write the extended simulation model")
 
 
+def _recording(text: str) -> Path:
+    """A path; nothing (a variable of a script that is empty) is not the folder that the command is in."""
+    if not text:
+        raise argparse.ArgumentTypeError("the name of a recording is empty")
+    return Path(text)
+
+
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
-    from raccoon.cli.outputs import check_folders
-    from raccoon.core.errors import TraceError
+    from raccoon.cli.outputs import check_folders, check_not_read
+    from raccoon.core.errors import ConfigError, TraceError
 
-    check_folders(args.json, args.html, args.save_model)
+    outputs = (args.json, args.html, args.save_model)
+    check_folders(*outputs)
+    if args.workers < 0:
+        raise ConfigError(f"--workers {args.workers}: allowed are whole numbers from 0")
     _show_remarks()
     paths = recordings(args.trace)
     if not paths:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
+    check_not_read(outputs, [*paths, *recordings(args.holdout), args.robot, args.model, args.causes])
     if len(paths) == 1:
         _write(args, diagnose_job(job_of(args, paths[0])), paths[0].name)
         return 0
     together = pooled(args, paths)
     if together is None:
+        if args.save_model is not None:
+            raise ConfigError(
+                f"--save-model {args.save_model}: each of the {len(paths)} recordings is diagnosed on its "
+                "own; a model is made from one recording: name one"
+            )
         return run_fleet(args, paths)
     _write(args, together, f"{len(paths)} runs")
     return 0

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+import sys
+import time
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
@@ -12,13 +14,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from raccoon.diagnose.fleet import FleetCause
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
     from raccoon.trace.loading import Run
 
+    Array = NDArray[np.float64]
+
 ENDINGS = (".jsonl", ".jsonl.gz", ".csv", ".mcap", ".mat")
 METADATA = "metadata.csv"
+MOST_REPEATED = 0.1
+"""Share of the samples of a recording that may repeat the time of the one before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +43,15 @@ class Job:
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
-    """The files, those inside folders in the order of their names. Raises FileNotFoundError."""
-    from raccoon.trace.loading import recording_file
+    """The files, those inside folders in the order of their names, run2 before run10; so are files that a
+    shell has put in alphabetical order. Raises FileNotFoundError."""
+    from raccoon.trace.loading import counted, recording_file
 
     found: list[Path] = []
-    for path in map(recording_file, paths):
+    given = list(paths)
+    for path in map(recording_file, sorted(given, key=counted) if given == sorted(given) else given):
         if path.is_dir():
-            inside = sorted(each for each in path.rglob("*") if each.name.endswith(ENDINGS))
+            inside = sorted((each for each in path.rglob("*") if each.name.endswith(ENDINGS)), key=counted)
             found += [each for each in inside if each.name != METADATA]
         elif path.exists():
             found.append(path)
@@ -52,6 +63,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 def diagnose_job(job: Job) -> Diagnosis:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
     from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.core.errors import TraceError
     from raccoon.diagnose.own import load_own
     from raccoon.diagnose.recordings.kinds import diagnose_recording
     from raccoon.trace.loading import load_run
@@ -65,16 +77,40 @@ def diagnose_job(job: Job) -> Diagnosis:
         start = Parameters.from_model_file(job.model)
         robot = start.robot
     recording = loaded.recording
-    return diagnose_recording(
-        recording.columns,
-        robot,
-        holdout=None if job.holdout is None else load_run(job.holdout).recording.columns,
-        model=start,
-        truth_free=job.truth_free,
-        device=recording.device,
-        problems=recording.problems,
-        own=() if job.causes is None else load_own(job.causes),
+    columns, repeated = _once(recording.columns)
+    own = () if job.causes is None else load_own(job.causes)
+    holdout = None if job.holdout is None else _once(load_run(job.holdout).recording.columns)[0]
+    try:
+        return diagnose_recording(
+            columns,
+            robot,
+            holdout=holdout,
+            model=start,
+            truth_free=job.truth_free,
+            device=recording.device,
+            problems=(*recording.problems, *repeated),
+            own=own,
+        )
+    except TraceError as error:  # that of several files it is this one
+        judged = "" if job.holdout is None else f", judged on {job.holdout}"
+        raise TraceError(f"{job.path}{judged}: {error}") from None
+
+
+def _once(columns: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
+    """The columns without samples whose time is that of the one before, as a time that goes back is left out;
+    and what is to be said of it. More than a tenth are no slip of a recorder, and are left to be refused."""
+    import numpy as np
+
+    time = columns["t"]
+    again = np.flatnonzero(np.diff(time) == 0.0) + 1
+    if len(again) == 0 or len(again) > MOST_REPEATED * len(time):
+        return dict(columns), []
+    one = len(again) == 1
+    said = (
+        f"{len(again)} {'sample has' if one else 'samples have'} the time of the one before and "
+        f"{'is' if one else 'are'} left out: the first at {time[again[0]]:.6g} s, row {again[0]}"
     )
+    return {name: np.delete(each, again) for name, each in columns.items()}, [said]
 
 
 def _loaded(path: Path) -> Run:
@@ -109,15 +145,20 @@ def _lost(jobs: Sequence[Job], number: int) -> Diagnosis | str:
 
 
 def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
-    """One diagnosis over runs that are all geometry of one robot; None where they are not."""
+    """One diagnosis over runs that are all geometry of one robot; None where they are not, or where one
+    cannot be read."""
     from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.core.errors import RaccoonError
     from raccoon.diagnose.recordings.geometry import diagnose_geometry
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
     from raccoon.trace.loading import load_run
 
     runs = []
     for path in paths:
-        each = load_run(path)
+        try:
+            each = load_run(path)
+        except (RaccoonError, OSError):  # said with the others' results
+            return None
         own = each.robot or RobotConfig()
         if args.truth_free or kind_of(each.recording.columns, own) is not Kind.GEOMETRY:
             return None
@@ -179,13 +220,44 @@ def job_of(args: argparse.Namespace, path: Path) -> Job:
 
 def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Diagnosis | str]:
     """In their order, on the workers of the sweep where more than one is asked for."""
+    progress = Progress(len(jobs))
+    done: dict[int, Diagnosis | str] = {}
     if args.workers == 1 and args.executor == "processes":
-        return [diagnose_or_reason(each) for each in jobs]
-    from raccoon.sweep.execute import run_all
+        for number, job in enumerate(jobs):
+            done[number] = diagnose_or_reason(job)
+            progress.show(done.values())
+    else:
+        from raccoon.sweep.execute import run_all
 
-    with _crew(args) as crew:
-        done = dict(run_all(partial(_numbered, jobs), range(len(jobs)), crew, partial(_lost, jobs)))
+        with _crew(args) as crew:
+            for number, each in run_all(
+                partial(_numbered, jobs), range(len(jobs)), crew, partial(_lost, jobs)
+            ):
+                done[number] = each
+                progress.show(done.values())
     return [done[number] for number in range(len(jobs))]
+
+
+class Progress:
+    """A line on the standard error output after each recording where that is a terminal, else each tenth."""
+
+    def __init__(self, total: int) -> None:
+        self._total = total
+        self._begun = time.monotonic()
+        self._live = sys.stderr.isatty()
+        self._tenths = 0
+
+    def show(self, found: Collection[Diagnosis | str]) -> None:
+        """Called after each recording with all results so far."""
+        count, failed = len(found), sum(isinstance(each, str) for each in found)
+        tenths = 10 * count // self._total
+        if not self._live and tenths == self._tenths:
+            return
+        self._tenths = tenths
+        left = int((time.monotonic() - self._begun) / count * (self._total - count))
+        text = f"{count}/{self._total} recordings, {failed} failed, {left // 60}:{left % 60:02d} left "
+        start, end = ("\r", "\n" if count == self._total else "") if self._live else ("", "\n")
+        print(f"{start}{text}", file=sys.stderr, end=end, flush=True)
 
 
 def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
 
 HELP = "drive a safe manoeuvre that shows or separates causes, and record it"
+LONGEST = 20.0
+"""S that a drive which is chosen for a cause may last, where nothing is said."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +27,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--within", type=float, default=1.0, help="m, free space around the robot (default 1)"
     )
-    parser.add_argument("--seconds", type=float, default=20.0, help="longest drive in s (default 20)")
+    parser.add_argument(
+        "--seconds",
+        type=float,
+        help=f"s, longest drive (default {LONGEST:g} with --cause; the checkup always takes 40)",
+    )
     parser.add_argument("--simulate", action="store_true", help="drive the simulated robot")
     parser.add_argument(
         "--model", type=Path, help="with --simulate: model.toml of the robot to drive, effects and all"
@@ -59,15 +65,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Raise ConfigError for what would only be found out after the drive, or not at all."""
+    from raccoon.cli.outputs import check_recording
     from raccoon.core.errors import ConfigError
-    from raccoon.trace.record import already_there
 
     for name, value in (("within", args.within), ("seconds", args.seconds)):
-        if not 0.0 < value < math.inf:
+        if value is not None and not 0.0 < value < math.inf:
             raise ConfigError(f"--{name} is {value}: allowed are numbers above 0")
-    there = None if args.record is None else already_there(args.record)
-    if there is not None:
-        raise ConfigError(f"--record {there}: it is there already; choose another name")
+    if args.record is not None:
+        check_recording(args.record)
 
 
 def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
@@ -78,7 +83,13 @@ def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
 
     duty = manoeuvre(name)
     reach = reach_of(robot, duty)
-    print(f"{name}: {len(duty) / RATE:.1f} s, within {reach:.2f} m of where it starts")
+    lasts = len(duty) / RATE
+    print(f"{name}: {lasts:.1f} s, within {reach:.2f} m of where it starts")
+    if args.seconds is not None and lasts > args.seconds:
+        raise ConfigError(
+            f"--seconds {args.seconds:g}: {name} takes {lasts:.1f} s, and is driven whole or not at all; "
+            "allow more, or name a --cause or another --manoeuvre"
+        )
     if reach > args.within:
         raise ConfigError(
             f"--within {args.within:g}: {name} needs {reach:.2f} m of free space around the robot"
@@ -93,18 +104,21 @@ def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment import DECIDES, advise
 
-    advice = advise(robot, args.cause, args.rival, within=args.within, seconds=args.seconds)
+    longest = LONGEST if args.seconds is None else args.seconds
+    advice = advise(robot, args.cause, args.rival, within=args.within, seconds=longest)
     if not advice:
-        raise ConfigError(f"no manoeuvre stays within {args.within} m and {args.seconds} s: allow more")
+        raise ConfigError(f"no manoeuvre stays within {args.within:g} m and {longest:g} s: allow more")
     for each in advice:
         reach = f"reach {each.reach:.2f} m, {each.seconds:.1f} s"
         nearest = f", least told from {each.nearest}" if each.nearest else ""
         print(f"{each.manoeuvre:16s} evidence {each.evidence:7.1f}  {reach}{nearest}")
     if advice[0].evidence < DECIDES:
         print(
-            f"None of them decides ({DECIDES:.0f} is needed): drive it several times into one recording, or "
-            "give a reference such as counted turns."
+            f"None of them decides (from an evidence of {DECIDES:.0f} on a drive does): drive it several "
+            "times into one recording, or give a reference such as counted turns."
         )
+    else:
+        print(f"From an evidence of {DECIDES:.0f} on a drive decides.")
     return advice[0].manoeuvre
 
 

@@ -60,18 +60,20 @@ def build_parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command. Exit status: its own, 2 for bad input, 130 after Ctrl-C."""
     given = list(sys.argv[1:] if argv is None else argv)
-    args = build_parser().parse_args(given)
-    args.given = given
+    name = "raccoon"
     try:
+        args = build_parser().parse_args(given)
+        args.given = given
+        name = f"raccoon {args.command}"
         return int(args.run(args))
     except BrokenPipeError:
         sys.stderr.close()
         return 141
     except (RaccoonError, OSError) as error:
-        print(f"raccoon {args.command}: {_told(error)}", file=sys.stderr)
+        print(f"{name}: {_told(error)}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print(f"raccoon {args.command}: interrupted", file=sys.stderr)
+        print(f"{name}: interrupted", file=sys.stderr)
         return 130
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import is_stream
 
 
 def check_recording(path: Path) -> None:
@@ -23,11 +25,40 @@ def check_recording(path: Path) -> None:
 
 
 def check_folders(*paths: Path | None) -> None:
-    """Raise ConfigError where a file would have no folder, or is one itself; None: nobody asked for it."""
-    for path in paths:
-        if path is None:
-            continue
+    """Raise ConfigError where a file would have no folder, is one itself, cannot be written, or is to hold
+    two things; None: nobody asked for it."""
+    asked = [path for path in paths if path is not None]
+    for path in asked:
         if not path.absolute().parent.is_dir():
             raise ConfigError(f"{path}: there is no folder {path.parent}")
         if path.is_dir():
             raise ConfigError(f"{path}: it is a folder; name a file")
+        if not _can_be_written(path):
+            raise ConfigError(f"{path}: nothing can be written there: no permission")
+    for number, path in enumerate(asked):
+        if any(_same(path, each) for each in asked[:number]):
+            raise ConfigError(f"{path}: two results are to be written into it; name two files")
+
+
+def check_not_read(outputs: Sequence[Path | None], inputs: Iterable[Path | None]) -> None:
+    """Raise ConfigError where an output would replace what the command reads; None: nobody asked for it."""
+    read = [path for path in inputs if path is not None]
+    for path in outputs:
+        if path is not None and any(_same(path, each) for each in read):
+            raise ConfigError(f"{path}: this command reads it; choose another name for what it writes")
+
+
+def _can_be_written(path: Path) -> bool:
+    if is_stream(path):
+        return os.access(path, os.W_OK)
+    folder = Path(os.path.realpath(path)).parent
+    return folder.is_dir() and os.access(folder, os.W_OK)
+
+
+def _same(one: Path, other: Path) -> bool:
+    """Whether two names are one file, also by links; a device takes any number of results."""
+    if is_stream(one):
+        return False
+    if one.exists() and other.exists():
+        return one.samefile(other)
+    return os.path.realpath(one) == os.path.realpath(other)

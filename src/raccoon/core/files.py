@@ -3,25 +3,68 @@
 from __future__ import annotations
 
 import os
+import stat
+import sys
 import tempfile
 from pathlib import Path
+
+MOST_LINKS = 40
+"""Links that lead from one to the next before they count as a ring, as the system has it."""
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
     """Write or replace a file in one step; one that is there keeps its permissions.
 
     The content is on the disk before the name is: whatever ends the program, or the battery, a reader finds
-    the old file or the new one. Raises OSError where the folder cannot be written to.
+    the old file or the new one. A link stays one, and what it points to is replaced. What is no plain file
+    (a device, a pipe, /dev/stdout) is written to as it is. Raises OSError, of the path that was given, where
+    it cannot be written.
     """
     data = content.encode("utf-8") if isinstance(content, str) else content
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    if is_stream(path):
+        _write_on(path, data)
+        return
+    target = Path(os.path.realpath(path))
+    try:
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    except OSError as error:  # nobody has heard of the temporary file
+        raise OSError(error.errno, error.strerror, str(path)) from None
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()
             os.fsync(file.fileno())
-        os.chmod(temporary, path.stat().st_mode & 0o7777 if path.exists() else 0o644)
-        os.replace(temporary, path)
+        os.chmod(temporary, target.stat().st_mode & 0o7777 if target.exists() else 0o644)
+        os.replace(temporary, target)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def is_stream(path: Path) -> bool:
+    """Whether a path is no plain file to replace: a device, a pipe, or a file that is open already, such as
+    /dev/stdout."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)) or _descriptor(path) is not None
+
+
+def _write_on(path: Path, data: bytes) -> None:
+    """Write to what is there. An open file goes on where it is, or one would overwrite the other."""
+    number = _descriptor(path)
+    sys.stdout.flush()
+    with path.open("wb") if number is None else os.fdopen(os.dup(number), "wb") as file:
+        file.write(data)
+
+
+def _descriptor(path: Path) -> int | None:
+    """The number of the open file that a path leads to; None for any other."""
+    for _ in range(MOST_LINKS):
+        if os.path.realpath(path.parent) == f"/proc/{os.getpid()}/fd" and path.name.isdecimal():
+            return int(path.name)
+        if not path.is_symlink():
+            return None
+        path = path.parent / path.readlink()
+    return None

@@ -15,7 +15,7 @@ for more than it would in the search.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -38,7 +38,7 @@ from raccoon.diagnose.select.outlook import MOST_OF_EVENT
 from raccoon.diagnose.select.visible import VISIBLE, shows_from
 from raccoon.diagnose.whitening import faint_parts, regimes_of
 from raccoon.sim.chain import Chain
-from raccoon.sim.effects import effect
+from raccoon.sim.effects import all_effects, effect
 
 Array = NDArray[np.float64]
 
@@ -84,12 +84,15 @@ def advise(
     """Manoeuvres by the evidence they would give for `cause` against `rivals` (names such as id@left).
 
     within: m, how far from its start the robot may get. seconds: the longest drive. size: of the deviation
-    that is looked for, in usual ones. Raises ConfigError for an unknown cause.
+    that is looked for, in usual ones. Raises ConfigError for a cause that is unknown, that no drive shows or
+    that is its own rival.
     """
     known = {each.name for each in drive_causes()}
     for name in (cause, *rivals):
         if name not in known:
-            raise ConfigError(f"cause {name!r}: there is none of that name; see raccoon effects")
+            raise ConfigError(f"cause {name!r}: {_why_not(name, known)}")
+    if cause in rivals:
+        raise ConfigError(f"rival {cause!r}: it is the cause itself; name another one")
     found = []
     for name, make in MANOEUVRES.items():
         duty = make()
@@ -101,6 +104,22 @@ def advise(
             evidence, nearest = Plan.of(robot, duty).evidence(cause, rivals, size)
             found.append(Advice(name, evidence, reach, lasts, nearest))
     return sorted(found, key=lambda each: -each.evidence)
+
+
+def _why_not(name: str, known: Collection[str]) -> str:
+    """Why no drive is planned for a name, which may be one of the catalogue all the same."""
+    id_, _, where = name.partition("@")
+    catalogue = {each.id for each in all_effects()}
+    if id_.startswith("tophat.") and id_ in catalogue:
+        return "no drive shows it; hold the tophats over black and over white while recording"
+    if where and id_ in known and f"{id_}@left" not in known:
+        return f"it belongs to the whole robot and has no side; name {id_}"
+    if f"{id_}@left" in known:
+        sides = f"{id_}@left or {id_}@right"
+        return f"it has a side; name {id_ + ', ' if id_ in known else ''}{sides}"
+    if id_ in catalogue:
+        return "no drive that is known shows it"
+    return "there is none of that name; see raccoon effects"
 
 
 @dataclass(frozen=True)

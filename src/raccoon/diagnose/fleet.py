@@ -9,11 +9,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from raccoon.diagnose.fleet_changes import Change, Form, change_of
+from raccoon.diagnose.fleet_changes import Change, Form, change_of, levels
 from raccoon.diagnose.result import Diagnosis, ParameterResult
 
 COMMON_SHARE = 0.6
 FAR = 4.0
+SPREAD = 1.4826
+"""Standard deviation of normal numbers over their median distance from the middle."""
 FEWEST_FOR_OUTLIERS = 4
 WORN: Mapping[str, str] = {
     "battery.internal_resistance": "a battery ages",
@@ -94,29 +96,33 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
     first = next(iter(found.values()))
     series = [found[each].value if each in found else first.nominal for each in results]
     stds = [found[each].std if each in found else float("nan") for each in results]
-    values, own_stds = [each.value for each in found.values()], [each.std for each in found.values()]
+    change = change_of(series, stds)
     return FleetCause(
         name,
         share,
         tuple(found),
-        tuple(values),
-        _outliers(tuple(found), values, own_stds),
-        tuple(own_stds),
+        tuple(each.value for each in found.values()),
+        _outliers(found, list(results), series, change),
+        tuple(each.std for each in found.values()),
         first.nominal,
         first.unit,
-        change_of(series, stds),
+        change,
     )
 
 
-def _outliers(names: Sequence[str], values: Sequence[float], stds: Sequence[float]) -> tuple[str, ...]:
-    if len(values) < 2:
+def _outliers(
+    found: Mapping[str, ParameterResult], every: Sequence[str], series: Sequence[float], change: Change | None
+) -> tuple[str, ...]:
+    """Recordings whose number is far from the others'; where it jumps, from those on the same side, and where
+    it creeps, from the line. every, series: all recordings and their numbers, NaN where unknown."""
+    if len(found) < 2:
         return ()
-    array = np.asarray(values, float)
-    middle = float(np.median(array))
-    spread = 1.4826 * float(np.median(np.abs(array - middle)))
-    limit = FAR * np.sqrt(spread**2 + np.nan_to_num(np.asarray(stds, float)) ** 2)
-    far = np.abs(array - middle) > limit
-    return tuple(name for name, odd in zip(names, far, strict=True) if odd)
+    values, stds = (np.array([getattr(each, key) for each in found.values()]) for key in ("value", "std"))
+    rows = np.array([every.index(each) for each in found])
+    left = values - levels(rows, values, np.flatnonzero(np.isfinite(series)), change)
+    spread = SPREAD * float(np.median(np.abs(left)))
+    far = np.abs(left) > FAR * np.sqrt(spread**2 + np.nan_to_num(stds) ** 2)
+    return tuple(name for name, odd in zip(found, far, strict=True) if odd)
 
 
 def fleet_numbers(results: Mapping[str, Diagnosis]) -> list[FleetNumber]:
@@ -130,13 +136,17 @@ def fleet_numbers(results: Mapping[str, Diagnosis]) -> list[FleetNumber]:
         found = {key: each for key, each in found.items() if each.unit == unit}
         if len(found) < FEWEST_FOR_OUTLIERS:
             continue
-        values, stds = [each.value for each in found.values()], [each.std for each in found.values()]
+        values, stds = (np.array([getattr(each, key) for each in found.values()]) for key in ("value", "std"))
         middle = float(np.median(values))
-        spread = 1.4826 * float(np.median(np.abs(np.asarray(values) - middle)))
+        spread = SPREAD * float(np.median(np.abs(values - middle)))
+        known = stds[np.isfinite(stds)]
+        if spread == 0.0 and len(known):  # most are equal to the last digit, which says nothing of one
+            spread = float(np.median(known))
         series = [found[each].value if each in found else float("nan") for each in results]
         errors = [found[each].std if each in found else float("nan") for each in results]
-        outliers = _outliers(tuple(found), values, stds)
-        numbers.append(FleetNumber(name, unit, middle, spread, outliers, change_of(series, errors)))
+        change = change_of(series, errors)
+        outliers = _outliers(found, list(results), series, change)
+        numbers.append(FleetNumber(name, unit, middle, spread, outliers, change))
     return numbers
 
 

@@ -57,6 +57,20 @@ def change_of(values: Sequence[float], stds: Sequence[float]) -> Change | None:
     return trend[0] if trend[1] < step[1] else _stepped(known, y, step)
 
 
+def levels(rows: NDArray[np.intp], values: Array, known: NDArray[np.intp], change: Change | None) -> Array:
+    """What each value (of a row of the series) would be without its scatter: the median of all, or of its
+    side of a step, or the trend. known: rows of the series that have a value."""
+    if change is not None and change.form is Form.TREND:
+        share = np.searchsorted(known, rows) / max(len(known) - 1, 1)
+        return np.asarray(change.before + (change.after - change.before) * share, float)
+    after = rows >= (0 if change is None else change.first)
+    found = np.empty(len(values))
+    for side in (after, ~after):
+        if side.any():
+            found[side] = np.median(values[side])
+    return found
+
+
 def _stepped(known: NDArray[np.intp], y: Array, step: tuple[int, float] | None) -> Change | None:
     if step is None:
         return None

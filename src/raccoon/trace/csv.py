@@ -25,6 +25,9 @@ MAX_BYTES = 1 << 30
 MAX_LINE = 1 << 20
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
+KIND_BYTES = 4096
+MOST_ODD = 4
+"""Letters of a header that are no UTF-8: an old program may have written a few."""
 EVENT = "event"
 _SURFACE = re.compile(r"truth\.surface\.\d+")
 _COLORS = {"black": 1.0, "white": 0.0}
@@ -37,13 +40,15 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
     """Read a recording from CSV.
 
     strict: raise TraceError at the first bad row or value, naming line, column and value. Otherwise a bad
-    value is left blank, a bad row left out, and each is listed in `Recording.problems`. A file that has no
+    value is left blank, a bad row and a last one without an end left out, and each is listed in
+    `Recording.problems`. A file that has no
     usable header, is too large or is wrong almost everywhere is refused in any case.
     """
     path = Path(path)
     try:
         if path.stat().st_size > MAX_BYTES:
             raise TraceError(f"the file has more than {MAX_BYTES} bytes")
+        _check_kind(path)
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             return _Reader(file, strict).recording()
     except (TraceError, csv.Error) as error:
@@ -52,7 +57,8 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
 
 class _Reader:
     def __init__(self, file: IO[str], strict: bool) -> None:
-        self._rows = csv.reader(_bounded_lines(file), strict=True)
+        self._rows = csv.reader(self._bounded_lines(file), strict=True)
+        self._cut = False
         self._strict = strict
         self._problems: list[str] = []
         self._events: list[Event] = []
@@ -82,6 +88,9 @@ class _Reader:
     def _row(self, names: list[str], cells: list[str], last: float) -> dict[str, float] | None:
         if not cells:
             return None  # an empty line
+        if self._cut and not self._strict:
+            self._report("the line has no end: the file may be cut off in it, so it is left out")
+            return None
         if len(cells) != len(names):
             self._report(f"{len(cells)} values where the header names {len(names)} columns")
             return None
@@ -115,6 +124,13 @@ class _Reader:
         for name, value in row.items():
             columns[name].append(value)
 
+    def _bounded_lines(self, file: IO[str]) -> Iterator[str]:
+        while line := file.readline(MAX_LINE):
+            if len(line) == MAX_LINE:
+                raise TraceError(f"a line is longer than {MAX_LINE} characters")
+            self._cut = not line.endswith(("\n", "\r"))
+            yield line
+
     def _report(self, problem: str) -> None:
         said = f"line {self._rows.line_num}, {problem}"
         if self._strict:
@@ -124,11 +140,24 @@ class _Reader:
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}")
 
 
-def _bounded_lines(file: IO[str]) -> Iterator[str]:
-    while line := file.readline(MAX_LINE):
-        if len(line) == MAX_LINE:
-            raise TraceError(f"a line is longer than {MAX_LINE} characters")
-        yield line
+def _check_kind(path: Path) -> None:
+    """Raise TraceError for what is no CSV, by how it begins: its first line would be shown as a header."""
+    with path.open("rb") as file:
+        start = file.read(KIND_BYTES)
+    if start.startswith((b"\x1f\x8b", b"PK\x03\x04")):
+        raise TraceError("the file is packed: unpack it first")
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")) or start[1:40:2].count(0) > 8:
+        raise TraceError("the text is UTF-16: save it as UTF-8")
+    if start.lstrip().startswith(b"{"):
+        raise TraceError("it looks like JSON Lines, not CSV: name it .jsonl")
+    line = start.partition(b"\n")[0]
+    if b"\0" in line or line.decode("utf-8", "replace").count("\ufffd") > MOST_ODD:
+        raise TraceError("it is no text: a CSV file begins with the names of its columns")
+    for sign, name in ((b";", "semicolons"), (b"\t", "tabs")):
+        if sign in line and b"," not in line:
+            raise TraceError(
+                f"line 1: the columns are separated by {name}: commas are expected, and 0.5 for a half"
+            )
 
 
 def _header(names: list[str]) -> list[str]:

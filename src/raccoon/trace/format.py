@@ -52,14 +52,19 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """Where a recording stops being one: line of the file (1 first), number of the first lost cycle, why."""
+    """Where a recording stops being one: line of the file (1 first), number of the first lost cycle, why.
+
+    unread: lines after it, which nobody vouches for.
+    """
 
     line: int
     tick: int
     reason: str
+    unread: int = 0
 
     def __str__(self) -> str:
-        return f"line {self.line}, tick {self.tick}: {self.reason}"
+        lost = f"; what comes after it is not used ({self.unread} lines)" if self.unread else ""
+        return f"line {self.line}, tick {self.tick}: {self.reason}{lost}"
 
 
 @dataclass(slots=True)
@@ -102,10 +107,13 @@ class _Reader:
 
     def trace(self) -> Trace:
         lines = self._lines()
+        first = b"{}"
         try:
-            trace = Trace(parse_header(parse_line(next(lines, b"{}"))))
+            first = next(lines, first)
+            trace = Trace(parse_header(parse_line(first)))
         except TraceError as error:
-            raise TraceError(f"line {max(self._line, 1)}: {error}") from None
+            hint = "; it looks like CSV: name it .csv" if first.startswith(b"t,") else ""
+            raise TraceError(f"line {max(self._line, 1)}: {error}{hint}") from None
         try:
             for line in lines:
                 if (end := self._take(parse_line(line), trace)) is not None:
@@ -113,8 +121,19 @@ class _Reader:
                     return trace
             raise TraceError("the recording was not closed: it has no last line")
         except TraceError as error:
-            trace.damage = Damage(self._line, len(trace.ticks), str(error))
+            place = self._line  # reading on counts on
+            trace.damage = Damage(place, len(trace.ticks), str(error), self._rest(lines))
             return trace
+
+    def _rest(self, lines: Iterator[bytes]) -> int:
+        """How many whole lines there are after the damage, as far as they can be read."""
+        count = 0
+        try:
+            for _ in lines:
+                count += 1
+        except TraceError:  # the end of what can be read, such as a cut
+            pass
+        return count
 
     def _lines(self) -> Iterator[bytes]:
         total = 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -53,8 +54,16 @@ def recording_file(path: str | Path) -> Path:
     return path if path.exists() else already_there(path) or path
 
 
+def counted(path: Path) -> list[list[tuple[int, str]]]:
+    """A key that sorts paths with the numbers in them by their size: run2 before run10."""
+    return [
+        [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name) if part]
+        for name in path.parts
+    ]
+
+
 def _recordings(folder: Path) -> Iterator[Path]:
-    for path in sorted(folder.iterdir()):
+    for path in sorted(folder.iterdir(), key=counted):
         if path.is_dir() or _is_recording(path):
             yield path
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import sys
 import tomllib
 from datetime import date
@@ -15,6 +16,7 @@ import pytest
 import raccoon
 from blind.generator import make
 from csv_files import written
+from raccoon.cli.diagnose_many import recordings
 from raccoon.cli.main import main
 from unit.diagnose.axes import motor
 
@@ -94,6 +96,78 @@ def test_a_file_that_cannot_be_written_is_said_before_the_work(
     assert "it is a folder" in capsys.readouterr().err
 
 
+def test_a_bad_file_that_comes_first_stops_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("")
+    written(tmp_path / "motor.csv", motor(5, 0.008))
+    assert main(["diagnose", str(tmp_path)]) == 0
+    said = capsys.readouterr()
+    assert "a.csv: no diagnosis" in said.out
+    assert "motor.csv: " in said.out
+    assert said.err.splitlines()[-1].startswith("2/2 recordings, 1 failed, 0:00 left")
+
+
+def test_runs_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    for number in (1, 10, 2):
+        (tmp_path / f"run{number}.csv").write_text("")
+    names = ["run1.csv", "run2.csv", "run10.csv"]
+    assert [each.name for each in recordings([tmp_path])] == names
+    assert [each.name for each in recordings(sorted(tmp_path.iterdir()))] == names  # as a shell gives them
+    mine = [tmp_path / each for each in ("run10.csv", "run1.csv", "run2.csv")]
+    assert recordings(mine) == mine
+
+
+@pytest.mark.parametrize("option", ["--json", "--html", "--save-model"])
+def test_what_is_read_is_not_overwritten(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, link, robot = tmp_path / "run.csv", tmp_path / "link.csv", tmp_path / "robot.toml"
+    path.write_text("t\n0\n")
+    robot.write_text("")
+    link.symlink_to(path)
+    for out in (path, link, robot):
+        assert main(["diagnose", str(path), "--robot", str(robot), option, str(out)]) == 2
+        assert f"{out}: this command reads it" in capsys.readouterr().err
+    assert main(["diagnose", str(path), "--holdout", str(link), option, str(link)]) == 2
+    assert path.read_text() == "t\n0\n"
+
+
+def test_two_results_need_two_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "out"
+    assert main(["diagnose", str(tmp_path / "never-read.csv"), "--json", str(out), "--html", str(out)]) == 2
+    assert f"{out}: two results are to be written into it" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "access", lambda path, _mode: Path(path) != tmp_path)
+    assert main(["diagnose", str(tmp_path / "never-read.csv"), "--json", str(tmp_path / "out.json")]) == 2
+    assert f"{tmp_path / 'out.json'}: nothing can be written there" in capsys.readouterr().err
+
+
+def test_many_recordings_give_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
+    model = tmp_path / "model.toml"
+    assert main(["diagnose", *map(str, paths), "--save-model", str(model)]) == 2
+    assert f"--save-model {model}: each of the 2 recordings" in capsys.readouterr().err
+    assert not model.exists()
+
+
+def test_a_count_of_workers_is_not_negative(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["diagnose", str(tmp_path / "never-read.csv"), "--workers", "-3"]) == 2
+    assert "--workers -3: allowed are whole numbers from 0" in capsys.readouterr().err
+
+
+def test_an_empty_name_is_not_the_folder_that_the_command_is_in(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["diagnose", ""])
+    assert "the name of a recording is empty" in capsys.readouterr().err
+
+
 def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
     (tmp_path / "empty.csv").write_text("")
@@ -148,7 +222,24 @@ def test_what_cannot_be_read_is_one_clear_line(
     assert main(["diagnose", str(path)]) == 2
     captured = capsys.readouterr().err
     assert said in captured
+    assert str(path) in captured
     assert captured.count("\n") == 1
+
+
+def test_a_time_that_comes_twice_costs_its_sample_only(
+    drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = np.insert(np.arange(len(drive["t"])), 500, 499)
+    path = written(tmp_path / "run.csv", {name: each[again] for name, each in drive.items()})
+    assert main(["diagnose", str(path)]) == 0
+    said = capsys.readouterr().out
+    assert (
+        f"1 sample has the time of the one before and is left out: the first at {drive['t'][499]:.6g}" in said
+    )
+    every = np.repeat(np.arange(len(drive["t"])), 2)
+    path = written(tmp_path / "run.csv", {name: each[every] for name, each in drive.items()})
+    assert main(["diagnose", str(path)]) == 2
+    assert f"{path}: t goes from" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,8 @@ def test_the_advice_names_the_nearest_rival(robot_toml: Path, capsys: pytest.Cap
     assert "least told from" in said.splitlines()[0]
     evidence = [float(each) for each in re.findall(r"evidence +([\d.]+)", said)]
     assert evidence == sorted(evidence, reverse=True)
-    assert evidence[0] > 0.0
+    assert evidence[0] > 30.0
+    assert said.endswith("From an evidence of 30 on a drive decides.\n")
 
 
 def test_a_fault_that_was_rehearsed_is_found(
@@ -115,6 +116,26 @@ def test_room_and_time_are_numbers_above_0(
 ) -> None:
     assert main(["excite", "--robot", str(robot_toml), *wrong]) == 2
     assert f"{wrong[0]} is {float(wrong[1])}: allowed are numbers above 0" in capsys.readouterr().err
+
+
+def test_a_drive_that_lasts_longer_than_allowed_is_not_driven(
+    robot_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = tmp_path / "run.jsonl.gz"
+    command = ["excite", "--robot", str(robot_toml), "--simulate", "--seconds", "20", "--record", str(run)]
+    assert main(command) == 2
+    assert "--seconds 20: checkup takes 39.6 s" in capsys.readouterr().err
+    assert not run.exists()
+
+
+def test_an_evidence_that_does_not_decide_is_said_not_to(
+    robot_toml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["excite", "--robot", str(robot_toml), "--cause", "drive.inertia", "--within", "0.01"]
+    assert main(command) == 0
+    spin, said = capsys.readouterr().out.splitlines()
+    assert spin.startswith("spin")
+    assert "None of them decides (from an evidence of 30 on" in said
 
 
 def test_a_rival_of_nothing_is_refused(robot_toml: Path, capsys: pytest.CaptureFixture[str]) -> None:

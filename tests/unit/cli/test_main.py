@@ -44,6 +44,17 @@ def test_ctrl_c_is_status_130(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     assert capsys.readouterr().err == "raccoon init: interrupted\n"
 
 
+def test_an_interruption_while_the_commands_are_found_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("raccoon.cli.init.configure", interrupted)
+    assert main(["init"]) == 130
+    assert capsys.readouterr().err == "raccoon: interrupted\n"
+
+
 def test_init_writes_a_file_that_can_be_read_and_never_overwrites(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

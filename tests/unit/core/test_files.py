@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -41,3 +42,52 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(
         write_atomically(path, "after")
     assert path.read_text() == "before"
     assert os.listdir(tmp_path) == ["robot.toml"]
+
+
+def test_a_link_stays_and_what_it_points_to_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    target, link, new = tmp_path / "there" / "out.json", tmp_path / "link", tmp_path / "new"
+    target.write_text("before")
+    link.symlink_to(target)
+    new.symlink_to(tmp_path / "there" / "new.json")
+    write_atomically(link, "after")
+    write_atomically(new, "new")
+    assert link.is_symlink()
+    assert target.read_text() == "after"
+    assert (tmp_path / "there" / "new.json").read_text() == "new"
+    assert sorted(os.listdir(tmp_path / "there")) == ["new.json", "out.json"]
+
+
+def test_a_pipe_is_written_to_and_stays_one(tmp_path: Path) -> None:
+    pipe, link = tmp_path / "pipe", tmp_path / "link"
+    os.mkfifo(pipe)
+    link.symlink_to(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        write_atomically(pipe, "through ")
+        write_atomically(link, "the pipe")
+        assert os.read(reader, 100) == b"through the pipe"
+    finally:
+        os.close(reader)
+    assert pipe.is_fifo()
+    assert link.is_symlink()
+
+
+def test_a_file_that_is_open_is_written_on(tmp_path: Path) -> None:
+    path = tmp_path / "stdout.txt"
+    with path.open("w") as file:
+        file.write("said before\n")
+        file.flush()
+        write_atomically(Path(f"/dev/fd/{file.fileno()}"), "a result\n")
+        file.write("said after\n")
+    assert path.read_text() == "said before\na result\nsaid after\n"
+
+
+def test_a_refusal_names_the_path_that_was_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: object) -> None:
+        raise PermissionError(13, "Permission denied", str(tmp_path / ".out.json.x.part"))
+
+    monkeypatch.setattr(tempfile, "mkstemp", refuse)
+    with pytest.raises(PermissionError) as refused:
+        write_atomically(tmp_path / "out.json", "after")
+    assert refused.value.filename == str(tmp_path / "out.json")

@@ -76,3 +76,24 @@ def test_an_unknown_name_is_refused() -> None:
         advise(ROBOT, "moon phase")
     with pytest.raises(ConfigError, match="pirouette"):
         manoeuvre("pirouette")
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("tophat.gain@0", "no drive shows it; hold the tophats over black and over white"),
+        ("drive.track_width@left", "has no side; name drive.track_width"),
+        ("drive.wheel_eccentricity", "it has a side; name drive.wheel_eccentricity@left or"),
+        ("bemf.scale@2", "it has a side; name bemf.scale, bemf.scale@left or bemf.scale@right"),
+        ("tophat.moon", "there is none of that name"),
+    ],
+)
+def test_a_name_that_no_drive_shows_is_refused_with_the_reason(name: str, why: str) -> None:
+    for asked in ((name, ()), ("drive.inertia", [name])):
+        with pytest.raises(ConfigError, match=why):
+            advise(ROBOT, *asked)
+
+
+def test_a_cause_is_no_rival_of_itself() -> None:
+    with pytest.raises(ConfigError, match=r"rival 'imu.latency': it is the cause itself"):
+        advise(ROBOT, "imu.latency", ["drive.backlash", "imu.latency"])

@@ -112,3 +112,34 @@ def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_pat
     table = json.loads(json.dumps(fleet_dict(weeks, causes)))
     assert set(table) == {"recordings", "causes", "numbers"}
     assert table["causes"][0]["change"]["form"] == "trend"
+
+
+def test_the_fewer_before_a_change_are_not_odd_ones_out() -> None:
+    values = [1.001, 1.003, 1.002, 1.064, 1.060, 1.062, 1.061, 1.063]
+    fleet = {f"run{i}": diagnosis(cause("bemf.scale", each), back_emf=each) for i, each in enumerate(values)}
+    (scale,), (motor,) = common_causes(fleet), fleet_numbers(fleet)
+    for each in (scale, motor):
+        assert each.change is not None
+        assert (each.change.form, each.change.first) == (Form.STEP, 3)
+        assert each.outliers == ()
+    fleet["run1"] = diagnosis(cause("bemf.scale", 1.3), back_emf=1.003)
+    assert "run1" in common_causes(fleet)[0].outliers
+
+
+def test_one_that_does_not_creep_with_the_others_is_far_from_them() -> None:
+    values = [0.06 + 0.02 * week for week in range(12)]
+    values[4] += 0.05
+    fleet = {
+        f"week{i}": diagnosis(cause("battery.internal_resistance", each)) for i, each in enumerate(values)
+    }
+    (battery,) = common_causes(fleet)
+    assert battery.change is not None
+    assert battery.change.form is Form.TREND
+    assert battery.outliers == ("week4",)
+
+
+def test_equal_numbers_have_the_deviation_of_one() -> None:
+    fleet = {str(i): diagnosis(back_emf=1.08) for i in range(5)}
+    (motor,) = fleet_numbers(fleet)
+    assert motor.spread == 0.003
+    assert "1.08 +- 0.003" in fleet_report(fleet, [])

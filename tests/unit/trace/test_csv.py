@@ -1,3 +1,4 @@
+import gzip
 import math
 from pathlib import Path
 
@@ -127,6 +128,40 @@ def test_a_file_that_is_no_recording_is_refused(
         message = "line 2"
     with pytest.raises(TraceError, match=message):
         read_csv(write(tmp_path / "run.csv", text), strict=strict)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (gzip.compress(b"t,x\n0,1\n"), "the file is packed: unpack it first"),
+        (b"PK\x03\x04" + bytes(100), "the file is packed"),
+        ("t,x\n0,1\n".encode("utf-16"), "UTF-16: save it as UTF-8"),
+        ("t,motor.0.bemf,motor.1.bemf\n".encode("utf-16-le"), "UTF-16: save it as UTF-8"),
+        (b'{"format":"raccoon trace","version":1}\n', "name it .jsonl"),
+        (bytes(range(128, 256)), "it is no text"),
+        (b"t\0x\n", "it is no text"),
+        (b"t;x\n0,5;1\n", "line 1: the columns are separated by semicolons: commas are expected"),
+        (b"t\tx\n0\t1\n", "separated by tabs"),
+    ],
+)
+def test_what_is_no_csv_is_named(tmp_path: Path, content: bytes, message: str) -> None:
+    path = tmp_path / "run.csv"
+    path.write_bytes(content)
+    with pytest.raises(TraceError) as caught:
+        read_csv(path, strict=False)
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+    assert str(caught.value).isascii()  # none of the bytes is shown
+
+
+def test_a_last_line_without_an_end_may_be_cut_off(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "t,x\n0,12\n1,1")
+    recording = read_csv(path, strict=False)
+    np.testing.assert_array_equal(recording["x"], [12.0])
+    assert recording.problems == [
+        "line 3, the line has no end: the file may be cut off in it, so it is left out"
+    ]
+    np.testing.assert_array_equal(read_csv(path)["x"], [12.0, 1.0])
 
 
 def test_bytes_that_are_no_text_are_reported(tmp_path: Path) -> None:

@@ -57,13 +57,25 @@ def test_packed_file_with_a_wrong_byte_says_where(tmp_path: Path) -> None:
     assert read_trace(path).damage is not None
 
 
+def test_how_much_comes_after_the_damage_is_said(tmp_path: Path) -> None:
+    lines = lines_of(record(tmp_path / "run", 20))
+    path = tmp_path / "bad.jsonl"
+    path.write_bytes(b"".join([*lines[:8], b"oops\n", *lines[9:]]))
+    trace = read_trace(path)
+    assert trace.damage is not None
+    assert (trace.damage.line, trace.damage.tick) == (9, 6)
+    assert str(trace.damage).endswith(f"; what comes after it is not used ({len(lines) - 9} lines)")
+    path.write_bytes(b"".join(lines[:8]) + b"oops")
+    assert "not used" not in str(read_trace(path).damage)
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
         (b"", "must say 'raccoon trace'"),
         (b"\n", "not JSON"),
         (b"[1]\n", "not a table"),
-        (b"t,motor.0.duty\n", "not JSON"),
+        (b"t,motor.0.duty\n", "not JSON.*; it looks like CSV: name it .csv"),
         (b"\x00\xff\xfe\n", "not JSON"),
         (b'{"format":"raccoon trace"', "cut off"),
         (b'{"format":"raccoon trace","version":99}\n', "version is 99"),

@@ -12,15 +12,19 @@ from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_
 from raccoon.diagnose.reports.terminal import (
     UNKNOWABLE,
     VERDICTS,
+    advice,
     change_text,
+    evidence_text,
     left_text,
     made_up,
+    probability_text,
     reasons,
     rest_text,
     shape_text,
     terminal_report,
     with_deviation,
 )
+from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_CURVES = 6
@@ -35,15 +39,18 @@ def save_html(diagnosis: Diagnosis, path: str | Path, title: str) -> None:
 
 def page(diagnosis: Diagnosis, title: str) -> str:
     """The report as text. Raises ConfigError where jinja2 or matplotlib is not installed."""
-    why = reasons(diagnosis.rejected)
+    why = reasons(diagnosis)
     text: str = template("report.html").render(
         title=title,
         diagnosis=diagnosis,
         verdict=str(diagnosis.verdict).replace("_", " "),
         headline=_headline(diagnosis),
         sentence=VERDICTS[diagnosis.verdict].rstrip(":.") + ".",
+        told=[told(each) for each in diagnosis.causes],
         todo=[_todo(each) for each in diagnosis.causes],
-        remarks=[made_up(each, diagnosis) for each in diagnosis.causes],
+        judged=[made_up(each, diagnosis) or _judged(each) for each in diagnosis.causes],
+        sure=[probability_text(each) for each in diagnosis.causes],
+        advice=advice(diagnosis),
         changes=[change_text(each) for each in diagnosis.causes],
         errors=png(error_figure(diagnosis)) if diagnosis.channels else None,
         rest=[rest_text(diagnosis, each) for each in diagnosis.channels],
@@ -87,10 +94,16 @@ def _wrong(cause: CauseResult) -> str:
     """What is wrong, and what else it may be."""
     others = ", ".join(cause.confounded_with)
     instead = f"; or {'one of ' * (len(cause.confounded_with) > 1)}{others} acts instead" if others else ""
-    return f"{cause.explanation.partition(': ')[0]}{instead}."
+    return f"{told(cause).what}{instead}."
+
+
+def _judged(cause: CauseResult) -> str:
+    """What data that was not fitted says of a cause, and how much of all that could be gained that is."""
+    share = round(100.0 * cause.gain.share)
+    return f"{evidence_text(cause)}: {share} % of what could be gained" if share else evidence_text(cause)
 
 
 def _todo(cause: CauseResult) -> str:
     """The part that says what to do; nothing about what does not matter."""
-    advice = "" if cause.little else cause.explanation.partition(": ")[2]
-    return advice[:1].upper() + advice[1:]
+    advice = "" if cause.little else told(cause).todo
+    return f"{advice[:1].upper()}{advice[1:]}." if advice else ""

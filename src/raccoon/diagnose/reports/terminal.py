@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
@@ -12,7 +13,6 @@ from raccoon.diagnose.result import (
     Curve,
     Diagnosis,
     ParameterResult,
-    Rejected,
     Shape,
     Unexplained,
     Verdict,
@@ -33,6 +33,17 @@ MADE_UP = 1.05
 """Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
 UNKNOWABLE = "not "
 """How the reason of a cause begins that this recording cannot show at all."""
+NO_GAIN = 1.005
+"""Times the error with a cause, up to which data that was kept for judging does not show it."""
+RECORD_AGAIN = (
+    "drive the checkup and diagnose that (raccoon excite --record again.jsonl.gz; a single motor or axis: "
+    "steps and reversals at several speeds); if that is unknown as well, compare ports, signs and units in "
+    "robot.toml with the robot"
+)
+"""What to do where nothing is known of what is wrong."""
+_ANY_SIZE = re.compile(r"; would show from about .*")
+_BEYOND_ALL = re.compile(r"; would show from about [\d.]+e\+(?:0[3-9]|[1-9]\d)\b.*")
+"""A size that no robot has: it says no more than that nothing would show."""
 
 
 def terminal_report(diagnosis: Diagnosis) -> str:
@@ -57,14 +68,14 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     for each in diagnosis.channels:
         numbers = f"{each.rmse_before:9.4g} -> {each.rmse_after:9.4g}   ({each.noise_floor:.4g} {each.unit})"
         yield f"  {each.name:18s} {numbers}{_when(diagnosis, each)}"
-    if any(reason.startswith(UNKNOWABLE) for reason in reasons(diagnosis.rejected)):
+    if any(reason.startswith(UNKNOWABLE) for reason in reasons(diagnosis)):
         yield ""
         yield "What this recording cannot show:"
-    for reason, ids in reasons(diagnosis.rejected).items():
+    for reason, ids in reasons(diagnosis).items():
         if reason.startswith(UNKNOWABLE):
             yield f"  {', '.join(ids)}: {reason}"
     yield ""
-    for text in diagnosis.suggested_manoeuvres:
+    for text in advice(diagnosis):
         yield f"To learn more: {text}."
     for text in diagnosis.notes:
         yield f"Note: {text}" if text.endswith("?") else f"Note: {text}."
@@ -110,12 +121,28 @@ def _course(diagnosis: Diagnosis, channel: ChannelResult) -> Curve | None:
     return next((each for each in diagnosis.curves if each.name == channel.name and len(each.time)), None)
 
 
-def reasons(rejected: tuple[Rejected, ...]) -> dict[str, list[str]]:
-    """Causes that were not named, by the reason they share."""
+def reasons(diagnosis: Diagnosis) -> dict[str, list[str]]:
+    """Causes that were not named, by the reason they share. From which size on each would show says nothing
+    where the simulation does not follow the recording."""
+    sizes = _ANY_SIZE if _lost(diagnosis) else _BEYOND_ALL
     found: dict[str, list[str]] = defaultdict(list)
-    for each in rejected:
-        found[each.reason].append(each.id)
+    for each in diagnosis.rejected:
+        found[sizes.sub("", each.reason)].append(each.id)
     return dict(found)
+
+
+def advice(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """What to record next. What a note says already is not said again. Where the simulation does not follow
+    at all, a drive that would show one cause more does not help."""
+    if _lost(diagnosis):
+        return (RECORD_AGAIN,)
+    return tuple(each for each in diagnosis.suggested_manoeuvres if each not in diagnosis.notes)
+
+
+def _lost(diagnosis: Diagnosis) -> bool:
+    """Whether something is wrong and nothing at all is known of it."""
+    known = diagnosis.causes or diagnosis.shapes or diagnosis.unexplained.depends_on
+    return diagnosis.verdict is Verdict.UNKNOWN and not known
 
 
 def number_text(each: ParameterResult) -> str:
@@ -154,23 +181,54 @@ def change_text(cause: CauseResult) -> str:
     if not math.isfinite(cause.change):
         return ""
     little = "real, but too small to matter: it " if cause.little else ""
-    beyond = f"over all, {cause.unabsorbed:.2g} beyond what robot.toml leaves open"
-    return f"{little}changes readings by up to {cause.change:.2g} times their noise ({beyond})"
+    most = f"moves a reading by up to {_times(cause.change)} its noise"
+    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} is more than {TOLERANCES}"
+
+
+TOLERANCES = "the tolerances in robot.toml explain"
+
+
+def _times(number: float) -> str:
+    """Two digits, and never a power of ten."""
+    return f"{number:.0f} times" if number >= 100.0 else f"{number:.2g} times"
+
+
+def evidence_text(cause: CauseResult) -> str:
+    """What data that was not fitted says of a cause."""
+    without, after = cause.gain.heldout_rmse_before, cause.gain.heldout_rmse_after
+    if cause.id.endswith(".noise"):
+        return f"no simulation foresees it: the error on unseen data is {after:.2f} times the noise"
+    if without < NO_GAIN * after:
+        return (
+            "the part of the data that was kept for judging does not show it; it was named for what it "
+            "explains elsewhere"
+        )
+    return f"error on unseen data {without:.2f} times the noise without it, {after:.2f} with it"
+
+
+def probability_text(cause: CauseResult) -> str:
+    """How sure it is, and of what."""
+    those = f" that it is {cause.name} and none of the others" if cause.confounded_with else ""
+    return f"probability {cause.probability:.2f}{those}"
 
 
 def _cause(cause: CauseResult, remark: str) -> Iterator[str]:
-    yield f"  {cause.rank}. {cause.explanation}"
+    yield f"  {cause.rank}. {_one_of(cause)}"
     for name, each in cause.parameters.items():
         yield f"       {name} {number_text(each)} (assumed {each.nominal:.4g})"
-    gain = cause.gain
     if change := change_text(cause):
         yield f"       {change}"
-    yield (
-        f"       error on unseen data {gain.heldout_rmse_before:.2f} without it, "
-        f"{gain.heldout_rmse_after:.2f} with it "
-        f"(1 is the noise), probability {cause.probability:.2f}"
+    yield f"       {remark or evidence_text(cause)}"
+    yield f"       {probability_text(cause)}"
+
+
+def _one_of(cause: CauseResult) -> str:
+    """The sentence; of several that this recording does not tell apart all, and what it is if it is that."""
+    if not cause.confounded_with:
+        return cause.explanation
+    *first, last = (cause.name, *cause.confounded_with)
+    said = cause.explanation[0].lower() + cause.explanation[1:]
+    return (
+        f"One of these, which cannot be told apart here: {', '.join(first)} or {last}. "
+        f"If it is {cause.name}, {said}"
     )
-    if remark:
-        yield f"       {remark}"
-    if cause.confounded_with:
-        yield f"       cannot be told apart here from: {', '.join(cause.confounded_with)}"

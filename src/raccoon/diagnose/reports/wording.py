@@ -1,145 +1,230 @@
-"""Plain sentences about causes, for a team."""
+"""Plain sentences about causes, for a team: what is wrong, and apart from it what to do."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
-from raccoon.diagnose.result import ParameterResult
+from raccoon.diagnose.result import CauseResult, ParameterResult
 
 Values = Mapping[str, ParameterResult]
 
+INTO_ROBOT = "put this value into robot.toml"
+CLEAR = 2.0
+"""Deviations from which one of the two kinds of friction by direction is said to differ."""
 
-def _percent(factor: float, more: str, less: str) -> str:
-    return f"{abs(factor - 1.0) * 100:.1f} % {more if factor > 1.0 else less}"
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """A cause in words. what: what is wrong, and its number. todo: what to do on the robot; empty where
+    nothing is known; both without the point at the end. more: sentences that a recording adds."""
+
+    what: str
+    todo: str
+    more: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.todo}." if self.todo else f"{self.what}."
+
+
+Maker = Callable[[str, Values], Told]
 
 
 def _first(values: Values) -> ParameterResult:
     return next(iter(values.values()))
 
 
-def _scaled(what: str, more: str, less: str, advice: str) -> Callable[[str, Values], str]:
-    def sentence(place: str, values: Values) -> str:
+def _scaled(what: str, more: str, less: str, todo: str, todo_less: str = "") -> Maker:
+    """A factor. todo_less: what to do where it is below 1, if that is something else."""
+
+    def told(place: str, values: Values) -> Told:
+        factor = _first(values).value
+        larger = factor > 1.0
+        text = f"{what} is {abs(factor - 1.0) * 100:.1f} % {more if larger else less} than assumed"
+        action = todo if larger else todo_less or todo
+        return Told(text.replace("{place}", place), action.replace("{place}", place))
+
+    return told
+
+
+def _number(what: str, todo: str) -> Maker:
+    """A number that has one direction, or whose sign says all."""
+    return _either(what, todo, what, todo)
+
+
+def _either(more: str, todo_more: str, less: str, todo_less: str) -> Maker:
+    """A number above what was assumed, or below it."""
+
+    def told(place: str, values: Values) -> Told:
         number = _first(values)
-        subject = what.replace("{place}", place)
-        todo = advice.replace("{place}", place)
-        return f"{subject} is {_percent(number.value, more, less)} than assumed: {todo}"
+        what, todo = (less, todo_less) if number.value < number.nominal else (more, todo_more)
+        named = {"place": place, "value": number.value, "nominal": number.nominal, **_derived(number)}
+        return Told(what.format(**named), todo.format(**named))
 
-    return sentence
-
-
-def _number(text: str) -> Callable[[str, Values], str]:
-    def sentence(place: str, values: Values) -> str:
-        number = _first(values)
-        return text.format(place=place, value=number.value, nominal=number.nominal, **_derived(number))
-
-    return sentence
+    return told
 
 
 def _derived(number: ParameterResult) -> dict[str, float]:
     return {
         "milli": 1000.0 * number.value,
+        "nominal_milli": 1000.0 * number.nominal,
         "degrees": math.degrees(number.value),
         "percent": 100.0 * number.value,
     }
 
 
-_SENTENCES: Mapping[str, Callable[[str, Values], str]] = {
-    "battery.open_circuit_voltage": _number(
-        "the battery has {value:.2f} V without load, not {nominal:.2f} V: charge it, or put this value "
-        "into robot.toml."
+def _by_direction(place: str, values: Values) -> Told:
+    """Which kind of friction differs, and which way the wheel turns harder."""
+    said, ways = [], set()
+    for name, kind in (("asymmetry", "dry"), ("viscous_asymmetry", "speed-dependent")):
+        number = values.get(name)
+        if number is None or not abs(number.value) > CLEAR * number.std:
+            continue
+        harder, easier = ("forwards", "backwards") if number.value > 0.0 else ("backwards", "forwards")
+        percent = f"{100.0 * abs(number.value):.0f} %"
+        ways.add(harder)
+        said.append(f"{kind} friction is {percent} above its mean {harder} and {percent} below it {easier}")
+    what = f"at {place} {' and '.join(said)}" if said else f"friction at {place} differs by direction"
+    only = f" when it turns {ways.pop()}" if len(ways) == 1 else " in one direction only"
+    return Told(what, f"look for something that rubs{only}")
+
+
+def _slope(_place: str, values: Values) -> Told:
+    """Size and direction of the pull: x is ahead of the robot as it stood at the start, y to its left."""
+    x, y = (values[name].value if name in values else 0.0 for name in ("along_x", "along_y"))
+    way = DIRECTIONS[round(math.atan2(y, x) / (0.25 * math.pi)) % len(DIRECTIONS)]
+    what = (
+        f"the floor is not level and pulls {way} with {math.hypot(x, y):.3f} N m at each wheel, as seen from "
+        "the robot at the start"
+    )
+    return Told(what, "level the table, which is too low on that side")
+
+
+DIRECTIONS = (
+    "forward", "forward and to the left", "to the left", "back and to the left",
+    "back", "back and to the right", "to the right", "forward and to the right",
+)  # fmt: skip
+"""By eighths of a turn to the left."""
+
+_CATALOGUE: Mapping[str, Maker] = {
+    "battery.open_circuit_voltage": _either(
+        "the battery has {value:.2f} V without load, more than the {nominal:.2f} V that were assumed",
+        INTO_ROBOT,
+        "the battery has only {value:.2f} V without load, not {nominal:.2f} V",
+        f"charge it, or {INTO_ROBOT}",
     ),
-    "battery.internal_resistance": _number(
-        "the battery's resistance is {value:.3f} ohm instead of {nominal:.3f}: it sags when you drive "
-        "hard; a "
-        "fresh battery or cleaner contacts help."
+    "battery.internal_resistance": _either(
+        "the battery's resistance is {value:.3f} ohm instead of {nominal:.3f}, so it sags more when you "
+        "drive hard",
+        "take a fresh battery, and clean its contacts",
+        "the battery's resistance is {value:.3f} ohm instead of {nominal:.3f}, so it sags less than assumed",
+        INTO_ROBOT,
     ),
     "battery.discharge": _number(
-        "the battery loses {milli:.1f} mV for every ampere second drawn: the robot gets slower during "
-        "the run; "
-        "use a fuller battery."
+        "the battery loses {milli:.1f} mV for every ampere second drawn, so the robot gets slower during the "
+        "run",
+        "use a fuller battery",
     ),
     "motor.armature_resistance": _scaled(
-        "the winding resistance of {place}", "higher", "lower", "calibrate it; worn brushes raise it."
+        "the winding resistance of {place}",
+        "higher",
+        "lower",
+        "look for worn brushes and loose plugs, then calibrate {place}",
+        "calibrate {place}",
     ),
-    "motor.back_emf_constant": _scaled("the K_E of {place}", "higher", "lower", "calibrate {place}."),
+    "motor.back_emf_constant": _scaled("the K_E of {place}", "higher", "lower", "calibrate {place}"),
     "motor.heating": _number(
-        "the windings get hot: their resistance rises by {percent:.0f} % for each A2 of lasting load; "
-        "avoid stalls."
+        "the windings get hot, and their resistance rises by {percent:.0f} % for each A2 of lasting load "
+        "({place})",
+        "do not push against walls, and let the motors cool between runs",
     ),
     "motor.current_limit": _number(
-        "the driver lets no more than {value:.2f} A through: accelerate more gently."
+        "the driver lets no more than {value:.2f} A through ({place})", "accelerate more gently"
     ),
-    "friction.coulomb": _number(
-        "dry friction at {place} is {value:.3f} N m instead of {nominal:.3f}: check axles, gears and floor."
+    "friction.coulomb": _either(
+        "dry friction at {place} is {value:.3f} N m instead of {nominal:.3f}",
+        "check axles, gears and floor for what rubs",
+        "dry friction at {place} is only {value:.3f} N m instead of {nominal:.3f}",
+        INTO_ROBOT,
     ),
-    "friction.viscous": _number(
-        "speed-dependent friction at {place} is {value:.4f} N m s/rad instead of {nominal:.4f}: "
-        "check bearings "
-        "and grease."
+    "friction.viscous": _either(
+        "speed-dependent friction at {place} is {value:.4f} N m s/rad instead of {nominal:.4f}",
+        "check bearings and grease",
+        "speed-dependent friction at {place} is only {value:.4f} N m s/rad instead of {nominal:.4f}",
+        INTO_ROBOT,
     ),
     "friction.stiction": _number(
-        "breaking loose takes {value:.3f} N m more than keeping moving ({place}): very slow driving "
-        "will stutter."
+        "breaking loose takes {value:.3f} N m more than keeping moving ({place}), so slow driving stutters",
+        "begin each slow move with a short push, or drive it faster",
     ),
     "friction.load_dependent": _number(
-        "the gear of {place} loses {percent:.0f} % of the torque it transmits: check gear mesh and alignment."
+        "the gear of {place} loses {percent:.0f} % of the torque it transmits",
+        "check gear mesh and alignment",
     ),
-    "friction.direction_dependent": _number(
-        "friction at {place} differs by direction (dry part {percent:+.0f} %): look for something "
-        "that rubs "
-        "one way."
-    ),
+    "friction.direction_dependent": _by_direction,
     "friction.quadratic": _number(
-        "drag grows with the square of the speed ({value:.4f} N m s2/rad2, {place}): drive slower or "
-        "feed it forward."
+        "drag grows with the square of the speed ({value:.4f} N m s2/rad2, {place})",
+        "drive slower, or feed it forward",
     ),
     "drive.backlash": _number(
-        "the gears have {degrees:.1f} degrees of play ({place}): after a reversal the wheel waits."
+        "the gears have {degrees:.1f} degrees of play ({place}), so after a reversal the wheel waits",
+        "set the gears closer, or come to each stop from the same direction",
     ),
     "drive.wheel_slip": _number(
-        "the robot lags {milli:.0f} ms behind its wheels when they speed up: they slip; clean the tyres."
+        "the wheels slip, and the robot lags {milli:.0f} ms behind them when they speed up or brake",
+        "clean the tyres, or accelerate more gently",
     ),
     "drive.turn_scrub": _number(
-        "turning on the spot costs {value:.3f} N m at each wheel: caster or tyres scrub."
+        "turning on the spot costs {value:.3f} N m at each wheel",
+        "look for what scrubs sideways, such as a caster or wide tyres",
     ),
     "drive.wheel_radius": _scaled(
-        "the radius of {place}", "larger", "smaller", "measure it or calibrate straight driving."
+        "the radius of {place}", "larger", "smaller", "measure it, or calibrate straight driving"
     ),
     "drive.track_width": _scaled(
-        "the effective track width", "larger", "smaller", "calibrate with counted full turns."
+        "the effective track width", "larger", "smaller", "calibrate with counted full turns"
     ),
-    "drive.inertia": _scaled("the robot's inertia", "larger", "smaller", "has a payload changed?"),
-    "drive.slope": _number(
-        "the floor is not level: it pulls with {value:+.3f} N m at each wheel along the start direction."
+    "drive.inertia": _scaled(
+        "the robot's inertia",
+        "larger",
+        "smaller",
+        "take off what it does not need, or calibrate it with its load",
+        "calibrate it with the load that it has now",
     ),
-    "drive.wheel_eccentricity": _number("{place} is out of round by {percent:.1f} %: re-seat or replace it."),
+    "drive.slope": _slope,
+    "drive.wheel_eccentricity": _number(
+        "{place} is out of round by {percent:.1f} %", "re-seat or replace it"
+    ),
     "actuation.deadband": _number(
-        "commands below {percent:.1f} % do nothing ({place}): add that much to small commands."
+        "commands below {percent:.1f} % do nothing ({place})", "add that much to small commands"
     ),
     "actuation.latency": _number(
-        "commands reach the motors {milli:.0f} ms late: plan stops ahead by that much."
+        "commands reach the motors {milli:.0f} ms late", "plan stops ahead by that much"
     ),
     "bemf.offset": _number(
-        "the back-EMF of {place} reads {value:+.0f} counts at standstill: calibrate its offset."
+        "the back-EMF of {place} reads {value:+.0f} counts at standstill, not {nominal:+.0f}",
+        "calibrate its offset",
     ),
     "bemf.scale": _scaled(
-        "the back-EMF reading of {place}", "larger", "smaller", "calibrate its ticks per turn."
+        "the back-EMF reading of {place}", "larger", "smaller", "calibrate its ticks per turn"
     ),
     "bemf.dead_zone": _number(
-        "back-EMF below {value:.0f} counts is reported as 0 ({place}): drive faster where a way is measured, "
-        "slow creeping goes unseen."
+        "back-EMF below {value:.0f} counts is reported as 0 ({place}), so slow creeping goes unseen",
+        "drive faster where a distance is measured",
     ),
     "bemf.filter_lag": _number(
-        "back-EMF is smoothed with {milli:.0f} ms ({place}) instead of what robot.toml says: correct it "
-        "there."
+        "back-EMF is smoothed with {milli:.0f} ms instead of {nominal_milli:.0f} ms ({place})", INTO_ROBOT
     ),
-    "imu.gyro_bias": _number("the gyro reads {value:+.4f} rad/s at rest: calibrate it before every run."),
-    "imu.gyro_scale": _scaled(
-        "the gyro's reading", "larger", "smaller", "calibrate with counted full turns."
+    "imu.gyro_bias": _number(
+        "the gyro reads {value:+.4f} rad/s at rest, not {nominal:+.4f}", "calibrate it before every run"
     ),
-    "imu.gyro_drift": _number("the gyro's zero moves by {value:+.5f} rad/s every second: let it warm up."),
-    "imu.latency": _number("gyro readings come {milli:.0f} ms late: turn more gently or plan ahead."),
+    "imu.gyro_scale": _scaled("the gyro's reading", "larger", "smaller", "calibrate with counted full turns"),
+    "imu.gyro_drift": _number(
+        "the gyro's zero moves by {value:+.5f} rad/s every second",
+        "switch the robot on some minutes before the run, so that the gyro warms up",
+    ),
+    "imu.latency": _number("gyro readings come {milli:.0f} ms late", "turn more gently, or plan ahead"),
 }
 
 _PLACES = {
@@ -149,17 +234,31 @@ _PLACES = {
 }
 
 
+def told(cause: CauseResult) -> Told:
+    """A cause of a result in words; one whose recording has a sentence of its own (a single axis, a tophat,
+    an effect of the team's) says in it what to do."""
+    own = _told(cause.id, cause.where, cause.parameters)
+    if not cause.explanation.startswith(str(own)):
+        return Told(cause.explanation.removesuffix("."), "")
+    return replace(own, more=cause.explanation.removeprefix(str(own)).strip())
+
+
 def explanation(id: str, where: str | None, values: Values) -> str:  # noqa: A002
     """One sentence: what is wrong, its number, what to do."""
+    return str(_told(id, where, values))
+
+
+def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
     group = id.split(".", 1)[0]
-    place = _PLACES.get(group, _PLACES[None])[where]
-    maker = _SENTENCES.get(id)
+    places = _PLACES.get(group, _PLACES[None])
+    place = places.get(where) or f"port {where}"
+    maker = _CATALOGUE.get(id)
     if maker is None:
         numbers = ", ".join(f"{name} {each.value:.4g} {each.unit}".strip() for name, each in values.items())
-        text = f"{id} at {place}: {numbers}."
+        found = Told(f"{id} at {place}: {numbers}", "")
     else:
-        text = maker(place, values)
-    return text[0].upper() + text[1:]
+        found = maker(place, values)
+    return Told(found.what[0].upper() + found.what[1:], found.todo)
 
 
 MANOEUVRES: Mapping[str, str] = {
