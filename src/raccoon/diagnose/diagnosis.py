@@ -12,38 +12,35 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
-from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.gain import HeldOut, held_out
-from raccoon.diagnose.habits import another_chain, controller_of, drive_problem, with_lost_changes
-from raccoon.diagnose.hypotheses import FORMS, Cause
-from raccoon.diagnose.log import Log, log_from_columns
+from raccoon.diagnose.habits import drive_problem, with_lost_changes
+from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
-from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Unexplained, Verdict
+from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.select.joint import explains_more
+from raccoon.diagnose.searching import searched
 from raccoon.diagnose.select.outlook import Search, estimated
-from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import pruned, search_causes
-from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.spread import Spread
-from raccoon.diagnose.unknown import PREFIX, probes_for
-from raccoon.sim.chain import Chain
+from raccoon.diagnose.unknown import PREFIX
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 LARGE_REST = 0.3
-LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
-LIKE_A_FILTER = (LATE, "bemf.filter_lag")
-DOUBT = 10.0
-"""Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
-FAR_BEHIND = 100.0
-"""By how much the firmware's may lack with the causes that were found under another, and be tried."""
+LONG_PART = 12.0
+"""S without a gap in which causes can be told apart."""
+OVER_WAYS = ("drive.wheel_eccentricity", "drive.slope")
+UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
+"""Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
+of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
+ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
 HARM = 0.9
@@ -78,89 +75,66 @@ def diagnose(
         1
     ):  # the matrices are small: threads that wait for each other cost more than they do
         if not moves(log):
-            return _nothing_to_see(begin)
+            return _nothing_to_see(log, begin)
         tried = tuple(drive_causes() if causes is None else causes)
-        search, habits, log = _searched(log, robot, tried, model)
-        search = _with_the_slip_that_fits(search)
+
+        def judged(part: Log, other: Log | None) -> Diagnosis:
+            return _searched(part, other, robot, tried, model, begin)
+
         other = None
         if holdout is not None:
-            other_log = log_from_columns(holdout, robot)
-            check_units(other_log, robot)
-            other_log = with_lost_changes(other_log, robot, tried, habits, model, search.fit.point)
-            other = drive_problem(other_log, robot, tried, habits, model)
-            other = replace(other, neutral=search.problem.neutral)
-        search, judged = _proven(search, other)
-        return _diagnosis(log, search, judged, habits, begin)
+            other = log_from_columns(holdout, robot)
+            check_units(other, robot)
+        found = judged(log, other)
+        if not (log.lost and _adds_up(found)):
+            return found
+        part, unseen = log.longest_part(), None if other is None else other.longest_part()
+        if part.seconds < LONG_PART or not moves(part):
+            return _lost_count(found, part.seconds)
+        told = (
+            f"{ADDS_UP}: only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
+        )
+        return judged(replace(part, notes=(*log.notes, told)), unseen)
 
 
 def _searched(
-    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None
-) -> tuple[Search, Habits, Log]:
-    """The search under the habits that fit best, and under another filter where that may be the controller's;
-    and the log with the changes of commands whose rows it lost.
-
-    Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a
-    filter does: so what was found is fitted under the other one too, and what that makes of a late gyro. The
-    firmware's may be the right one where a latency or a lag stands in for it, and need not be ahead before it
-    has been searched under.
-    Commands that changed in lost rows are asked for again as well: a limit of the current that is not known
-    yet looks like a later change.
-    """
-    restored, habits = controller_of(log, robot, causes, model)
-    search = _search_in(drive_problem(restored, robot, causes, habits, model))
-    better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
-    if not np.array_equal(better.time, restored.time):
-        restored = better
-        search = _search_in(drive_problem(restored, robot, causes, habits, model))
-    other = replace(habits, chain=another_chain(habits.chain))
-    again = drive_problem(restored, robot, causes, other, model)
-    starts = _under_another_filter(search)
-    ahead = max(net_lead(search, fit_point(again, search.whitener, each), search.fit) for each in starts)
-    firmware = other.chain == Chain.firmware()
-    imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
-    if ahead < (-FAR_BEHIND if imitated else DOUBT):
-        return search, habits, restored
-    second = _search_in(again)
-    wanted = -DOUBT if firmware else DOUBT
-    if explains_more(second, search) > wanted:
-        return second, other, restored
-    return search, habits, restored
+    log: Log,
+    unseen: Log | None,
+    robot: RobotConfig,
+    causes: Sequence[Cause],
+    model: Parameters | None,
+    begin: float,
+) -> Diagnosis:
+    search, habits, log = searched(log, robot, causes, model)
+    other = None
+    if unseen is not None:
+        unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
+        other = drive_problem(unseen, robot, causes, habits, model)
+        other = replace(other, neutral=search.problem.neutral)
+    search, judged = _proven(search, other)
+    return _diagnosis(log, search, judged, habits, begin)
 
 
-def _under_another_filter(search: Search) -> list[Point]:
-    """Where a search ended, and the same with all that is commanded late instead of the gyro alone: under a
-    filter that delays by as much less, a late gyro was that."""
-    point, causes = search.fit.point, search.problem.causes
-    starts = [point]
-    if LATE_GYRO in point.active and apart(LATE, point.active) and LATE in causes:
-        (gyro,), (all_,) = causes[LATE_GYRO].coordinates, causes[LATE].coordinates
-        u = point.active[LATE_GYRO] * gyro.value(1.0) / all_.value(1.0)
-        starts.append(point.without_cause(LATE_GYRO).with_cause(LATE, u))
-    return starts
+def _adds_up(found: Diagnosis) -> bool:
+    """Whether what was found depends on the angle of a wheel or on where the robot is: both add up all that
+    was driven, also in a gap."""
+    named = any(each.id in OVER_WAYS for each in found.causes)
+    return named or any(each.startswith(UNKNOWN_OVER_WAYS) for each in found.unexplained.depends_on)
 
 
-def _with_the_slip_that_fits(search: Search) -> Search:
-    """The search, or that with slip which follows acceleration at once, where that explains more: to a lag
-    it looks like a gyro that is late."""
-    point, causes = search.fit.point, search.problem.causes
-    late = [name for name in (LATE_GYRO, SLIP) if name in point.active]
-    if not late or SLIP not in causes:
-        return search
-    seconds = sum(causes[name].coordinates[0].value(float(point.active[name][0])) for name in late)
-    start = point
-    for name in late:
-        start = start.without_cause(name)
-    start = start.with_cause(SLIP, np.array([seconds / causes[SLIP].coordinates[0].value(1.0)]))
-    at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
-    problem = replace(search.problem, neutral=search.problem.neutral | at_once)
-    if net_lead(search, fit_point(problem, search.whitener, start), search.fit) < DOUBT:
-        return search
-    second = _search_in(problem)
-    return second if SLIP in second.fit.point.active and explains_more(second, search) > DOUBT else search
-
-
-def _search_in(problem: Problem) -> Search:
-    return search_causes(problem, probes_for(problem))
+def _lost_count(found: Diagnosis, seconds: float) -> Diagnosis:
+    """A diagnosis without causes, where each may be what a gap made of another."""
+    reason = f"not judged: {ADDS_UP}, and the longest part without one has {seconds:.1f} s of {LONG_PART:g} s"
+    return replace(
+        found,
+        verdict=Verdict.NOT_IDENTIFIABLE,
+        causes=(),
+        rejected=(*found.rejected, *(Rejected(each.name, reason) for each in found.causes)),
+        unexplained=replace(found.unexplained, depends_on=()),
+        model=None,
+        notes=(*found.notes, reason),
+        shapes=(),
+    )
 
 
 def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
@@ -177,8 +151,11 @@ def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     return search, judged
 
 
-def _nothing_to_see(begin: float) -> Diagnosis:
+def _nothing_to_see(log: Log, begin: float) -> Diagnosis:
     note = "the commands never change, or no wheel answers them: drive, turn and stop while recording"
+    if not any(each.role in WHEELS for each in log.channels):
+        names = " and ".join(name for name in log.missing if name.endswith(".bemf"))
+        note = f"no wheel is measured: record the back-EMF of both motors ({names})"
     return Diagnosis(
         Verdict.NOT_IDENTIFIABLE,
         (),
@@ -188,7 +165,7 @@ def _nothing_to_see(begin: float) -> Diagnosis:
         (note,),
         time.perf_counter() - begin,
         None,
-        (note,),
+        (*log.notes, note),
     )
 
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
 from raccoon.diagnose.candidates import NO_CAUSE
-from raccoon.diagnose.hypotheses import neutral_settings, places
+from raccoon.diagnose.hypotheses import Settings, neutral_settings, places
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout import parameters_of
@@ -24,13 +25,65 @@ GIVEN = "of the model that was started from"
 
 
 def extended(problem: Problem, spread: Spread, causes: Sequence[CauseResult], chain: Chain) -> Parameters:
-    """The fitted robot of a drive: named causes, and base numbers as they were refitted."""
-    model = parameters_of(spread.here, neutral_settings(problem.robot), problem.robot, chain)
+    """The fitted robot of a drive: named causes, and base numbers as they were refitted. A number that a
+    simulator does not take, as of another robot's robot.toml, is the nearest that it does."""
+    neutral = neutral_settings(problem.robot)
+    model = parameters_of(within_bounds(spread.here, neutral), neutral, problem.robot, chain)
     robot = _with_inertia(replace(model.robot, motors=problem.robot.motors), spread)
     model = replace(model, robot=robot)
     for key in model.effects:
         model = model.with_origin(*key, _origin(spread, causes, key))
     return model
+
+
+def within_bounds(here: Settings, neutral: Settings) -> Settings:
+    """Settings of the catalogue's effects with each number moved to the nearest that its effect allows."""
+    return dict(here) | {key: _allowed(key[0], key[2], here[key]) for key in neutral if key[0] != "inertia"}
+
+
+def _allowed(id: str, name: str, value: float) -> float:  # noqa: A002
+    bounds = effect(id).parameter(name).bounds
+    if not math.isfinite(value) or bounds.allows(value):
+        return value
+    return min(max(value, bounds.low), bounds.high)
+
+
+def rebased(model: Parameters, given: RobotConfig, by: Mapping[str, float]) -> Parameters:
+    """A model of a robot whose lengths and gyro scale were shifted, as effects on the robot that was given.
+
+    by: the factors, by the effect's id. A shift larger than the effect can be stays in the robot itself.
+    """
+    shifted, drive = model.robot.model, given.model.drive
+    kept = set()
+    for id_, factor in by.items():
+        values = {each: factor * model.value(id_, "factor", each) for each in places(id_, None)}
+        bounds = effect(id_).parameter("factor").bounds
+        if not all(bounds.allows(each) for each in values.values()):
+            kept.add(id_)
+            continue
+        for place, value in values.items():
+            before = model.effects.get((id_, place))
+            if before is None and value == 1.0:
+                continue
+            origin = model.origins.get((id_, place))
+            model = model.with_effect(id_, place, factor=value)
+            if origin is not None:
+                std = {name: factor * each for name, each in origin.std.items()}
+                model = model.with_origin(id_, place, replace(origin, std=std))
+
+    def number(id_: str, own: Measured, theirs: Measured) -> Measured:
+        return theirs if id_ in kept else own
+
+    imu = replace(
+        shifted.imu,
+        gyro_scale=number("imu.gyro_scale", given.model.imu.gyro_scale, shifted.imu.gyro_scale),
+    )
+    lengths = replace(
+        shifted.drive,
+        track_width=number("drive.track_width", drive.track_width, shifted.drive.track_width),
+        wheel_radius=number("drive.wheel_radius", drive.wheel_radius, shifted.drive.wheel_radius),
+    )
+    return replace(model, robot=replace(model.robot, model=replace(shifted, imu=imu, drive=lengths)))
 
 
 def with_causes(start: Parameters, causes: Sequence[CauseResult]) -> Parameters:
@@ -40,13 +93,14 @@ def with_causes(start: Parameters, causes: Sequence[CauseResult]) -> Parameters:
     for each in causes:
         if each.id.startswith("tophat.") and each.where not in ports:
             continue
-        values = {name: number.value for name, number in each.parameters.items()}
+        values = {name: _allowed(each.id, name, number.value) for name, number in each.parameters.items()}
         start = start.with_effect(each.id, each.where, **values)
-        start = start.with_origin(each.id, each.where, _named(each))
+        start = start.with_origin(each.id, each.where, named_origin(each))
     return start
 
 
-def _named(cause: CauseResult) -> Origin:
+def named_origin(cause: CauseResult) -> Origin:
+    """Where the numbers of a cause come from."""
     std = {name: each.std for name, each in cause.parameters.items()}
     return Origin(std, f"named: {cause.explanation}", cause.probability)
 
@@ -55,7 +109,7 @@ def _origin(spread: Spread, causes: Sequence[CauseResult], key: Key) -> Origin:
     id_, place = key
     for each in causes:
         if each.id == id_ and place in places(each.id, each.where):
-            return _named(each)
+            return named_origin(each)
     std = {each.name: spread.std((id_, place, each.name)) for each in effect(id_).parameters}
     fitted = {name: each for name, each in std.items() if each > 0.0}
     refitted = OF_EVERY_ROBOT if id_ in NO_CAUSE else REFITTED

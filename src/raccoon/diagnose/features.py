@@ -5,7 +5,7 @@ Measured and simulated samples pass the same linear map, so what the map loses i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,23 @@ def _before_cutting(channel: Channel) -> Array:
     return values
 
 
+def _within(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
+    """Which times, s, are nearer than reach to what the log has lost."""
+    lost = np.zeros(len(time), bool)
+    for start, end in log.lost:
+        lost |= (time > start - reach) & (time < end + reach)
+    return lost
+
+
+def _known(log: Log) -> tuple[Channel, ...]:
+    """The channels without readings of what is lost: a line from the last one before a gap must not end at
+    one of a robot that has not settled yet."""
+    if not log.lost:
+        return log.channels
+    lost = _within(log, log.time, 0.0)
+    return tuple(replace(each, values=np.where(lost, np.nan, each.values)) for each in log.channels)
+
+
 @dataclass(frozen=True, slots=True)
 class Features:
     """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres."""
@@ -63,18 +80,22 @@ class Features:
 
     @classmethod
     def of(cls, log: Log) -> Features:
-        """Bins of 20 ms from the settling of the unknown start state to the end."""
+        """Bins of 20 ms from the settling of the unknown start state to the end, less what is lost."""
         start = log.time[0] + SETTLING
         count = max(int((log.time[-1] - start) / BIN), 1)
         position = np.floor((log.time - start) / BIN).astype(np.intp)
-        maps = tuple(_bins(each, position, count) for each in log.channels)
+        time = start + BIN * (np.arange(count) + 0.5)
+        maps = tuple(_bins(each, position, count) for each in _known(log))
+        if log.lost:
+            kept = np.flatnonzero(~_within(log, time, BIN / 2))
+            time, maps = time[kept], tuple(csr_array(each[kept]) for each in maps)
         measured = np.column_stack(
             [bins @ _before_cutting(each) for bins, each in zip(maps, log.channels, strict=True)]
         )
         return cls(
             tuple(each.role for each in log.channels),
             np.array([each.floor for each in log.channels]),
-            start + BIN * (np.arange(count) + 0.5),
+            time,
             measured,
             maps,
         )

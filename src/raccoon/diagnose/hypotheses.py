@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
-from raccoon.core.config import Measured, RobotConfig
+from raccoon.core.config import Measured, NominalModel, RobotConfig
 from raccoon.diagnose.own import OwnEffect
 from raccoon.sim.effects import Effect, Place, all_effects, effect
 from raccoon.sim.parameters import SIDES, nominal
@@ -183,6 +184,29 @@ def multiplied(
     """A coordinate whose u multiplies an effect's parameter, or `usual` where that is 0, by exp(u widths)."""
     keys = tuple((id, place, parameter) for place in places(id, where))
     return Coordinate(f"{id}.{parameter}", keys, lambda u: math.exp(width * u), True, low, high, usual=usual)
+
+
+def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
+    """The robot with the default's standard deviation where a number of the model has none, and their keys.
+
+    robot.toml may give a number alone. Taken as exact, whatever is a little off is a cause, and what is right
+    beside it too. The deviation is the default's part of the value; of a number that may be 0, such as an
+    offset, it is the default's own. A resistance or a friction of 0 is none at all, and stays exact.
+    """
+    default, model, keys = NominalModel(), robot.model, []
+    sections: dict[str, Any] = {}
+    for section in fields(model):
+        own, usual = getattr(model, section.name), getattr(default, section.name)
+        changed = {}
+        for each in fields(own):
+            number, typical = getattr(own, each.name), getattr(usual, each.name)
+            std = typical.std if typical.value == 0.0 else abs(number.value / typical.value) * typical.std
+            if number.std == 0.0 and std > 0.0:
+                changed[each.name] = replace(number, std=std)
+                place = f"motor.{section.name}" if section.name in SIDES else section.name
+                keys.append(f"model.{place}.{each.name}")
+        sections[section.name] = replace(own, **changed)
+    return replace(robot, model=replace(model, **sections)), tuple(keys)
 
 
 def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordinate, ...]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,19 @@ Array = NDArray[np.float64]
 SHORTEST_SECONDS = 2.0
 SLOWEST_STEP = 0.2
 """S between samples; a wheel settles in less."""
+SLOWEST_ROW = 0.0125
+"""S between rows of a controller that runs faster. A command changes somewhere within a row: of a clean drive
+at 200 Hz every second row is diagnosed as all are, every third makes an inertia 17 % too small of it."""
+OWN_RATE = 1.25
+"""Of the controller's cycle: how long rows may be that are one cycle each."""
+GAP = 0.1
+"""S between rows from which nobody knows what was commanded; what shorter losses hide is found out
+(`lost.py`)."""
+SETTLED = 0.3
+"""S of driving in which a robot forgets the speeds that it had."""
+STOPPED = 1.0
+"""S in which a robot that is not driven has come to rest."""
+GAPS_SAID = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +47,18 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing."""
+    """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
+
+    lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
+    there. Nothing is compared in them.
+    """
 
     time: Array
     duty: Array
     channels: tuple[Channel, ...]
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
+    lost: tuple[tuple[float, float], ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -55,7 +75,16 @@ class Log:
         parts = tuple(
             Channel(each.name, each.role, each.unit, each.values[keep], each.floor) for each in self.channels
         )
-        return Log(self.time[keep], self.duty[keep], parts, self.missing, self.notes)
+        return Log(self.time[keep], self.duty[keep], parts, self.missing, self.notes, self.lost)
+
+    def longest_part(self) -> Log:
+        """The longest part without a gap, all of it where there is none."""
+        after = np.searchsorted(self.time, [start for start, _ in self.lost], side="right")
+        edges = [0, *(int(each) for each in after), len(self.time)]
+        parts = [(self.time[end - 1] - self.time[start], start, end) for start, end in pairwise(edges)]
+        _, start, end = max(parts, key=lambda each: each[0])
+        part = self.between(float(self.time[start]), float(np.nextafter(self.time[end - 1], np.inf)))
+        return replace(part, lost=())
 
 
 ROLES = {
@@ -68,14 +97,18 @@ ROLES = {
 }
 """What the model can predict: column, unit, smallest believable noise."""
 WHEELS = ("bemf_left", "bemf_right", "speed_left", "speed_right")
+STEP_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds"))
+"""By what a time that should be in seconds advances at least, a sample."""
 
 
 def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     """Arrange the columns of a recording (names of the CSV format) for this robot.
 
-    Raises TraceError for a recording without time or commands, with time that does not advance, or too short.
+    Raises TraceError for a recording without time or commands, with time that does not advance, with rows too
+    far apart, or too short.
     """
     time = _time(columns)
+    _check_rows(time, robot.controller.rate_hz)
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     signs = {side: -1.0 if robot.motor(port).inverted else 1.0 for side, port in ports.items()}
     duty = np.column_stack([signs[side] * _command(columns, port) for side, port in ports.items()])
@@ -88,7 +121,8 @@ def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
             continue
         sign = signs[role.rpartition("_")[2]] if role in WHEELS else 1.0
         channels.append(Channel(name, role, unit, sign * np.asarray(values, float), floor))
-    return Log(time, duty, tuple(channels), tuple(missing))
+    lost, notes = _lost(time, duty)
+    return Log(time, duty, tuple(channels), tuple(missing), notes, lost)
 
 
 def _time(columns: Mapping[str, Array]) -> Array:
@@ -107,16 +141,72 @@ def _time(columns: Mapping[str, Array]) -> Array:
         )
     step = float(np.median(steps)) if len(steps) else 0.0
     if step > SLOWEST_STEP:
-        guess = ": it looks like milliseconds, not seconds" if step >= 1.0 else ""
+        unit = next((name for least, name in STEP_UNITS if step >= least), None)
+        guess = "" if unit is None else f": it looks like {unit}, not seconds"
         raise TraceError(
             f"t advances by {step:.3g} s a sample{guess}; at most {SLOWEST_STEP:g} s are allowed"
         )
     if len(time) < 50 or time[-1] - time[0] < SHORTEST_SECONDS:
         raise TraceError(
-            f"the recording has {len(time)} samples over {time[-1] - time[0]:.3g} s: "
+            f"the recording has {len(time)} samples over {_rounded_down(time[-1] - time[0]):g} s: "
             f"a diagnosis needs at least 50 over {SHORTEST_SECONDS:g} s"
         )
     return time
+
+
+def _rounded_down(seconds: float) -> float:
+    """To ms. What is short by one of them must not read as if it were long enough."""
+    return math.floor(1000.0 * seconds + 1e-6) / 1000.0
+
+
+def _check_rows(time: Array, rate_hz: float) -> None:
+    """Refuse rows in which a command's moment is not known: they name causes that are not there."""
+    row = float(np.median(np.diff(time)))
+    if row <= max(SLOWEST_ROW, OWN_RATE / rate_hz):
+        return
+    raise TraceError(
+        f"the recording has a row every {1000.0 * row:.3g} ms, of a controller that runs at {rate_hz:g} Hz: "
+        f"when a command changed within a row is not known, and that looks like another inertia or friction; "
+        f"record at least every {1000.0 * SLOWEST_ROW:g} ms, or say in robot.toml that the controller itself "
+        f"is as slow (controller.rate_hz = {1.0 / row:.3g})"
+    )
+
+
+def _lost(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tuple[str, ...]]:
+    """What of a recording is not compared because rows are missing, and what is said of it."""
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    ends = np.flatnonzero(steps > max(GAP, 2.0 * OWN_RATE * usual)) + 1
+    if len(ends) == 0:
+        return (), ()
+    lost = tuple((float(time[end - 1] + usual), _settled(time, duty, int(end))) for end in ends)
+    left = float(time[-1] - time[0]) - sum(_apart(lost))
+    gaps = ", ".join(f"{time[end - 1]:.1f} to {time[end]:.1f} s" for end in ends[:GAPS_SAID])
+    more = ", ..." if len(ends) > GAPS_SAID else ""
+    count = "1 gap" if len(ends) == 1 else f"{len(ends)} gaps"
+    told = f"no rows from {gaps}{more}: {count}, {float(steps[ends - 1].sum()):.1f} s in all"
+    if left < SHORTEST_SECONDS:
+        raise TraceError(f"{told}; a diagnosis needs at least {SHORTEST_SECONDS:g} s without gaps")
+    return lost, (f"{told}; what happened there, and until the robot has settled after it, is not judged",)
+
+
+def _settled(time: Array, duty: Array, row: int) -> float:
+    """S at which a robot whose past before that row is not known has forgotten it: wheels that are driven do
+    so soon, those that roll when they stand."""
+    steps = np.diff(time[row:], append=time[-1])
+    driven = np.cumsum(np.where(np.all(duty[row:] != 0.0, axis=1), steps, 0.0))
+    enough = np.flatnonzero(driven >= SETTLED)
+    latest = float(time[row]) + STOPPED
+    return min(latest, float(time[row + enough[0]])) if len(enough) else latest
+
+
+def _apart(lost: Sequence[tuple[float, float]]) -> list[float]:
+    """S of each, where they overlap only once."""
+    found, reached = [], -math.inf
+    for start, end in lost:
+        found.append(max(end - max(start, reached), 0.0))
+        reached = max(reached, end)
+    return found
 
 
 def _command(columns: Mapping[str, Array], port: int) -> Array:

@@ -9,7 +9,6 @@ from raccoon.diagnose.forms import form_error, least_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import FORMS, WIDTH_FACTOR, Cause
 from raccoon.diagnose.log import Log
-from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
@@ -20,14 +19,18 @@ from raccoon.diagnose.select.rivals import CLOSE
 from raccoon.diagnose.select.search import NOTHING
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.diagnose.spread import Spread
+from raccoon.sim.parameters import SIDES
 
 TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
 b."""
 
+TURN_READS = {"imu.gyro_scale": 1.0, "drive.wheel_radius": 1.0, "drive.track_width": -1.0}
+"""Power with which the gyro's reading follows each of them."""
 ONE_CLASS = (*TWINS, frozenset(SCALE))
 """Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
 same as less inertia and friction together."""
+NOT_IDENTIFIABLE = "not identifiable"
 BY_FORM = 5.0
 """Lead over a rival that makes a cause e times as likely as that: on blind robots the better of two was right
 12 times of 17 where it led by 3 to 12."""
@@ -39,7 +42,9 @@ NEEDS = {
     ),
     "battery": ("battery.open_circuit_voltage", "battery.internal_resistance", "battery.discharge"),
 }  # fmt: skip
-"""Effects that only show in a channel that may be missing."""
+"""Effects that show in a channel that may be missing, some of them hardly elsewhere."""
+READING = "bemf."
+"""Effects of a wheel's reading: without it there is nothing that they act on."""
 
 
 def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[CauseResult, ...]:
@@ -51,10 +56,11 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         values = parameters(search, cause, spread)
         gain = Gain(judged.without[name], judged.size_after, judged.share(name))
         rivals = confounded(search, cause)
+        told = _told(search.problem, cause, values, rivals) + product_told(search, cause, spread)
         found.append(
             CauseResult(
                 cause.id, cause.where, 0, values, gain, probability(search, name, rivals), rivals,
-                _told(search.problem, cause, values, rivals), size.change, size.unabsorbed,
+                told, size.change, size.unabsorbed,
             )
         )  # fmt: skip
     found.sort(key=lambda each: (each.little, -each.unabsorbed))
@@ -69,6 +75,23 @@ def _told(problem: Problem, cause: Cause, values: dict[str, ParameterResult], ri
     said = explanation(cause.id, cause.where, values)
     both = [each for each in rivals if delay_alike(cause.name, each) and not problem.left_open(each)]
     return f"{said} With {' or '.join(both)} beside it this is the sum of their times." if both else said
+
+
+def product_told(search: Search, cause: Cause, spread: Spread) -> str:
+    """What is known of twins where more than one was named: how they share it is a guess."""
+    active = [each for each in TURN_READS if each in search.fit.point.active]
+    if cause.name not in active or len(active) < 2:
+        return ""
+    factors = {}
+    for each in active:
+        key = (each, search.problem.causes[each].places[0], "factor")
+        factors[each] = spread.number(key) / search.problem.neutral[key]
+    together = math.prod(factors[each] ** TURN_READS[each] for each in active)
+    others = " and ".join(each for each in active if each != cause.name)
+    return (
+        f" With {others} beside it only what they do together is known: the gyro reads {together:.3f} times "
+        "what is assumed."
+    )
 
 
 def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, ParameterResult]:
@@ -92,7 +115,8 @@ def confounded(search: Search, cause: Cause) -> tuple[str, ...]:
     them."""
     close = [each.name for each in search.rivals.get(cause.name, []) if each.lead < CLOSE or each.beside]
     close = [each for each in close if each not in search.fit.point.active]
-    for twins in TWINS:
+    asked = frozenset(search.problem.causes)  # a reference has decided some
+    for twins in (each & asked for each in TWINS):
         if cause.name in twins:
             close.extend(sorted(twins - {cause.name, *close}))
         elif twins & set(close):
@@ -120,7 +144,7 @@ def probability(search: Search, name: str, rivals: tuple[str, ...]) -> float:
 def rejections(search: Search, log: Log) -> tuple[Rejected, ...]:
     """Why each other effect of the catalogue is not named; sides are not listed apart."""
     active = {search.problem.causes[name].id for name in search.fit.point.active}
-    seen = visibility(search)
+    seen = _seen(search, log)
     found = []
     for id_ in dict.fromkeys(each.id for each in search.problem.causes.values()):
         if id_ in active:
@@ -129,16 +153,51 @@ def rejections(search: Search, log: Log) -> tuple[Rejected, ...]:
     return tuple(found)
 
 
+def _seen(search: Search, log: Log) -> dict[str, float]:
+    """How visible each effect is, of a wheel's reading where there is one: what a side without it shows,
+    which is nothing, says nothing of the other."""
+    silent = _silent(log)
+    if not silent:
+        return visibility(search)
+    causes = {
+        name: each
+        for name, each in search.problem.causes.items()
+        if not (each.id.startswith(READING) and each.where in silent)
+    }
+    return visibility(replace(search, problem=replace(search.problem, causes=causes)))
+
+
+def _silent(log: Log) -> list[str]:
+    """The sides whose back-EMF is not in the log."""
+    return [side for side in SIDES if log.channel(f"{READING[:-1]}_{side}") is None]
+
+
 def _reason(search: Search, log: Log, id_: str, visible: float) -> str:
-    cause = next(each for each in search.problem.causes.values() if each.id == id_)
-    parameter = cause.effect.parameters[0]
-    needed = [role for role, ids in NEEDS.items() if id_ in ids]
-    if isinstance(cause.effect, OwnEffect):
-        needed.extend(cause.effect.needs)
+    silent = _silent(log) if id_.startswith(READING) else []
+    if len(silent) == len(SIDES):
+        roles = " or ".join(f"bemf_{side}" for side in silent)
+        return f"{NOT_IDENTIFIABLE}: there is no {roles} reading in this recording"
+    if silent:
+        usual = _usual_reason(search, id_, visible)
+        other = next(side for side in SIDES if side not in silent)
+        return (
+            f"{NOT_IDENTIFIABLE} at the {silent[0]}: there is no bemf_{silent[0]} reading in this recording; "
+            f"at the {other}: {usual}"
+        )
+    own = search.problem.causes.get(id_)
+    needed = [role for role, ids in NEEDS.items() if id_ in ids and visible < VISIBLE]
+    if own is not None and own.own is not None:
+        needed.extend(own.own.needs)
     for role in needed:
         if log.channel(role) is None:
-            return f"not identifiable: there is no {role} reading in this recording"
-    from_size = shows_from(parameter, visible, gate(id_, alone=not search.fit.point.active))
+            return f"{NOT_IDENTIFIABLE}: there is no {role} reading in this recording"
+    return _usual_reason(search, id_, visible)
+
+
+def _usual_reason(search: Search, id_: str, visible: float) -> str:
+    """Of an effect whose channels are all there."""
+    cause = next(each for each in search.problem.causes.values() if each.id == id_)
+    from_size = shows_from(cause.effect.parameters[0], visible, gate(id_, alone=not search.fit.point.active))
     shows = f"; would show {from_size}" if from_size else ""
     if visible < VISIBLE:
         return f"not visible in this recording: a usual deviation would not show{shows}"
@@ -152,9 +211,10 @@ def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tu
     """Manoeuvres that separate what is confounded and show what this recording could not."""
     commands = [_telling(search, each.name, each.confounded_with) for each in causes]
     wanted = [each.id for each in causes if each.confounded_with]
-    seen = visibility(search)
+    seen = _seen(search, log)
     hidden = sorted((power, id_) for id_, power in seen.items() if power < VISIBLE)
-    gone = {id_ for role, ids in NEEDS.items() if log.channel(role) is None for id_ in ids}
+    gone = {id_ for id_ in seen if id_.startswith(READING) and len(_silent(log)) == len(SIDES)}
+    gone |= {id_ for role, ids in NEEDS.items() if log.channel(role) is None for id_ in ids}
     wanted.extend(id_ for _, id_ in hidden if id_ not in gone)
     texts = [text for text in (*commands, *map(manoeuvre_for, wanted)) if text is not None]
     return tuple(dict.fromkeys(texts))[:3]

@@ -7,23 +7,36 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import MotorModel, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.log import Log
+from raccoon.diagnose.log import Channel, Log
 
 Array = NDArray[np.float64]
 
 
+DUTY_UNITS = (
+    (100.0, "percent"),
+    (255.0, "PWM of 8 bits (-255..255)"),
+    (400.0, "a Wombat's PWM (-400..400)"),
+    (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
+)
+"""Up to which size a command may be of which other unit."""
+DEGREES = (0.5 * 180.0 / math.pi, 2.0 * 180.0 / math.pi)
+"""How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
+2."""
+
+
 def check_units(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where a channel's size shows that it is not in the unit that its name promises."""
+    """Raise TraceError where a channel's size or sign shows that it is not what its name promises."""
     largest = float(np.abs(log.duty).max())
     if largest > 1.0 + 1e-6:
-        guess = "percent" if largest <= 100.0 else "another unit"
+        guess = next((unit for most, unit in DUTY_UNITS if largest <= most), "another unit")
         raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; it looks like {guess}")
     _check_battery(log)
     _check_wheels(log, robot)
     _check_gyro(log, robot)
+    _check_ways(log, robot)
 
 
 def _check_battery(log: Log) -> None:
@@ -32,20 +45,21 @@ def _check_battery(log: Log) -> None:
         return
     middle = float(np.nanmedian(battery.values))
     if middle > 100.0:
-        guess = "counts" if middle < 4096.0 else "millivolts"
+        guess = "counts" if middle < 2500.0 else "counts or millivolts" if middle < 4096.0 else "millivolts"
         raise TraceError(f"{battery.name} is around {middle:g} V: it looks like {guess}, not volts")
     if not 1.0 < middle < 30.0:
         raise TraceError(f"{battery.name} is around {middle:g} V: allowed are 1 to 30 V")
 
 
 def _check_wheels(log: Log, robot: RobotConfig) -> None:
-    """Back-EMF must be of the size, and have the sign, that its command makes."""
+    """A wheel must have the sign that its command makes, and back-EMF the size."""
     voltage = robot.model.battery.open_circuit_voltage.value
     for index, side in enumerate(("left", "right")):
-        channel = log.channel(f"bemf_{side}")
+        channel = log.channel(f"bemf_{side}") or log.channel(f"speed_{side}")
         if channel is None:
             continue
-        slope = _slope(_steady(log.duty[:, index]) * voltage / BEMF_VOLTS_PER_COUNT, channel.values)
+        volts = BEMF_VOLTS_PER_COUNT if channel.unit == "counts" else 1.0
+        slope = _slope(_steady(log.duty[:, index]) * voltage / volts, channel.values)
         if slope is None:
             continue
         if slope < -0.2:
@@ -53,7 +67,7 @@ def _check_wheels(log: Log, robot: RobotConfig) -> None:
                 f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
                 f"does not fit this recording"
             )
-        if 0.0005 < slope < 0.02:
+        if channel.unit == "counts" and 0.0005 < slope < 0.02:
             raise TraceError(
                 f"{channel.name} is {1.0 / slope:.0f} times too small: it looks like volts, not counts"
             )
@@ -75,14 +89,62 @@ def _check_gyro(log: Log, robot: RobotConfig) -> None:
     if slope is None:
         return
     if slope > 20.0:
+        least, most = DEGREES
+        guess = "degrees" if slope <= most else "the sensor's own counts, milliradians or millidegrees"
+        guess += "" if slope >= least else " or the sensor's own counts"
         raise TraceError(
-            f"{gyro.name} is {slope:.0f} times what the wheels say: it looks like degrees, not radians"
+            f"{gyro.name} is {slope:.0f} times what the wheels say: it looks like {guess}, not radians"
         )
     if slope < -0.2:
         raise TraceError(
             f"{gyro.name} turns against the wheels: left and right are swapped, or the gyro's axis "
             f"points down"
         )
+
+
+MOST_ALIKE = 0.9
+"""Correlation of the wheels from which nobody can tell which of them turned the robot."""
+CLEAR_SHARE = 0.5
+"""Part of the gyro's power that the wheels must explain, and of a wheel's usual share of it: a wheel of the
+other sign is wrong by twice of that."""
+
+
+def _check_ways(log: Log, robot: RobotConfig) -> None:
+    """One motor that turns the other way, with its reading as well: its own command and reading agree, but
+    what it does to the gyro does not."""
+    gyro = log.channel("gyro")
+    found = [log.channel(f"bemf_{side}") or log.channel(f"speed_{side}") for side in ("left", "right")]
+    wheels = [each for each in found if each is not None]
+    if gyro is None or len(wheels) < 2:
+        return
+    model = robot.model
+    per_track = model.drive.wheel_radius.value / model.drive.track_width.value
+    turns = [
+        way * per_track * _speed_factor(each, motor) * each.values
+        for each, motor, way in zip(wheels, (model.left, model.right), (-1.0, 1.0), strict=True)
+    ]
+    both = np.column_stack(turns)
+    known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
+    if known.sum() < 50 or float(np.ptp(both[known], axis=0).min()) == 0.0:
+        return
+    both, rate = both[known], gyro.values[known]
+    if abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > MOST_ALIKE:
+        return
+    shares: Array = np.asarray(np.linalg.lstsq(both, rate, rcond=None)[0], float)
+    left = float(((rate - both @ shares) ** 2).sum()) / max(float(rate @ rate), 1e-300)
+    if left > 1.0 - CLEAR_SHARE or shares.max() < CLEAR_SHARE or shares.min() > -CLEAR_SHARE:
+        return
+    index = int(np.argmin(shares))
+    port = (robot.drive.left, robot.drive.right)[index]
+    raise TraceError(
+        f"{gyro.name} says that motor {port} turns the other way than its command and "
+        f"{wheels[index].name}: check [motor.{port}] inverted in robot.toml, and its plug"
+    )
+
+
+def _speed_factor(wheel: Channel, motor: MotorModel) -> float:
+    """rad/s of a unit of a wheel's reading."""
+    return BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value if wheel.unit == "counts" else 1.0
 
 
 def _turning(duty: Array) -> NDArray[np.bool_]:

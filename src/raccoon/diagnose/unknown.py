@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.features import BIN, Features
 from raccoon.diagnose.hypotheses import Settings
@@ -129,6 +130,11 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
         wheels = _wheel_speed(problem, problem.features.measured - linear.residual, settings)
         if motion is None or wheels is None:
             return ()
+        if not np.isfinite(wheels).all():
+            raise TraceError(
+                "the simulation of this robot.toml gives no numbers along these commands: are ports, "
+                "[motor.N] inverted and [model] those of the robot that was recorded?"
+            )
         speed = np.abs(wheels).mean(axis=1)
         every = [*_torque_curves(motion), _Torque("speed", None, True, _hats(speed, 6), speed, RATE)]
         return [

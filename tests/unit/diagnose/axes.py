@@ -87,3 +87,52 @@ def motor(
     names = ("voltage", "current", "speed")
     values = (np.array([volts(each) for each in time]), current, speed)
     return {"t": time, **{f"motor.{port}.{name}": each for name, each in zip(names, values, strict=True)}}
+
+
+def bench(
+    seed: int,
+    coulomb: float = 0.0,
+    asymmetry: float = 0.0,
+    late: float = 0.0,
+    dead_below: float = 0.0,
+    deadband: float = 0.0,
+    seconds: float = 8.0,
+) -> Columns:
+    """A motor on a bench under held random volts and ramps, 500 Hz: 2 ohm, 1 mH, 0.25 V s/rad, 2 g m2.
+
+    dead_below: volts below which nothing comes through, all of it above. deadband: nothing up to it, then
+    linearly to all of 8 V. One step of Euler's method every 0.1 ms, the winding's exact.
+    """
+    rng = np.random.default_rng(seed)
+    step, every = 1e-4, 20
+    volts = np.zeros(round(seconds * 500))
+    row = 0
+    while row < len(volts):
+        length = int(rng.integers(100, 300))
+        flat, slope = rng.uniform(-6.0, 6.0, 2)
+        ramp = np.linspace(-1.0, 1.0, length) * slope * (rng.random() < 0.3)
+        volts[row : row + length] = (ramp if ramp.any() else np.full(length, flat))[: len(volts) - row]
+        row += length
+    size = np.abs(volts)
+    acting = np.sign(volts) * np.maximum(size - deadband, 0.0) * 8.0 / (8.0 - deadband)
+    acting = np.where(size < dead_below, 0.0, acting)
+    kept, lag = float(np.exp(-step * 2.0 / 1e-3)), round(late / step)
+    speed, current = np.zeros(len(volts)), np.zeros(len(volts))
+    w = i = 0.0
+    for index in range(len(volts) * every):
+        if index % every == 0:
+            speed[index // every], current[index // every] = w, i
+        u = float(acting[(index - lag) // every]) if index >= lag else 0.0
+        settled = (u - 0.25 * w) / 2.0
+        i = settled + (i - settled) * kept
+        side = float(np.sign(w) or np.sign(i))
+        dry = coulomb * (1.0 + asymmetry * side)
+        new = w + step * (0.25 * i - side * dry) / 0.002
+        w = 0.0 if w * new < 0.0 or (w == 0.0 and abs(0.25 * i) <= dry) else new
+    return {
+        "t": 0.002 * np.arange(len(volts)),
+        "motor.0.voltage": volts,
+        "motor.0.speed": speed + 0.05 * rng.standard_normal(len(volts)),
+        "motor.0.current": current + 0.01 * rng.standard_normal(len(volts)),
+        "battery.voltage": 8.0 + 0.01 * rng.standard_normal(len(volts)),
+    }

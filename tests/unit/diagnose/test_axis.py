@@ -97,7 +97,8 @@ def test_with_and_without_numba_are_the_same(monkeypatch: pytest.MonkeyPatch) ->
         "inductance": np.array([0.0, 1e-3, 2e-3]), "inertia": rng.uniform(0.01, 0.1, 3),
         "stiction": np.array([0.0, 0.1, 0.0]), "latency": np.array([0.0, 0.0123, 0.03]),
         "viscous": np.full(3, 0.1), "coulomb": np.full(3, 0.3),
-        "deadband": np.array([0.0, 0.0, 0.2]), "load": np.full(3, 0.05), "asymmetry": np.full(3, 0.2),
+        "deadband": np.array([0.0, 0.0, 0.2]), "dead_below": np.array([0.0, 0.5, 0.0]),
+        "full": np.array([1e9, 1e9, 6.0]), "load": np.full(3, 0.05), "asymmetry": np.full(3, 0.2),
         "quadratic": np.full(3, 0.01), "viscous_asymmetry": np.full(3, -0.1), "offset": np.full(3, 0.1),
     }  # fmt: skip
     for electrical in (False, True):

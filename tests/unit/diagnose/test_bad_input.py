@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,10 +9,13 @@ from blind.generator import make
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.linear import linearise
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.manoeuvres import manoeuvre
+from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units
 from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.unknown import probes_for
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]
@@ -33,7 +38,11 @@ def test_a_good_recording_passes(good: Columns) -> None:
     ("column", "factor", "said"),
     [
         ("motor.0.duty", 100.0, "percent"),
+        ("motor.0.duty", 255.0, "PWM of 8 bits"),
+        ("motor.0.duty", 400.0, "a Wombat's PWM"),
+        ("motor.0.duty", 1500.0, "ticks a second"),
         ("imu.gyro.z", 57.3, "degrees"),
+        ("imu.gyro.z", 954.0, "the sensor's own counts"),
         ("motor.1.bemf", 0.0033, "volts"),
         ("battery.voltage", 1 / 0.008862, "counts"),
         ("battery.voltage", 1000.0, "millivolts"),
@@ -44,6 +53,32 @@ def test_a_good_recording_passes(good: Columns) -> None:
 def test_wrong_units_and_signs_are_said(good: Columns, column: str, factor: float, said: str) -> None:
     with pytest.raises(TraceError, match=said):
         check({**good, column: factor * good[column]})
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_one_motor_that_turns_the_other_way_is_said(good: Columns, port: int) -> None:
+    """Command and reading of a motor that is wired the other way agree; its turns do not suit the gyro."""
+    names = (f"motor.{port}.duty", f"motor.{port}.bemf")
+    with pytest.raises(TraceError, match=rf"motor {port} turns the other way .*\[motor\.{port}\] inverted"):
+        check({**good, **{name: -good[name] for name in names}})
+    wrong = parse_robot({"motor": {str(port): {"inverted": True}}})
+    with pytest.raises(TraceError, match=f"motor {port} turns the other way"):
+        check(good, wrong)
+
+
+def test_an_encoder_that_counts_against_its_command_is_said_without_a_gyro(good: Columns) -> None:
+    encoders = {name: each for name, each in good.items() if "bemf" not in name and "gyro" not in name}
+    for port, sign in ((0, 1.0), (1, -1.0)):
+        encoders[f"motor.{port}.speed"] = sign * good[f"motor.{port}.bemf"] / 303.4 / 1.08
+    with pytest.raises(TraceError, match=r"motor\.1\.speed has the opposite sign"):
+        check(encoders)
+
+
+def test_a_simulation_without_numbers_is_an_error_that_says_what_to_check(problem: Problem) -> None:
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb@left"])
+    nowhere = replace(linear, residual=np.full_like(linear.residual, np.nan))
+    with pytest.raises(TraceError, match="gives no numbers"):
+        probes_for(problem)(nowhere)
 
 
 def test_a_straight_line_says_nothing_of_the_gyros_sign() -> None:
@@ -62,6 +97,26 @@ def test_empty() -> None:
 def test_two_samples(good: Columns) -> None:
     with pytest.raises(TraceError, match="2 samples"):
         diagnose({key: column[:2] for key, column in good.items()}, ROBOT)
+
+
+def test_what_is_a_moment_too_short_is_not_said_to_be_long_enough(good: Columns) -> None:
+    with pytest.raises(TraceError, match=r"400 samples over 1\.995 s"):
+        check({**{key: column[:400] for key, column in good.items()}, "t": 0.005 * np.arange(400)})
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds")])
+def test_time_in_another_unit(good: Columns, factor: float, unit: str) -> None:
+    with pytest.raises(TraceError, match=f"looks like {unit}, not seconds"):
+        check({**good, "t": factor * good["t"]})
+
+
+def test_rows_in_which_commands_change_are_refused(good: Columns) -> None:
+    """Every second row is enough. A controller whose cycles are as long has commands that are known."""
+    check({key: column[::2] for key, column in good.items()})
+    third = {key: column[::3] for key, column in good.items()}
+    with pytest.raises(TraceError, match=r"a row every 15 ms.*controller\.rate_hz = 66\."):
+        check(third)
+    check(third, parse_robot({"controller": {"rate_hz": 66.7}}))
 
 
 def test_time_that_goes_back(good: Columns) -> None:

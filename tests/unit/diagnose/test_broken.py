@@ -12,6 +12,7 @@ from raccoon.diagnose.result import (
     Diagnosis,
     Gain,
     ParameterResult,
+    Rejected,
     Unexplained,
     Verdict,
 )
@@ -27,6 +28,7 @@ GOOD = {
     "motor.0.bemf": 1500.0 * DUTY + 4.0 * RNG.standard_normal(1000),
     "motor.1.bemf": 1500.0 * DUTY + 4.0 * RNG.standard_normal(1000),
     "imu.gyro.z": 0.01 * RNG.standard_normal(1000),
+    "battery.voltage": np.full(1000, 6.8),
 }
 
 
@@ -88,3 +90,42 @@ def test_a_file_of_another_robot_is_suspected() -> None:
 def test_a_missing_side_is_named() -> None:
     sound = without_broken({name: each for name, each in GOOD.items() if name != "motor.0.bemf"}, ROBOT)
     assert "motor.0.bemf is missing" in judged_again(found(12.0, 0.9), GOOD, sound, ROBOT).notes[0]
+
+
+def test_a_side_that_was_left_out_is_not_called_missing() -> None:
+    sound = without_broken({**GOOD, "motor.0.bemf": np.clip(GOOD["motor.0.bemf"], -900.0, 900.0)}, ROBOT)
+    note = judged_again(found(12.0, 0.9), GOOD, sound, ROBOT).notes[0]
+    assert note == "motor.0.bemf was left out (it is cut off): what only that wheel shows is not checked"
+
+
+def test_what_a_missing_channel_leaves_open_is_said_where_nothing_is_named() -> None:
+    adequate = replace(found(12.0, 0.9), verdict=Verdict.ADEQUATE, causes=())
+    reason = "not identifiable: imu.gyro.z was left out (it is stuck)"
+    adequate = replace(
+        adequate, rejected=(Rejected("imu.latency", reason), Rejected("drive.slope", "nothing"))
+    )
+    sound = without_broken({**GOOD, "imu.gyro.z": np.full(1000, 0.01)}, ROBOT)
+    (note,) = judged_again(adequate, GOOD, sound, ROBOT).notes
+    assert note == "not checked, since imu.gyro.z was left out (it is stuck): imu.latency"
+
+
+def test_a_battery_that_is_not_recorded_is_said_to_be_checked_by_the_wheels() -> None:
+    sound = without_broken({name: each for name, each in GOOD.items() if name != "battery.voltage"}, ROBOT)
+    (note,) = judged_again(found(12.0, 0.9), GOOD, sound, ROBOT).notes
+    assert note == "battery.voltage is missing: the battery was checked by the wheels alone"
+
+
+def test_where_the_time_is_uneven_only_large_causes_are_believed() -> None:
+    uneven = np.sort(TIME + 0.02 * RNG.standard_normal(1000))
+    sound = without_broken({**GOOD, "t": uneven}, ROBOT)
+    (large,) = found(12.0, 0.9).causes
+    small = replace(large, id="friction.load_dependent", change=0.34, rank=1)
+    both = replace(found(12.0, 0.9), causes=(small, replace(large, change=8.0, rank=2)))
+    again = judged_again(both, GOOD, sound, ROBOT)
+    assert [(each.id, each.rank) for each in again.causes] == [("motor.back_emf_constant", 1)]
+    assert again.verdict is Verdict.PARTLY
+    assert "t is uneven" in again.rejected[0].reason
+    nothing = judged_again(replace(both, causes=(small,)), GOOD, sound, ROBOT)
+    assert (nothing.verdict, nothing.causes) == (Verdict.NOT_IDENTIFIABLE, ())
+    even = without_broken(GOOD, ROBOT)
+    assert judged_again(both, GOOD, even, ROBOT).causes == both.causes

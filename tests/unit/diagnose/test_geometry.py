@@ -85,6 +85,50 @@ def test_truth_free_takes_the_reference_away() -> None:
     assert diagnose_recording(driven(3), ROBOT, truth_free=True).channels == ()
 
 
+def held(columns: Columns, after: float) -> Columns:
+    """The same wheels, but from then on a wall holds the robot for two seconds."""
+    time = columns["t"]
+    stays = (time[1:] > after) & (time[1:] < after + 2.0)
+    moved = {
+        name: columns[name][0]
+        + np.concatenate([[0.0], np.cumsum(np.where(stays, 0.0, np.diff(columns[name])))])
+        for name in ("truth.x", "truth.y")
+    }
+    return {**columns, **moved}
+
+
+def test_a_path_that_leaves_its_wheels_is_not_adequate() -> None:
+    """33 mm beside 2 of the runs that were fitted was called nothing that matters."""
+    columns = held(driven(3), after=21.0)
+    found = diagnose_recording(columns, ROBOT)
+    assert found.channels[0].rmse_after > 10.0 * found.channels[0].noise_floor
+    assert (found.verdict, found.causes) == (Verdict.UNKNOWN, ())
+    (note,) = (each for each in found.notes if "part by" in each)
+    assert 20.0 < float(note.split()[1]) < 22.0
+    off = [driven(seed, radius=0.98) for seed in range(4)]
+    found = diagnose_geometry([*off, off[0], held(off[1], after=15.0)], ROBOT)
+    assert found.verdict is Verdict.PARTLY
+    assert [each.name for each in found.causes] == ["drive.wheel_radius"]
+
+
+def test_wheels_of_another_robot_are_a_diagnosis_and_a_question() -> None:
+    found = diagnose_geometry([driven(seed, radius=0.45) for seed in range(4)], ROBOT)
+    (cause,) = found.causes
+    assert cause.parameters["factor"].value == pytest.approx(0.45, abs=0.002)
+    assert "drive.wheel_radius is off by -55 %: is this robot.toml of this robot?" in found.notes
+    assert found.model is not None
+    assert found.model.value("drive.wheel_radius", "factor", "left") == 0.5
+
+
+def test_runs_are_counted_as_they_are() -> None:
+    (note,) = diagnose_recording(driven(3), ROBOT).notes
+    assert note == "the first 70 % of the run was fitted, the rest is there to judge on"
+    (note,) = diagnose_recording(driven(3), ROBOT, holdout=driven(4)).notes
+    assert note == "1 run fitted, 1 other to judge on"
+    (note,) = diagnose_geometry([driven(seed) for seed in range(4)], ROBOT).notes
+    assert note == "2 runs fitted, 2 others to judge on"
+
+
 def odd(run: Run) -> bool:
     return int(run.name.rpartition("-")[2]) % 2 == 1
 

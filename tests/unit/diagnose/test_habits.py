@@ -17,6 +17,7 @@ from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.rollout import Habits, _cycle
+from raccoon.diagnose.searching import searched
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
@@ -35,13 +36,13 @@ def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None
     assert habits.chain == Chain.firmware()
 
 
-def recorded(robot: Parameters, seconds: float, seed: int = 3) -> dict[str, np.ndarray]:
+def recorded(robot: Parameters, seconds: float, seed: int = 3, brake: bool = False) -> dict[str, np.ndarray]:
     """A drive of a simulated robot, in whole counts, with the noise of its sensors."""
     rng = np.random.default_rng(seed)
     duty = exciting(rng, seconds)
     time = 0.005 * np.arange(len(duty))
     noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
-    commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], False)
+    commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], brake)
     run = rollout([robot], commands, channels=tuple(noise), longest_step=0.001)
     columns = {name: run[name][0] + noise[name] * rng.standard_normal(len(time)) for name in noise}
     return columns | {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
@@ -78,7 +79,7 @@ def test_the_filter_is_asked_again_once_a_cause_is_known(monkeypatch: pytest.Mon
     dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
     columns = recorded(dead, 20.0, seed=1)
     monkeypatch.setattr(
-        "raccoon.diagnose.diagnosis.controller_of",
+        "raccoon.diagnose.searching.controller_of",
         lambda log, *_: (log, Habits(Chain.firmware(), False)),
     )
     said = diagnose(columns, ROBOT)
@@ -94,7 +95,7 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
     columns = recorded(late, 20.0, seed=1)
     monkeypatch.setattr(
-        "raccoon.diagnose.diagnosis.controller_of",
+        "raccoon.diagnose.searching.controller_of",
         lambda log, *_: (log, Habits(Chain.firmware(), False)),
     )
     said = diagnose(columns, ROBOT)
@@ -102,6 +103,18 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
     assert said.causes[0].parameters["seconds"].value == pytest.approx(0.008, abs=0.0005)
     assert said.model is not None
     assert said.model.chain == Chain()
+
+
+def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    columns = recorded(Parameters.from_robot(ROBOT), 20.0, seed=1, brake=True)
+    monkeypatch.setattr(
+        "raccoon.diagnose.searching.controller_of", lambda log, *_: (log, Habits(Chain(), False))
+    )
+    search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
+    assert habits == Habits(Chain(), True)
+    assert not search.fit.point.active
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from raccoon.diagnose.recordings.supply import judge_supply
 from raccoon.diagnose.result import Verdict
 from raccoon.trace.loading import load_run
 from shared_data import data_path
-from unit.diagnose.axes import Columns, motor
+from unit.diagnose.axes import Columns, bench, motor
 
 ROBOT = RobotConfig()
 
@@ -38,6 +38,52 @@ def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself(
     assert values["friction.coulomb@left"].value == pytest.approx(0.008, rel=0.1)
     assert values["battery.internal_resistance"].value == pytest.approx(0.1, rel=0.1)
     assert [each.rank for each in found.causes] == [1, 2]
+
+
+def test_dry_friction_by_direction_is_listed_beside_a_constant_force() -> None:
+    found = diagnose_recording(bench(1, coulomb=0.05, asymmetry=0.25), ROBOT)
+    pull = next(each for each in found.causes if each.id != "friction.coulomb")
+    assert {pull.id, *pull.confounded_with} == {"drive.slope", "friction.direction_dependent"}
+    assert pull.probability < 0.7
+
+
+@pytest.mark.parametrize(
+    ("band", "words"),
+    [({"dead_below": 0.8}, "larger ones act in full"), ({"deadband": 0.8}, "add that much")],
+)
+def test_a_dead_band_is_found_by_either_rule(band: dict[str, float], words: str) -> None:
+    found = diagnose_recording(bench(2, **band), ROBOT)
+    (cause,) = found.causes
+    assert cause.id == "actuation.deadband"
+    assert cause.parameters["duty"].value == pytest.approx(0.8, rel=0.03)
+    assert words in cause.explanation
+    assert found.identified["resistance"].value == pytest.approx(2.0, rel=0.02)
+    assert len({each.id for each in found.rejected}) == len(found.rejected)
+
+
+@pytest.mark.parametrize("late", [0.002, 0.0083])
+def test_a_latency_is_found_to_a_part_of_a_sample_and_no_surer(late: float) -> None:
+    found = diagnose_recording(bench(3, late=late), ROBOT)
+    (cause,) = found.causes
+    assert cause.id == "actuation.latency"
+    number = cause.parameters["seconds"]
+    assert number.value == pytest.approx(late, abs=1e-4)
+    assert number.std >= 0.002 / np.sqrt(12.0)
+    assert found.identified["inductance"].value == pytest.approx(1e-3, rel=0.1)
+    errors = {each.name: each.rmse_after / each.noise_floor for each in found.channels}
+    assert errors["motor.0.current"] < 1.2
+
+
+def test_a_number_at_its_bound_is_not_given_as_measured() -> None:
+    columns = bench(4, seconds=4.0)
+    # A current that leads its voltage by a sample leaves no room for a winding.
+    columns["motor.0.current"] = np.append(columns["motor.0.current"][1:], np.nan)
+    found = diagnose_recording(columns, ROBOT)
+    assert "inductance" not in found.identified
+    assert any(
+        each.startswith("inductance ends at") and "the smallest that is tried" in each for each in found.notes
+    )
+    assert found.identified["back_emf"].value == pytest.approx(0.25, rel=0.05)
 
 
 def test_a_dead_current_is_a_sensor_fault_and_its_motor_is_judged_in_volts() -> None:
@@ -71,6 +117,24 @@ def test_a_stiff_battery_gets_no_resistance() -> None:
     assert found is not None
     assert found.cause is None
     assert {each.id for each in found.rejected} >= {"battery.internal_resistance"}
+
+
+def test_a_small_resistance_is_named_where_it_is_certain() -> None:
+    rng = np.random.default_rng(2)
+    power = 2.0 * np.abs(np.repeat(rng.standard_normal(100), 100))
+    voltage = 8.0 - 0.03 * power / 8.0 + 0.01 * rng.standard_normal(len(power))
+    found = judge_supply(0.002 * np.arange(len(power)), voltage, power, 0.0)
+    assert found is not None
+    assert found.cause is not None
+    assert found.channel.rmse_after > 0.9 * found.channel.rmse_before
+    assert found.resistance.value == pytest.approx(0.03, abs=4.0 * found.resistance.std)
+
+
+def test_a_speed_far_from_its_noise_is_only_partly_explained() -> None:
+    found = diagnose_motors(load_run(data_path("fleet-steps") / "robot-03.csv").recording.columns, ROBOT)
+    speed = next(each for each in found.channels if each.name == "motor.0.speed")
+    assert speed.rmse_after > 3.0 * speed.noise_floor
+    assert found.verdict is Verdict.PARTLY
 
 
 def test_real_motors_have_friction_and_their_battery_sags() -> None:

@@ -1,18 +1,15 @@
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from blind.generator import make
 from blind.hidden import draw
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.hypotheses import with_usual_stds
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
-from raccoon.diagnose.recordings.truth import with_reference
-from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
-from raccoon.sim.parameters import Parameters
+from raccoon.diagnose.result import Verdict
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]
@@ -48,6 +45,7 @@ def test_without_gyro_and_battery_the_rest_is_named_and_the_columns_too(weak_rig
     reasons = {each.id: each.reason for each in found.rejected}
     assert reasons["imu.gyro_scale"] == "not identifiable: imu.gyro.z is missing"
     assert reasons["battery.discharge"] == "not identifiable: battery.voltage is missing"
+    assert any(each.startswith("not checked, since imu.gyro.z is missing: ") for each in found.notes)
 
 
 def test_without_any_wheel_nothing_is_identifiable(weak_right: Columns) -> None:
@@ -56,75 +54,47 @@ def test_without_any_wheel_nothing_is_identifiable(weak_right: Columns) -> None:
     assert any("motor.0.bemf or motor.0.speed" in each.reason for each in found.rejected)
 
 
+def test_without_any_wheel_it_is_said_what_to_record(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "bemf", "position"), ROBOT)
+    assert (
+        "record the back-EMF of both motors (motor.0.bemf and motor.1.bemf)" in found.suggested_manoeuvres[0]
+    )
+    assert {"imu.*", "battery.*"} <= {each.id for each in found.rejected}
+
+
+def test_the_reading_of_one_side_is_not_known_where_only_the_other_is_recorded(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "motor.0.bemf"), ROBOT)
+    reasons = {each.id: each.reason for each in found.rejected}
+    start = "not identifiable at the left: motor.0.bemf is missing"
+    assert reasons["bemf.scale"].startswith(f"{start}; at the right: ")
+    assert "motor.0.bemf is missing: what only that wheel shows is not checked" in found.notes
+
+
+def test_numbers_without_std_are_as_well_known_as_by_default() -> None:
+    model = {"motor": {"armature_resistance": 3.6, "right": {"back_emf_constant": 1.0}}}
+    robot = parse_robot({"model": {**model, "bemf": {"offset": -4.0}, "friction": {"coulomb": 0.0}}})
+    opened, keys = with_usual_stds(robot)
+    assert opened.model.left.armature_resistance.std == pytest.approx(0.06)
+    assert opened.model.bemf.offset.std == 1.0
+    assert opened.model.friction.coulomb.std == 0.0
+    assert opened.model.left.back_emf_constant == robot.model.left.back_emf_constant
+    assert set(keys) == {
+        "model.motor.left.armature_resistance", "model.motor.right.armature_resistance",
+        "model.motor.right.back_emf_constant", "model.bemf.offset",
+    }  # fmt: skip
+    assert with_usual_stds(ROBOT) == (ROBOT, ())
+
+
+def test_numbers_without_std_are_said_in_one_note(weak_right: Columns) -> None:
+    robot = parse_robot({"model": {"motor": {"armature_resistance": 1.8}, "imu": {"gyro_scale": 1}}})
+    found = diagnose_recording(weak_right, robot)
+    assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
+    notes = [each for each in found.notes if "no std" in each]
+    assert len(notes) == 1
+    assert "no std for model.motor.armature_resistance, model.imu.gyro_scale: " in notes[0]
+
+
 def test_commands_of_another_robot_are_an_error(weak_right: Columns) -> None:
     other = {name.replace("motor.1", "motor.3"): each for name, each in weak_right.items()}
     with pytest.raises(TraceError, match=r"motor\.1\.duty is not in the recording"):
         diagnose_recording(other, ROBOT)
-
-
-def spinning(gyro: float = 1.0, track: float = 1.0) -> Columns:
-    """Spins and straights to both sides with back-EMF, gyro and a reference; factors on gyro and track."""
-    rng = np.random.default_rng(2)
-    time = 0.01 * np.arange(3000)
-    forward = np.where(time < 2.0, 0.0, 0.2 * (time % 6.0 < 3.0))
-    turn = np.where(time < 2.0, 0.0, 1.5 * np.sign(np.sin(1.3 * time)))
-    heading = np.concatenate([[0.0], np.cumsum(0.005 * (turn[1:] + turn[:-1]))])
-    along = np.concatenate([[0.0], np.cumsum(0.005 * (forward[1:] + forward[:-1]))])
-    x = np.concatenate([[0.0], np.cumsum(np.diff(along) * np.cos(heading[1:]))])
-    y = np.concatenate([[0.0], np.cumsum(np.diff(along) * np.sin(heading[1:]))])
-    drive, model = ROBOT.model.drive, ROBOT.model.left
-    columns: Columns = {"t": time, "truth.x": x, "truth.y": y, "truth.heading": heading}
-    counts = 303.4 * model.back_emf_constant.value / drive.wheel_radius.value
-    for port, side in ((0, -1.0), (1, 1.0)):
-        speed = forward + side * 0.5 * track * drive.track_width.value * turn
-        columns[f"motor.{port}.bemf"] = counts * speed + rng.standard_normal(3000)
-    return {**columns, "imu.gyro.z": gyro * turn + 0.002 + 0.005 * rng.standard_normal(3000)}
-
-
-def twin(id_: str, factor: float) -> Diagnosis:
-    """A diagnosis that could not tell the three from each other."""
-    rivals = tuple(
-        each for each in ("imu.gyro_scale", "drive.track_width", "drive.wheel_radius") if each != id_
-    )
-    numbers = {"factor": ParameterResult(factor, 0.002, "", 1.0)}
-    cause = CauseResult(id_, None, 1, numbers, Gain(4.0, 1.0, 1.0), 0.5, rivals, "twins.")
-    return Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
-
-
-def test_a_reference_decides_between_the_twins() -> None:
-    (cause,) = with_reference(twin("drive.track_width", 0.93), spinning(gyro=1.07), ROBOT).causes
-    assert (cause.id, cause.confounded_with) == ("imu.gyro_scale", ())
-    assert cause.parameters["factor"].value == pytest.approx(1.07, abs=0.005)
-    (cause,) = with_reference(twin("imu.gyro_scale", 0.93), spinning(track=1.07), ROBOT).causes
-    assert (cause.id, cause.confounded_with) == ("drive.track_width", ())
-    assert cause.parameters["factor"].value == pytest.approx(1.07, abs=0.01)
-
-
-def test_the_model_has_the_twin_that_the_reference_chose() -> None:
-    before = twin("drive.track_width", 0.93)
-    model = Parameters.from_robot(ROBOT).with_effect("drive.track_width", factor=0.93)
-    found = with_reference(replace(before, model=model), spinning(gyro=1.07), ROBOT).model
-    assert found is not None
-    assert list(found.effects) == [("imu.gyro_scale", None)]
-    assert found.value("imu.gyro_scale", "factor") == pytest.approx(1.07, abs=0.005)
-
-
-def test_a_reading_that_is_named_too_large_is_no_smaller_wheel() -> None:
-    """By the reference the wheels go less far than they say, whatever it is that makes them say so."""
-    columns = spinning()
-    columns["motor.0.bemf"] = 1.05 * columns["motor.0.bemf"]
-    numbers = {"factor": ParameterResult(1.05, 0.002, "", 1.0)}
-    cause = CauseResult("bemf.scale", "left", 1, numbers, Gain(4.0, 1.0, 1.0), 1.0, (), "reads too much.")
-    before = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
-    identified = with_reference(before, columns, ROBOT).identified
-    for name in ("wheel_radius", "track_width"):
-        number = identified[f"{name} by the reference"]
-        assert number.value == pytest.approx(1.0, abs=0.005)
-    unnamed = with_reference(replace(before, causes=()), columns, ROBOT).identified
-    assert unnamed["wheel_radius by the reference"].value < 0.985
-
-
-def test_without_a_reference_they_stay_a_class() -> None:
-    before = twin("drive.track_width", 0.93)
-    columns = without(spinning(gyro=1.07), "truth")
-    assert with_reference(before, columns, ROBOT) == before

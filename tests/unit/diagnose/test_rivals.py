@@ -11,7 +11,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.linear import coulomb_response, linearise
-from raccoon.diagnose.naming import _telling, _told, confounded, parameters, probability
+from raccoon.diagnose.naming import TWINS, _telling, _told, confounded, parameters, probability, product_told
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
 from raccoon.diagnose.select.rivals import CLOSE, compared
@@ -130,10 +130,46 @@ def test_beside_another_cause_a_number_is_less_sure(
     assert stds[2, 0.05] < 0.05 * slip
 
 
+def asking_for_twins(search: Search) -> Search:
+    asked = {each.name: each for each in drive_causes() if each.name in TWINS[0]}
+    return replace(search, problem=replace(search.problem, causes={**search.problem.causes, **asked}))
+
+
+def test_a_rival_brings_no_twin_that_a_reference_has_decided(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    search = searched(problem, late, late)
+    search.rivals = {"imu.latency": [Rival("drive.wheel_slip", CLOSE - 1.0)]}
+    assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
+    radius = next(each for each in drive_causes() if each.name == "drive.wheel_radius")
+    assert confounded(search, radius) == ()
+    assert set(confounded(asking_for_twins(search), radius)) == {"imu.gyro_scale", "drive.track_width"}
+
+
+def test_of_two_twins_only_what_they_do_together_is_said(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    search = asking_for_twins(searched(problem, late, late))
+    causes = search.problem.causes
+    one = Point(late.base, {"drive.track_width": np.array([1.0])})
+    both = Point(late.base, {**one.active, "imu.gyro_scale": np.array([-1.0])})
+
+    def said(point: Point) -> str:
+        settings = search.problem.settings(point)
+        spread = Spread(settings, (), np.zeros((0, 0)))
+        search.fit = replace(search.fit, point=point)
+        return product_told(search, causes["drive.track_width"], spread)
+
+    assert said(one) == ""
+    settings = search.problem.settings(both)
+    wide = settings[("drive.track_width", None, "factor")]
+    reads = settings[("imu.gyro_scale", None, "factor")] / wide
+    assert said(both).startswith(" With imu.gyro_scale beside it only what they do together is known")
+    assert f"the gyro reads {reads:.3f} times" in said(both)
+
+
 def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:
     """K_E was said with the track width beside it where the gyro's scale, that one's twin, was hidden."""
     late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
-    search = searched(problem, late, late)
+    search = asking_for_twins(searched(problem, late, late))
     search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE - 1.0)]}
     cause = CAUSES["imu.latency"]
     assert set(confounded(search, cause)) == {"drive.track_width", "drive.wheel_radius", "imu.gyro_scale"}

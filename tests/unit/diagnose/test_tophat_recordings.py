@@ -7,6 +7,7 @@ from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
 from raccoon.diagnose.result import Verdict
 from raccoon.model.paper import tophat_reading
+from raccoon.model.reflectance import counts
 
 Columns = dict[str, np.ndarray]
 ROBOT = parse_robot({"tophat": {"front": {"analog": 2}}})
@@ -16,6 +17,12 @@ def level(height: float, black: bool) -> float:
     """The paper's new tophat indoors, counts at 7 or at 23 mm."""
     found = tophat_reading("new", height, "normal")
     return float(found.black if black else found.white)
+
+
+def read(columns: Columns, clean: np.ndarray, seed: int = 3, noise: float = 3.0) -> Columns:
+    """The same drive with these readings, noise on top, as the converter gives them."""
+    noisy = clean + noise * np.random.default_rng(seed).standard_normal(len(clean))
+    return {**columns, "analog.2": np.clip(np.round(noisy), 0.0, 4095.0)}
 
 
 def lines(
@@ -104,3 +111,112 @@ def test_one_surface_alone_cannot_tell() -> None:
     assert {each.id for each in found.rejected} == {
         "tophat.ambient_light@2", "tophat.gain@2", "tophat.height@2", "tophat.noise@2",
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("truth_free", [False, True])
+@pytest.mark.parametrize("changes", [{"offset": 300.0}, {"offset": 800.0}, {"factor": 3.0}])
+def test_a_level_that_is_cut_off_is_said_and_leaves_one_number(
+    changes: dict[str, float], truth_free: bool
+) -> None:
+    found = diagnose_recording(lines(3, **changes), ROBOT, truth_free=truth_free)
+    assert [(each.channel, each.fault) for each in found.sensor_faults] == [("analog.2", "saturated")]
+    assert "black reads 4095" in found.sensor_faults[0].text
+    (cause,) = found.causes
+    # White alone cannot tell an offset from a factor; a height would leave black below the end.
+    assert {cause.id, *cause.confounded_with} == {"tophat.ambient_light", "tophat.gain"}
+    assert 0.3 < cause.probability < 0.8
+    again = diagnose_recording(lines(4, **changes), ROBOT, model=found.model)
+    assert again.causes == ()
+    assert again.verdict is Verdict.ADEQUATE
+
+
+def test_both_levels_cut_off_tell_nothing() -> None:
+    found = diagnose_recording(lines(3, factor=5.0), ROBOT)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert "saturated" in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("black_is_cut", "factor", "offset", "cause"),
+    [
+        (True, 1.2, 0.0, "tophat.gain"),
+        (True, 1.0, 300.0, "tophat.ambient_light"),
+        (False, 0.8, 0.0, "tophat.gain"),
+    ],
+)
+def test_levels_that_jump_are_judged_before_and_after(
+    black_is_cut: bool, factor: float, offset: float, cause: str
+) -> None:
+    columns = lines(3)
+    clean = np.where(columns["truth.surface.2"] > 0.5, level(0.007, True), level(0.007, False))
+    late = columns["t"] > 12.5
+    found = diagnose_recording(read(columns, np.where(late, factor * clean + offset, clean)), ROBOT)
+    (named,) = found.causes
+    assert cause in {named.id, *named.confounded_with}
+    assert bool(found.sensor_faults) is black_is_cut
+    assert named.explanation.startswith("From 12.5 s on: ")
+    assert found.verdict is Verdict.PARTLY
+    assert found.unexplained.depends_on == ("time",)
+    assert any("jumps at 12.5 s" in each and "until then: as assumed" in each for each in found.notes)
+
+
+def test_a_cause_that_ends_is_said_to_end() -> None:
+    columns = lines(3)
+    clean = np.where(columns["truth.surface.2"] > 0.5, level(0.007, True), level(0.007, False))
+    found = diagnose_recording(read(columns, clean + 150.0 * (columns["t"] < 8.5)), ROBOT)
+    assert [each.id for each in found.causes] == ["tophat.ambient_light"]
+    assert found.causes[0].explanation.startswith("Until 8.5 s: ")
+
+
+def test_levels_that_drift_have_no_one_cause() -> None:
+    found = diagnose_recording(lines(4, drift=200.0), ROBOT)
+    assert found.causes == ()
+    assert found.verdict is Verdict.UNKNOWN
+    # A drift that is small beside what is wrong does not hide it.
+    found = diagnose_recording(lines(4, factor=0.7, drift=60.0), ROBOT)
+    assert "tophat.gain" in {each.id for each in found.causes}
+    assert found.verdict is Verdict.PARTLY
+
+
+@pytest.mark.parametrize("light", [0.01, 0.03, 0.1])
+def test_sun_that_lowers_both_levels_is_light(light: float) -> None:
+    columns = lines(3)
+    levels = [float(counts(side, "new", 0.007, light)) for side in (0.0, 1.0)]
+    found = diagnose_recording(
+        read(columns, np.where(columns["truth.surface.2"] > 0.5, *levels[::-1])), ROBOT
+    )
+    (cause,) = found.causes
+    assert cause.id == "tophat.ambient_light"
+    fall = np.mean([level(0.007, False) - levels[0], level(0.007, True) - levels[1]])
+    assert cause.parameters["offset"].value == pytest.approx(-fall, rel=0.03)
+    assert set(cause.confounded_with) == {"tophat.gain", "tophat.height"}
+    assert f"about {100 * light:.2g} % of direct sun" in cause.explanation
+    assert found.verdict is Verdict.PARTLY
+    assert any("only the mean of both" in each for each in found.notes)
+
+
+def test_exchanged_labels_are_said() -> None:
+    columns = lines(3)
+    columns["truth.surface.2"] = 1.0 - columns["truth.surface.2"]
+    found = diagnose_recording(columns, ROBOT)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert "labels of black and white look swapped" in found.notes[0]
+
+
+def test_a_port_that_robot_toml_does_not_name_is_said() -> None:
+    columns = lines(3)
+    columns["analog.1"] = columns["analog.2"]
+    found = diagnose_recording(columns, ROBOT)
+    assert any(each.startswith("analog.1 was not judged") for each in found.notes)
+    assert diagnose_recording(lines(3), ROBOT).notes == ()
+
+
+@pytest.mark.parametrize("truth_free", [False, True])
+@pytest.mark.parametrize("noise", [20.0, 60.0, 120.0])
+def test_edges_are_no_noise(noise: float, truth_free: bool) -> None:
+    columns = lines(3)
+    black = np.convolve(np.pad(columns["truth.surface.2"], 2, mode="edge"), np.full(5, 0.2), "valid")
+    clean = level(0.007, False) + black * (level(0.007, True) - level(0.007, False))
+    found = diagnose_recording(read(columns, clean, noise=noise), ROBOT, truth_free=truth_free)
+    cause = next(each for each in found.causes if each.id == "tophat.noise")
+    assert cause.parameters["sd"].value == pytest.approx(noise, rel=0.03)

@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.noise import whiteness
 from raccoon.diagnose.recordings.axis_causes import unit_of
-from raccoon.diagnose.recordings.axis_judge import JudgedAxis, error_with, judge_axis, model_errors, overall
+from raccoon.diagnose.recordings.axis_fit import NEAR_END
+from raccoon.diagnose.recordings.axis_judge import (
+    JudgedAxis,
+    error_with,
+    error_with_twin,
+    judge_axis,
+    model_errors,
+    overall,
+)
 from raccoon.diagnose.recordings.axis_log import AxisLog, axis_log
 from raccoon.diagnose.recordings.axis_rest import depends_on
 from raccoon.diagnose.recordings.axis_search import TIE, Tried, alike
@@ -33,8 +41,16 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 LARGE_REST = 0.3
+FAR = 3.0
+"""Noise floors that a speed or current may be off by before what is left is large. A position's error grows
+with every push, so there only the share counts."""
 SAME_DIRECTION = 0.95
 AS_GOOD = 1.1
+TWINS = {
+    "drive.slope": "friction.direction_dependent",
+    "friction.direction_dependent": "drive.slope",
+}
+"""Causes that are one term of the equations while the axis moves, as long as there is dry friction."""
 NOT_SHOWN = {
     "battery.internal_resistance": "not visible: battery.voltage is missing, or a current",
     "motor.heating": "not visible: it takes minutes of load and a current",
@@ -68,9 +84,11 @@ def _diagnosis(judged: JudgedAxis, place: Place, begin: float) -> Diagnosis:
     causes = tuple(_cause(judged, place, index) for index in range(len(judged.causes)))
     channels = _channels(judged)
     rest = _rest(channels[0])
-    dependence = depends_on(judged.unseen, judged.fit) if rest > 0.1 else ()
+    far = judged.log.is_speed and any(each.rmse_after > FAR * each.noise_floor for each in channels)
+    dependence = depends_on(judged.unseen, judged.fit) if far or rest > 0.1 else ()
+    large = far or (rest > LARGE_REST and bool(dependence))
     return Diagnosis(
-        _verdict(bool(causes), rest, dependence),
+        _verdict(bool(causes), large),
         channels,
         causes,
         _rejected(judged, place),
@@ -85,11 +103,10 @@ def _diagnosis(judged: JudgedAxis, place: Place, begin: float) -> Diagnosis:
     )
 
 
-def _verdict(causes: bool, rest: float, dependence: tuple[str, ...]) -> Verdict:
-    large = rest > LARGE_REST
+def _verdict(causes: bool, large: bool) -> Verdict:
     if causes:
-        return Verdict.PARTLY if large and dependence else Verdict.EXPLAINED
-    return Verdict.UNKNOWN if large and dependence else Verdict.ADEQUATE
+        return Verdict.PARTLY if large else Verdict.EXPLAINED
+    return Verdict.UNKNOWN if large else Verdict.ADEQUATE
 
 
 def _rest(channel: ChannelResult) -> float:
@@ -104,34 +121,54 @@ def _cause(judged: JudgedAxis, place: Place, index: int) -> CauseResult:
     tried = judged.causes[index]
     values, stds = judged.final.values, judged.final.stds()
     parameters = {
-        name: ParameterResult(values[number.name], stds[number.name], unit_of(number.name, judged.log), 0.0)
+        name: ParameterResult(
+            values[number.name], _std(number.name, stds, judged.log), unit_of(number.name, judged.log), 0.0
+        )
         for number, name in zip(tried.cause.numbers, tried.cause.names, strict=True)
     }
     without, after = judged.without[index], overall(judged.after, judged.floor)
     removable = max(overall(judged.before, judged.floor) - min(after, 1.0), 1e-300)
     share = float(np.clip((without - after) / removable, 0.0, 1.0))
+    rivals = _rivals(judged, tried)
     return CauseResult(
         tried.cause.id,
         place.where,
         index + 1,
         parameters,
         Gain(without, after, share),
-        1.0 / (1.0 + math.exp(-min(tried.evidence / 2.0, 30.0))),
-        _rivals(judged, tried),
-        axis_sentence(tried.cause.id, place.words, parameters),
+        _probability(tried, sum(rivals.values())),
+        tuple(rivals),
+        axis_sentence(tried.cause.id, place.words, parameters, tried.cause.numbers[0].name),
     )
 
 
-def _rivals(judged: JudgedAxis, tried: Tried) -> tuple[str, ...]:
-    """Candidates with as much evidence at the same step, that move the data in the same direction and
-    foresee unseen data as well."""
-    return tuple(
-        each.cause.id
-        for each in tried.rivals
+def _std(name: str, stds: Mapping[str, float], log: AxisLog) -> float:
+    """Deviation of a number. When a command began to act is not known better than to a sample."""
+    return math.hypot(stds[name], log.step / math.sqrt(12.0)) if name == "latency" else stds[name]
+
+
+def _probability(tried: Tried, odds: float) -> float:
+    """That the data ask for it at all, shared with what cannot be told from it."""
+    return 1.0 / (1.0 + odds + math.exp(-min(tried.evidence / 2.0, 30.0)))
+
+
+def _rivals(judged: JudgedAxis, tried: Tried) -> dict[str, float]:
+    """Causes that cannot be told from this one, with their odds against it.
+
+    Candidates with as much evidence at the same step, that move the data in the same direction and foresee
+    unseen data as well; and the one that is the same term of the equations while the axis moves."""
+    limit = AS_GOOD * overall(judged.after, judged.floor)
+    found = {
+        each.cause.id: math.exp(min(0.5 * (each.evidence - tried.evidence), 30.0))
+        for each in sorted(tried.rivals, key=lambda each: each.evidence)
         if each.evidence > tried.evidence - TIE
         and alike(tried.fit, tried.cause, each.fit, each.cause) > SAME_DIRECTION
-        and error_with(judged, each, instead_of=tried) < AS_GOOD * overall(judged.after, judged.floor)
-    )
+        and error_with(judged, each, instead_of=tried) < limit
+    }
+    twin = TWINS.get(tried.cause.id)
+    if twin is not None and twin not in found and error_with_twin(judged) < limit:
+        found[twin] = 1.0
+    return found
 
 
 def _channels(judged: JudgedAxis) -> tuple[ChannelResult, ...]:
@@ -163,10 +200,12 @@ def _rejected(judged: JudgedAxis, place: Place) -> tuple[Rejected, ...]:
         for each in judged.useless
     ]
     told = named | {each.cause.id for each in judged.useless}
+    # The better one of two rules of one effect comes last, and stays.
+    tried = {each.cause.id: each for each in sorted(judged.search.tried, key=lambda each: each.evidence)}
     found += [
         Rejected(each.cause.id + suffix, _reason(each))
         for each in judged.search.tried
-        if each.cause.id not in told
+        if each.cause.id not in told and tried[each.cause.id] is each
     ]
     return (*found, *(Rejected(id_, reason) for id_, reason in NOT_SHOWN.items()))
 
@@ -189,6 +228,7 @@ def _identified(judged: JudgedAxis) -> Mapping[str, ParameterResult]:
             values[each.name], stds[each.name], unit_of(each.name, judged.log), math.nan
         )
         for each in judged.search.base.numbers
+        if not each.at_its_end(values[each.name])
     }
 
 
@@ -212,6 +252,13 @@ def _notes(judged: JudgedAxis) -> tuple[str, ...]:
             "dry friction that differs by direction acts like a constant force while the axis moves: the two "
             "are one number here, offset"
         )
+    notes += [
+        f"{_name(each.name, log)} ends at {value:.2g} {unit_of(each.name, log)}, the "
+        f"{'smallest' if value <= NEAR_END * each.low else 'largest'} that is tried: this recording does not "
+        "show it"
+        for each, value in ((each, judged.final.values[each.name]) for each in judged.final.numbers)
+        if each.at_its_end(value)
+    ]
     return tuple(notes)
 
 

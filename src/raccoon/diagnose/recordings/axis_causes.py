@@ -12,17 +12,22 @@ from raccoon.diagnose.recordings.axis_start import Rough
 
 SHARE = 0.95
 LATEST = 0.25
+LATENCIES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+DEAD = (0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)
+"""u that are tried before a fit."""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisCause:
     """An effect of the catalogue. numbers: of the axis model, that it frees. names: their names in the
-    contract. starts: u to begin a fit from."""
+    contract. starts: u to begin a fit from. scan: u of its one number that are tried first, where a fit does
+    not find its way from afar. An effect may be here twice, with two rules; one of them is named."""
 
     id: str
     numbers: tuple[Number, ...]
     names: tuple[str, ...]
     starts: tuple[float, ...]
+    scan: tuple[float, ...] = ()
 
 
 def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
@@ -30,7 +35,9 @@ def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
 
     Dry and viscous friction and a constant force are part of the base model where a force drives the axis:
     any mechanism has them. A motor's base model is the textbook's, U = R I + L dI/dt + K_E w and an inertia.
-    There, viscous friction shows only with a current (else it is part of K_E).
+    There, viscous friction shows only with a current (else it is part of K_E). A dead band of volts is either
+    that of the simulated robot (nothing up to it, then linearly to everything at full) or a threshold (small
+    commands do nothing, larger ones all that they say).
     """
     mechanism = log.effort_unit != "V"
     found = [] if mechanism else [_positive("friction.coulomb", "torque", "coulomb", 0.2 * rough.force, 0.3)]
@@ -38,16 +45,19 @@ def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
         width = 0.2 * rough.force / rough.speed
         found.append(_positive("friction.viscous", "coefficient", "viscous", width, 0.2))
     found += [
-        _positive("actuation.latency", "seconds", "latency", 0.02, 0.2, LATEST),
+        _positive("actuation.latency", "seconds", "latency", 0.02, 0.2, LATEST, LATENCIES),
         _direction(log, mechanism),
         _stiction(rough),
         _positive("friction.load_dependent", "coefficient", "load", 0.2, 0.1, 0.9),
         _positive("friction.quadratic", "coefficient", "quadratic", 0.2 * rough.force / rough.speed**2, 0.1),
     ]
     if not mechanism:
-        offset = Number("offset", 0.0, 0.1 * rough.force, prior=True)
-        found.append(_positive("actuation.deadband", "duty", "deadband", 0.05 * rough.effort, 0.3))
-        found.append(AxisCause("drive.slope", (offset,), ("along_x",), (0.1,)))
+        width, most = 0.05 * rough.effort, 0.5 * rough.effort
+        found += [
+            _positive("actuation.deadband", "duty", number, width, 0.3, most, DEAD)
+            for number in ("deadband", "dead_below")
+        ]
+        found.append(AxisCause("drive.slope", (constant_force(rough),), ("along_x",), (0.1,)))
     return tuple(found)
 
 
@@ -58,16 +68,28 @@ def _positive(
     width: float,
     start: float,
     high: float = math.inf,
+    scan: tuple[float, ...] = (),
 ) -> AxisCause:
     """A cause of one number that is not below 0."""
-    return AxisCause(id, (Number(number, 0.0, width, low=0.0, high=high, prior=True),), (name,), (start,))
+    freed = Number(number, 0.0, width, low=0.0, high=high, prior=True)
+    return AxisCause(id, (freed,), (name,), (start,), scan)
+
+
+def constant_force(rough: Rough) -> Number:
+    """A force that pulls one way."""
+    return Number("offset", 0.0, 0.1 * rough.force, prior=True)
+
+
+def dry_asymmetry() -> Number:
+    """Of dry friction, forwards more than backwards."""
+    return Number("asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
 
 
 def _direction(log: AxisLog, mechanism: bool) -> AxisCause:
     """Asymmetric dry friction is a constant force as long as the axis moves: where the base model has that
     force, only the viscous part can be told."""
     viscous = Number("viscous_asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
-    dry = Number("asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
+    dry = dry_asymmetry()
     id_ = "friction.direction_dependent"
     if mechanism:
         return AxisCause(id_, (viscous,), ("viscous_asymmetry",), (0.1,))
@@ -100,5 +122,6 @@ def unit_of(name: str, log: AxisLog) -> str:
         "stiction_speed": speed,
         "latency": "s",
         "deadband": "V",
+        "dead_below": "V",
     }
     return units.get(name, "")

@@ -25,6 +25,7 @@ SECANT = 1e-3
 DAMPINGS = (1e-6, 1e-2, 1.0, 100.0)
 ROUNDS = 20
 ENOUGH = 1e-5
+NEAR_END = 1.02
 ROWS_OF_POSITION, ROWS_OF_SPEED = 100, 8000
 FEWEST_STRETCHES = 10
 RUN_CONSTANTS, RUN_SECONDS = 20.0, 60.0
@@ -44,6 +45,11 @@ class Number:
     low: float = -math.inf
     high: float = math.inf
     prior: bool = False
+
+    def at_its_end(self, value: float) -> bool:
+        """Whether a value of a number that is positive by nature stands at a bound: there it was not found,
+        only not allowed to go on."""
+        return self.positive and (value <= NEAR_END * self.low or value >= self.high / NEAR_END)
 
     def value(self, u: Array) -> Array:
         """The number at u."""
@@ -104,6 +110,7 @@ class AxisData:
     def residuals(self, numbers: Sequence[Number], points: Array) -> Array:
         """Simulated minus measured over the scale, (points, rows); 0 where nothing is known or fitted."""
         named = {name: np.full(len(points), value) for name, value in NEUTRAL.items()}
+        named["full"] = np.full(len(points), self.log.full)
         for index, each in enumerate(numbers):
             named[each.name] = each.value(points[:, index])
         position, speed, current = simulated(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.axis_causes import axis_causes
+from raccoon.diagnose.recordings.axis_causes import axis_causes, constant_force, dry_asymmetry
 from raccoon.diagnose.recordings.axis_fit import AxisData, AxisFit, Keep, Rows, cut, fit_axis
 from raccoon.diagnose.recordings.axis_log import AxisLog
 from raccoon.diagnose.recordings.axis_search import AxisSearch, Tried, search_axis
@@ -21,6 +22,8 @@ LEAST_GAIN = 0.03
 """Share of the error on unseen data that a cause must save to be named."""
 LEAST_SIZE = 0.1
 """Share of its usual size (its width) below which a cause is nothing that a team could act on."""
+MUCH = 0.3
+"""Share of the error on unseen data from which a cause is named however small it is."""
 OVERLAP = 2
 TINY = 1e-12
 SHORTEST = 4.0
@@ -70,7 +73,8 @@ def judge_axis(log: AxisLog, holdout: AxisLog | None) -> JudgedAxis:
         unseen = _data(log, rough, lambda rows: rows >= log.split, 1)
     causes = axis_causes(log, rough)
     search = search_axis(data, rough.numbers, causes)
-    floor = np.maximum(errors(data, search.saturated), TINY)
+    # All candidates at once may get lost where the named ones did not.
+    floor = np.maximum(np.fmin(errors(data, search.saturated), errors(data, search.fit)), TINY)
     fits = _Fits(data, search)
     kept, useless = _helpful(fits, unseen, floor)
     fit = fits.of(kept)
@@ -148,6 +152,30 @@ def error_with(judged: JudgedAxis, rival: Tried, instead_of: Tried) -> float:
     return overall(errors(judged.unseen, fit), judged.floor)
 
 
+def error_with_twin(judged: JudgedAxis) -> float:
+    """The same with a constant force in place of dry friction that differs by direction, or the other way
+    round, from where both are one; infinite where they cannot be exchanged."""
+    found = judged.fit.values
+    coulomb = found.get("coulomb", 0.0)
+    old, new, value = (
+        ("offset", dry_asymmetry(), found.get("offset", 0.0) / max(coulomb, TINY))
+        if "offset" in found
+        else ("asymmetry", constant_force(judged.rough), found.get("asymmetry", 0.0) * coulomb)
+    )
+    base = {each.name for each in judged.search.base.numbers}
+    if (
+        coulomb <= 0.0
+        or old not in found
+        or old in base
+        or new.name in found
+        or not new.low < value < new.high
+    ):
+        return math.inf
+    numbers = [new if each.name == old else each for each in judged.fit.numbers]
+    start = np.where([each is new for each in numbers], value / new.width, judged.fit.u)
+    return overall(errors(judged.unseen, fit_axis(judged.data, numbers, start)), judged.floor)
+
+
 def _helpful(fits: _Fits, unseen: AxisData, floor: Array) -> tuple[list[Tried], list[Tried]]:
     """Accepted causes that lower the error on unseen data, and those that do not."""
     kept, useless = list(fits.search.accepted), []
@@ -155,7 +183,10 @@ def _helpful(fits: _Fits, unseen: AxisData, floor: Array) -> tuple[list[Tried], 
         whole = overall(errors(unseen, fits.of(kept)), floor)
         others = [[other for other in kept if other is not each] for each in kept]
         gains = [1.0 - whole / overall(errors(unseen, fits.of(each)), floor) for each in others]
-        gains = [0.0 if _tiny(each, fits.search) else gain for each, gain in zip(kept, gains, strict=True)]
+        gains = [
+            0.0 if gain < MUCH and _tiny(each, fits.search) else gain
+            for each, gain in zip(kept, gains, strict=True)
+        ]
         worst = int(np.argmin(gains))
         if gains[worst] >= LEAST_GAIN:
             break

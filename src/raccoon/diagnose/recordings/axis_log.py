@@ -25,7 +25,8 @@ class AxisLog:
 
     effort (n,): what drove it, in `effort_unit`, each value valid until the next. motion (n,): a position, or
     a speed where `is_speed`; NaN where nothing is known. current (n,): A, or None. split: first row of what
-    is held back to judge on. names: columns of effort, motion and current.
+    is held back to judge on. names: columns of effort, motion and current. full: effort that a full command
+    gives: the battery's voltage where it was recorded, else the largest effort.
     """
 
     time: Array
@@ -37,6 +38,7 @@ class AxisLog:
     current: Array | None
     names: tuple[str, str, str]
     split: int
+    full: float
 
     @property
     def is_speed(self) -> bool:
@@ -87,7 +89,16 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
         _onto(current, columns["t"], time) if known and current is not None else None,
         (effort_name, motion_name, current_name),
         held_back(effort),
+        _full(columns, effort, effort_unit),
     )
+
+
+def _full(columns: Mapping[str, Array], effort: Array, unit: str) -> float:
+    largest = float(np.abs(effort).max())
+    battery = columns.get("battery.voltage")
+    if unit != "V" or battery is None or not np.isfinite(battery).any():
+        return largest
+    return max(float(np.nanmedian(battery)), largest)
 
 
 def _chosen(columns: Mapping[str, Array], port: int, kinds: Mapping[str, str]) -> tuple[str, str]:

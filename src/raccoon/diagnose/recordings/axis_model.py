@@ -5,8 +5,11 @@
 
     M dw/dt = f - o - b (1 + d_b s) w - s (c (1 + d_c s) + c_s exp(-(w/w_s)^2) + q w^2 + l |f|),   s = sign(w)
 
-with u delayed and with a dead band where these are switched on. A step is exact for the winding and for
-viscous friction with the rest held; at rest the axis stays where it is until |f| exceeds its dry friction.
+with u delayed and with a dead band where these are switched on. A dead band follows one of two rules: as in
+the simulated robot, nothing up to `deadband` and from there on linearly to all of it at `full`; or nothing
+below `dead_below` and all of it above (over a tenth of it to either side, so that a fit can follow). A step
+is exact for the winding, the moment at which a late effort changes, and viscous friction with the rest held;
+at rest the axis stays where it is until |f| exceeds its dry friction.
 Neutral values change nothing, exactly.
 """
 
@@ -27,6 +30,7 @@ NEUTRAL: Mapping[str, float] = {
     "resistance": 1.0, "inductance": 0.0, "back_emf": 1.0, "inertia": 1.0, "coulomb": 0.0, "viscous": 0.0,
     "offset": 0.0, "asymmetry": 0.0, "viscous_asymmetry": 0.0, "stiction": 0.0, "stiction_speed": 1.0,
     "quadratic": 0.0, "load": 0.0, "latency": 0.0, "deadband": 0.0,
+    "dead_below": 0.0, "full": 1e9,
 }  # fmt: skip
 """Every number of the model, neutral or (for the first four) to be set."""
 LONGEST_STEP, LONGEST_STEP_OF_A_WINDING = 0.001, 0.0005
@@ -101,9 +105,11 @@ def _side_by_side(
     for row in range(parts.count):
         out[:, row] = state.position, state.speed, state.current
         for sample in range(row * parts.every, (row + 1) * parts.every):
-            u = _commanded(effort, np.minimum(parts.first + sample, len(effort) - 1), step, p)
-            for _ in range(pieces):
-                _advance(state, u, p, step / pieces, electrical)
+            at = np.minimum(parts.first + sample, len(effort) - 1)
+            sooner, later, share = _commanded(effort, at, step, p)
+            for piece in range(pieces):
+                part = np.clip(share * pieces - piece, 0.0, 1.0)
+                _advance(state, (sooner, later, part), p, step / pieces, electrical)
 
 
 @dataclass(slots=True)
@@ -126,17 +132,26 @@ class _State:
         return cls(np.broadcast_to(parts.position, shape).copy(), speed, current)
 
 
-def _commanded(effort: Array, rows: NDArray[np.intp], step: float, p: Mapping[str, Array]) -> Array:
-    """The effort that acts at these rows, late and with a dead band, (lanes, stretches)."""
-    u = effort[rows][None, :]
-    if p["latency"].any():
-        late = p["latency"] / step
-        whole = np.floor(late).astype(np.intp)
-        share = late - whole
-        later, sooner = rows[None, :] - whole - 1, rows[None, :] - whole
-        u = share * _at(effort, later) + (1.0 - share) * _at(effort, sooner)
+def _commanded(
+    effort: Array, rows: NDArray[np.intp], step: float, p: Mapping[str, Array]
+) -> tuple[Array, Array, Array]:
+    """The efforts that act at these rows, late and with a dead band, (lanes, stretches): the one before, the
+    one after it changes, and the share of the sample until then."""
+    late = p["latency"] / step
+    whole = np.floor(late).astype(np.intp)
+    efforts = (_at(effort, rows[None, :] - whole - back) for back in (1, 0))
+    sooner, later = (_with_dead_band(each, p) for each in efforts)
+    return sooner, later, np.asarray(late - whole)
+
+
+def _with_dead_band(u: Array, p: Mapping[str, Array]) -> Array:
     if p["deadband"].any():
-        u = np.sign(u) * np.maximum(np.abs(u) - p["deadband"], 0.0)
+        stretch = p["full"] / np.maximum(p["full"] - p["deadband"], 1e-9)
+        moved = np.sign(u) * np.maximum(np.abs(u) - p["deadband"], 0.0) * stretch
+        u = np.where(p["deadband"] > 0.0, moved, u)
+    if p["dead_below"].any():
+        acts = np.clip(5.0 * (np.abs(u) / np.maximum(p["dead_below"], TINY) - 0.9), 0.0, 1.0)
+        u = np.where(p["dead_below"] > 0.0, u * acts, u)
     return np.asarray(u)
 
 
@@ -144,12 +159,19 @@ def _at(effort: Array, rows: NDArray[np.intp]) -> Array:
     return np.asarray(np.where(rows >= 0, effort[np.maximum(rows, 0)], 0.0))
 
 
-def _advance(state: _State, u: Array, p: Mapping[str, Array], step: float, electrical: bool) -> None:
+def _advance(
+    state: _State, acting: tuple[Array, Array, Array], p: Mapping[str, Array], step: float, electrical: bool
+) -> None:
     w = state.speed
-    settled = (u - p["back_emf"] * w) / p["resistance"] if electrical else u
-    kept = np.exp(-step * p["resistance"] / np.maximum(p["inductance"], TINY))
-    old, state.current = state.current, settled + (state.current - settled) * kept
-    force = (0.5 * p["back_emf"] * (old + state.current) if electrical else state.current) - p["offset"]
+    sooner, later, part = acting
+    decay = step * p["resistance"] / np.maximum(p["inductance"], TINY)
+    mean = np.zeros_like(w)
+    for u, length in ((sooner, part), (later, 1.0 - part)):
+        settled = (u - p["back_emf"] * w) / p["resistance"] if electrical else u
+        kept = np.exp(-decay * length)
+        mean = mean + settled * length + (state.current - settled) * (1.0 - kept) / decay
+        state.current = settled + (state.current - settled) * kept
+    force = (p["back_emf"] * mean if electrical else mean) - p["offset"]
     side = np.sign(w)
     side = np.where(side == 0.0, np.sign(force), side)
     dry = p["coulomb"] * (1.0 + p["asymmetry"] * side) + p["load"] * np.abs(force)

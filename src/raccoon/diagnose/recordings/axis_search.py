@@ -20,6 +20,8 @@ LEAST_LEFT_OUT = 6.0
 MOST_CAUSES = 4
 TIE = 3.0
 CRUDE = 0.05
+LOST = 0.5
+"""Share of the squared residual of every candidate at once below which the search must have found more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +53,32 @@ def search_axis(data: AxisData, base: Sequence[Number], causes: Sequence[AxisCau
     data.scales = _crude_scales(data)
     first = fit_axis(data, base)
     data.scales = data.scales * _sizes(data, first)
-    saturated = _with(data, first, causes)
+    saturated = _saturated(data, first, causes)
     data.scales = data.scales * _colour(data, saturated)
+    found = _forward(data, base, causes, first, saturated)
+    if _power(data, found.fit) < LOST * _power(data, saturated):
+        # Everything at once got lost: the noise is what the search has left, and evidence counts anew.
+        data.scales = data.scales * _colour(data, found.fit)
+        found = _forward(data, base, causes, first, found.fit)
+    return found
+
+
+def _saturated(data: AxisData, first: AxisFit, causes: Sequence[AxisCause]) -> AxisFit:
+    """Every candidate at once, from where scans begin or with one rule of each effect from its usual start,
+    whichever gets further."""
+    every = _with(data, first, causes)
+    once = [each for index, each in enumerate(causes) if each.id not in {it.id for it in causes[:index]}]
+    usual = _with(data, first, [replace(each, scan=()) for each in once])
+    return every if _power(data, every) < _power(data, usual) else usual
+
+
+def _power(data: AxisData, fit: AxisFit) -> float:
+    return float((data.residuals(fit.numbers, fit.u[None])[0] ** 2).sum())
+
+
+def _forward(
+    data: AxisData, base: Sequence[Number], causes: Sequence[AxisCause], first: AxisFit, saturated: AxisFit
+) -> AxisSearch:
     now = plain = fit_axis(data, base, first.u)
     accepted: list[Tried] = []
     while len(accepted) < MOST_CAUSES:
@@ -61,7 +87,7 @@ def search_axis(data: AxisData, base: Sequence[Number], causes: Sequence[AxisCau
         best = _best(tried)
         if best is None:
             break
-        rivals = tuple(each for each in tried if each is not best)
+        rivals = tuple(each for each in tried if each.cause.id != best.cause.id)
         accepted.append(replace(best, rivals=rivals))
         now = best.fit
     return AxisSearch(plain, now, saturated, tuple(accepted), tuple(tried))
@@ -75,8 +101,17 @@ def _crude_scales(data: AxisData) -> Array:
 
 def _with(data: AxisData, fit: AxisFit, causes: Sequence[AxisCause]) -> AxisFit:
     numbers = [*fit.numbers, *(number for each in causes for number in each.numbers)]
-    starts = [start for each in causes for start in each.starts]
+    starts = [start for each in causes for start in _starts(data, fit, each)]
     return fit_axis(data, numbers, np.concatenate([fit.u, starts]))
+
+
+def _starts(data: AxisData, fit: AxisFit, cause: AxisCause) -> tuple[float, ...]:
+    """Where the cause's numbers begin: at the best of those to scan on top of the fit as it is."""
+    if not cause.scan:
+        return cause.starts
+    points = np.array([[*fit.u, each] for each in cause.scan])
+    errors = data.residuals((*fit.numbers, *cause.numbers), points)
+    return (cause.scan[int(np.argmin((errors**2).sum(axis=1)))],)
 
 
 def _sizes(data: AxisData, fit: AxisFit) -> Array:

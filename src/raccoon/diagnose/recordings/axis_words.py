@@ -9,8 +9,9 @@ from raccoon.diagnose.result import ParameterResult
 Values = Mapping[str, ParameterResult]
 
 
-def axis_sentence(id: str, place: str, values: Values) -> str:  # noqa: A002
-    """One sentence: what is wrong with `place` (such as "the left motor"), its number, what to do."""
+def axis_sentence(id: str, place: str, values: Values, rule: str = "") -> str:  # noqa: A002
+    """One sentence: what is wrong with `place` (such as "the left motor"), its number, what to do. rule: the
+    number of the model that stands for it, where an effect has several."""
     if id == "friction.direction_dependent":
         return _direction(place, values)
     first = next(iter(values.values()))
@@ -29,7 +30,10 @@ def axis_sentence(id: str, place: str, values: Values) -> str:  # noqa: A002
         "actuation.latency": f"commands reach {place} {1000 * first.value:.1f} ms late: plan ahead by "
         "that much",
         "actuation.deadband": f"the first {number} of a command do nothing at {place}: add that much to "
-        "small commands",
+        "small commands"
+        if rule != "dead_below"
+        else f"commands below {number} do nothing at {place}, larger ones act in full: command none that is "
+        "smaller",
         "drive.slope": f"a constant force of {number} pulls at {place}: gravity, a slope or a spring",
     }[id]
     return text[0].upper() + text[1:] + "."

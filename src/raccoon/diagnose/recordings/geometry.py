@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,10 +14,20 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.extend import with_causes
-from raccoon.diagnose.recordings.geometry_fit import Errors, Fitted, candidates, combined, differences
+from raccoon.diagnose.recordings.broken import OTHER_ROBOT
+from raccoon.diagnose.recordings.geometry_fit import (
+    Errors,
+    Fitted,
+    candidates,
+    combined,
+    differences,
+    leaves_its_wheels,
+)
 from raccoon.diagnose.recordings.geometry_words import geometry_cause
+from raccoon.diagnose.recordings.reference import check_reference
 from raccoon.diagnose.reports.wording import MANOEUVRES
 from raccoon.diagnose.result import (
+    CauseResult,
     ChannelResult,
     Curve,
     Diagnosis,
@@ -33,6 +44,9 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 LEAST_GAIN = 0.03
+FAR = 3.0
+"""Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
+make of it."""
 SHARE_FITTED = 0.7
 POSITION, HEADING = "truth position", "truth.heading"
 NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
@@ -49,9 +63,11 @@ def diagnose_geometry(
 
     holdout: runs to judge on; without them every second run, or the last 30 % of a single one. What one
     turning direction cannot tell is `not_identifiable`. Raises CalibrationError naming a column that is not
-    usable.
+    usable, and TraceError for a reference in other units.
     """
     begin = time.perf_counter()
+    for each in (*runs, *holdout):
+        check_reference(each, robot, device)
     fitted, unseen = _shared(runs, holdout, robot, device)
     try:
         found = calibrate_drive(robot, fitted, device=device)
@@ -102,8 +118,9 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         for each in parts
         if each in useless or not each.sure
     ]
+    far = after.position > FAR * floor.position
     return Diagnosis(
-        Verdict.EXPLAINED if results else Verdict.ADEQUATE,
+        _verdict(bool(results), far),
         _channels(before, after, floor),
         results,
         (*rejected, *_without_commands()),
@@ -111,10 +128,36 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         (),
         time.perf_counter() - begin,
         with_causes(Parameters.from_robot(fit.robot), results),
-        (f"{len(fit.fitted)} runs fitted, {len(fit.unseen)} others to judge on",),
+        (_shared_how(fit), *other_robot(results), *([leaves_its_wheels(fit, after_factors)] if far else [])),
         _identified(fit),
         (),
         _curves(fit, nominal, after_factors),
+    )
+
+
+def _verdict(causes: bool, far: bool) -> Verdict:
+    if far:
+        return Verdict.PARTLY if causes else Verdict.UNKNOWN
+    return Verdict.EXPLAINED if causes else Verdict.ADEQUATE
+
+
+def other_robot(causes: Sequence[CauseResult]) -> list[str]:
+    """A question about robot.toml where a length is so far off that it is hardly this robot's."""
+    far = [each for each in causes if abs(math.log(each.parameters["factor"].value)) > OTHER_ROBOT]
+    return [
+        f"{each.name} is off by {100.0 * (each.parameters['factor'].value - 1.0):+.0f} %: is this robot.toml "
+        "of this robot?"
+        for each in far[:1]
+    ]
+
+
+def _shared_how(fit: Fitted) -> str:
+    fitted, unseen = len(fit.fitted), len(fit.unseen)
+    if fitted == unseen == 1 and fit.fitted[0].t[-1] < fit.unseen[0].t[0]:
+        return f"the first {100 * SHARE_FITTED:.0f} % of the run was fitted, the rest is there to judge on"
+    return (
+        f"{fitted} run{'' if fitted == 1 else 's'} fitted, {unseen} other{'' if unseen == 1 else 's'} to "
+        "judge on"
     )
 
 

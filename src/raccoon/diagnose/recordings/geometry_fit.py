@@ -62,6 +62,28 @@ def differences(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     return np.asarray(turned + start - each.truth)
 
 
+WINDOW = 1.0
+"""S over which is looked for where a robot leaves its wheels."""
+
+
+def leaves_its_wheels(fit: Fitted, factors: Array) -> str:
+    """Where the unseen runs' paths part from their wheels most, in a sentence."""
+    most, when = 0.0, 0.0
+    for each in fit.unseen:
+        rest = differences(factors, fit.robot, each)
+        ends = np.searchsorted(each.t, np.arange(each.t[0], each.t[-1], 0.25 * WINDOW))
+        ahead = np.minimum(np.searchsorted(each.t, each.t[ends] + WINDOW), len(each.t) - 1)
+        moved = rest[ahead] - rest[ends]
+        away = np.hypot(moved[:, 0], moved[:, 1])
+        worst = int(np.argmax(away))
+        if away[worst] > most:
+            most, when = float(away[worst]), float(each.t[ends[worst]])
+    return (
+        f"from {when:.1f} s on the robot and its wheels part by {1000 * most:.0f} mm within {WINDOW:.0f} s, "
+        "which no size of wheels explains: was it held or pushed, or did it slip?"
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Candidate:
     """One factor that may be a cause, and what it does to (left, right, track)."""

@@ -16,6 +16,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.candidates import drive_causes, own_cause
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.extend import with_causes
+from raccoon.diagnose.hypotheses import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
@@ -29,7 +30,7 @@ from raccoon.diagnose.recordings.partial import (
 )
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.tophats import diagnose_tophats, tophat_ports
-from raccoon.diagnose.recordings.truth import with_reference
+from raccoon.diagnose.recordings.truth import start_of, with_reference
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.sim.parameters import Parameters
 
@@ -37,6 +38,7 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 SHORT_DRIVE = 2.0
+STDS_SAID = 4
 _WITH_MORE = {
     Verdict.ADEQUATE: Verdict.EXPLAINED,
     Verdict.UNKNOWN: Verdict.PARTLY,
@@ -135,10 +137,27 @@ def diagnose_recording(
     elif kind is Kind.NOTHING:
         found = _nothing(columns, robot)
     else:
-        found = _drive(columns, with_lag_of(device, robot), holdout, model, truth_free, own)
-        found = with_reference(found, columns, robot, device)
+        open_robot, exact = with_usual_stds(robot)
+        found = _drive(columns, with_lag_of(device, open_robot), holdout, model, truth_free, own, device)
+        found = replace(found, notes=(*found.notes, *_without_std(exact)))
     notes = dict.fromkeys((*found.notes, *problems))
     return replace(found, notes=tuple(notes))
+
+
+def _without_std(keys: Sequence[str]) -> tuple[str, ...]:
+    """That numbers of robot.toml were not taken as exact."""
+    both = [each.replace("left", "right") for each in keys if ".left." in each]
+    alike = [each for each in both if each in keys]
+    shown = [each.replace(".left", "") if each.replace("left", "right") in alike else each for each in keys]
+    said = [each for each in dict.fromkeys(shown) if each not in alike]
+    if not said:
+        return ()
+    named = ", ".join(said[:STDS_SAID])
+    more = f" and {len(said) - STDS_SAID} more" if len(said) > STDS_SAID else ""
+    return (
+        f"robot.toml gives no std for {named}{more}: taken as well known as by default; write "
+        "{ value = ..., std = ... } where you know better, with a tiny std for what is exact",
+    )
 
 
 def _drive(
@@ -148,6 +167,7 @@ def _drive(
     model: Parameters | None,
     truth_free: bool,
     own: Sequence[OwnEffect],
+    device: Device,
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
     sound = without_broken(columns, robot)
@@ -156,12 +176,16 @@ def _drive(
     if commands_volts(columns, robot):
         changed, stiff, causes = as_duty(columns, robot)
         other = None if holdout is None else as_duty(holdout, robot)[0]
-        tried = [*causes, *map(own_cause, own)]
-        found = without_battery(diagnose(changed, stiff, holdout=other, causes=tried))
+        start = start_of(columns, stiff, None, device)
+        tried = start.undecided([*causes, *map(own_cause, own)])
+        found = diagnose(changed, start.robot, holdout=other, causes=tried)
+        found = without_battery(with_reference(found, start))
     else:
-        tried = [*drive_causes(), *map(own_cause, own)]
-        found = diagnose(columns, robot, holdout=holdout, causes=tried, model=model)
-    found = judged_again(with_columns_named(found, columns, robot), columns, sound, robot)
+        start = start_of(columns, robot, model, device)
+        tried = start.undecided([*drive_causes(), *map(own_cause, own)])
+        found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=model)
+        found = with_reference(found, start, model)
+    found = judged_again(with_columns_named(found, columns, robot, sound.left_out), columns, sound, robot)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
     tophats = diagnose_tophats(columns, robot, model, truth_free)

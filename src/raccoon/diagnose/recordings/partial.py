@@ -21,7 +21,10 @@ Columns = Mapping[str, Array]
 VOLTS = (
     "not identifiable: motor.N.voltage is recorded instead of motor.N.duty, so the driver hides the battery"
 )
-_NO_READING = re.compile(r"there is no (\w+) reading in this recording")
+_NO_READING = re.compile(r"there is no (\w+(?: or \w+)*) reading in this recording")
+EVERY_GROUP = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*", "bemf.*", "imu.*")
+FEWEST = 20
+"""Numbers from which a column is a reading."""
 
 
 def commands_volts(columns: Columns, robot: RobotConfig) -> bool:
@@ -52,28 +55,40 @@ def without_battery(found: Diagnosis) -> Diagnosis:
     return replace(found, rejected=(*found.rejected, *(Rejected(each, VOLTS) for each in ids)), model=None)
 
 
-def with_columns_named(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagnosis:
-    """Reasons that speak of a missing reading, with the column's name."""
+def with_columns_named(
+    found: Diagnosis, columns: Columns, robot: RobotConfig, left_out: Mapping[str, str] | None = None
+) -> Diagnosis:
+    """Reasons that speak of a missing reading, with the column's name. left_out: columns that were recorded
+    and not used, and why."""
     ports = {"left": robot.drive.left, "right": robot.drive.right}
     names = {role: pattern.format(**ports) for role, (pattern, _, _) in ROLES.items()}
-    rejected = [_named(each, names) for each in found.rejected]
+    said = {role: absence(name, left_out or {}) for role, name in names.items()}
+    rejected = [_named(each, said) for each in found.rejected]
     if found.verdict is Verdict.NOT_IDENTIFIABLE and not found.channels:
-        rejected += _unseen(columns, names)
+        rejected += _unseen(columns, names, left_out or {})
     return replace(found, rejected=tuple(rejected))
 
 
-def _named(each: Rejected, names: Mapping[str, str]) -> Rejected:
+def absence(name: str, left_out: Mapping[str, str]) -> str:
+    """That a column is not there, and why."""
+    return f"{name} was left out ({left_out[name]})" if name in left_out else f"{name} is missing"
+
+
+def _named(each: Rejected, said: Mapping[str, str]) -> Rejected:
     match = _NO_READING.search(each.reason)
-    if match is None or match[1] not in names:
+    roles = [] if match is None else match[1].split(" or ")
+    if not roles or any(role not in said for role in roles):
         return each
-    return Rejected(each.id, _NO_READING.sub(f"{names[match[1]]} is missing", each.reason))
+    return Rejected(each.id, _NO_READING.sub(" and ".join(said[role] for role in roles), each.reason))
 
 
-def _unseen(columns: Columns, names: Mapping[str, str]) -> Sequence[Rejected]:
-    """Where no wheel is measured nothing of the drive train can be told."""
-    wheels = {side: (names[f"bemf_{side}"], names[f"speed_{side}"]) for side in ("left", "right")}
-    missing = [" or ".join(pair) for pair in wheels.values() if not any(each in columns for each in pair)]
-    if not missing:
+def _unseen(columns: Columns, names: Mapping[str, str], left_out: Mapping[str, str]) -> Sequence[Rejected]:
+    """Where no wheel is measured nothing can be told, of a gyro neither: it turns with the wheels."""
+    wheels = [name for role, name in names.items() if role.startswith(("bemf", "speed"))]
+    if any(name in columns and np.isfinite(columns[name]).sum() >= FEWEST for name in wheels):
         return ()
-    reason = f"not identifiable: {' and '.join(missing)} is missing: no wheel's motion is known"
-    return [Rejected(each, reason) for each in ("motor.*", "friction.*", "drive.*", "actuation.*", "bemf.*")]
+    broken = [absence(name, left_out) for name in wheels if name in left_out]
+    sides = (" or ".join(names[f"{kind}_{side}"] for kind in ("bemf", "speed")) for side in ("left", "right"))
+    missing = " and ".join(broken) if broken else f"{' and '.join(sides)} is missing"
+    reason = f"not identifiable: {missing}: no wheel's motion is known"
+    return [Rejected(each, reason) for each in EVERY_GROUP]

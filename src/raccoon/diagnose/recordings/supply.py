@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 ID = "battery.internal_resistance"
 LEAST_GAIN = 0.1
 """Share of the error on unseen data that the resistance, or then a second branch, must save."""
+CLEARLY, LITTLE_GAIN = 10.0, 0.01
+"""Deviations from 0 from which a resistance that saves less is named, and what it must save then."""
 CONSTANTS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 FEWEST = 100
 BLOCKS = 8
@@ -53,7 +55,8 @@ def judge_supply(time: Array, voltage: Array, power: Array, assumed: float) -> S
     )
     noise = float(np.std(np.diff(voltage)) / np.sqrt(2.0))
     resistance = ParameterResult(float(found[1]), spread, "ohm", assumed)
-    helps = with_sag < (1.0 - LEAST_GAIN) * plain and found[1] > 3.0 * spread
+    least, deviations = (LITTLE_GAIN, CLEARLY) if found[1] > CLEARLY * spread else (LEAST_GAIN, 3.0)
+    helps = with_sag < (1.0 - least) * plain and found[1] > deviations * spread
     channel = ChannelResult("battery.voltage", "V", plain, with_sag if helps else plain, noise, 0.0)
     rejected = [_branch(1.0 - branch / with_sag)] if branch > (1.0 - LEAST_GAIN) * with_sag else []
     if not helps:

@@ -11,7 +11,7 @@ NAMES = {AMBIENT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
 
 
 def tophat_cause(
-    id_: str, port: int, number: ParameterResult, gain: Gain, rivals: tuple[str, ...]
+    id_: str, port: int, number: ParameterResult, gain: Gain, rivals: tuple[str, ...], probability: float
 ) -> CauseResult:
     """The cause with its sentence."""
     value, base = number.value, number.nominal
@@ -23,7 +23,34 @@ def tophat_cause(
         HEIGHT: f"Tophat {port} sits {1000 * value:.1f} mm above the floor instead of {1000 * base:.1f} mm: "
         "mount it where it was meant to be, or calibrate it there.",
     }[id_]
-    return CauseResult(id_, str(port), 1, {NAMES[id_]: number}, gain, 0.99, rivals, sentence)
+    return CauseResult(id_, str(port), 1, {NAMES[id_]: number}, gain, probability, rivals, sentence)
+
+
+def light_sentence(port: int, light: float, falls: tuple[float, float]) -> str:
+    """Light that lowers the levels by `falls` (white, black), as the model of the sensor has it."""
+    return (
+        f"Light from outside, about {100.0 * light:.2g} % of direct sun, lowers tophat {port} by "
+        f"{falls[0]:.0f} counts over white and {falls[1]:.0f} over black: shade it, or calibrate where it is "
+        "used."
+    )
+
+
+def light_note(port: int, number: ParameterResult) -> str:
+    """What an offset makes of it."""
+    moved = number.value - number.nominal
+    return (
+        f"analog.{port}: light lowers black more than white, and the offset of {moved:+.0f} counts is only "
+        f"the mean of both, off by {number.std:.0f} on either: the better model needs its light from the "
+        "world, and gain and height together would read the same"
+    )
+
+
+def cut_text(port: int, cut: tuple[int, int], causes: tuple[str, ...]) -> str:
+    """A level that is cut off, and what cannot be told then. causes: those that fit what is left."""
+    side, other = ("white", "black") if cut[0] else ("black", "white")
+    end = "4095, the largest value" if 1 in cut else "0"
+    told = f"; what is left, {other}, cannot tell {' from '.join(causes)}" if len(causes) > 1 else ""
+    return f"analog.{port} is saturated: {side} reads {end}, so how far it is beyond is not known{told}"
 
 
 def noise_cause(port: int, noise: float, assumed: float, error: float) -> CauseResult:
@@ -32,5 +59,5 @@ def noise_cause(port: int, noise: float, assumed: float, error: float) -> CauseR
         f"Tophat {port} is noisy: {noise:.0f} counts from reading to reading where {USUAL_NOISE:.0f} are "
         "usual: check its plug and wires, and average."
     )
-    number = ParameterResult(noise, 0.1 * noise, "counts", assumed)
+    number = ParameterResult(noise, max(0.02 * noise, 0.5), "counts", assumed)
     return CauseResult(NOISE, str(port), 1, {"sd": number}, Gain(error, error, 0.0), 0.99, (), sentence)

@@ -1,4 +1,9 @@
-"""What a reference of the pose decides: gyro scale, track width and wheel radius are twins without it."""
+"""What a reference of the pose decides: gyro scale, track width and wheel radius are twins without it.
+
+All three act on the gyro alone, which reads scale r w / b. A reference gives the scale and the track width by
+themselves, so a search starts from a robot that has these numbers, and asks for neither. What is left of the
+three is the wheels' radius, which the gyro then shows.
+"""
 
 from __future__ import annotations
 
@@ -7,144 +12,369 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raccoon.core.config import Measured, RobotConfig
-from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.diagnose.extend import with_causes
+from raccoon.diagnose.extend import named_origin, rebased
+from raccoon.diagnose.gain import size_of
+from raccoon.diagnose.hypotheses import INSIDE, Cause
+from raccoon.diagnose.naming import TURN_READS
+from raccoon.diagnose.recordings.reference import Columns, Factor, Reference, reference_of
 from raccoon.diagnose.reports.wording import explanation
-from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult
-from raccoon.estimate.drive_calibration.columns import manoeuvre
-from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.diagnose.result import (
+    CauseResult,
+    ChannelResult,
+    Curve,
+    Diagnosis,
+    Gain,
+    ParameterResult,
+    Rejected,
+    Unexplained,
+    Verdict,
+)
+from raccoon.sim.parameters import Parameters
 
-Array = NDArray[np.float64]
-Columns = Mapping[str, Array]
-
-TWINS = ("imu.gyro_scale", "drive.track_width", "drive.wheel_radius")
-STRETCH = 1.0
-"""S over which the gyro's turn is compared with the reference's."""
+GYRO, TRACK, RADIUS = "imu.gyro_scale", "drive.track_width", "drive.wheel_radius"
+DECIDED = (GYRO, TRACK)
+"""What a reference tells whatever else is wrong. Of the radius it tells the product with what a reading says
+of a turn, which K_E and the reading's scale are parts of."""
 READING = ("bemf.scale", "motor.back_emf_constant")
 """What makes the counts of a turning wheel larger than assumed, and is no length."""
-CLEAR = 3.5
-LEAST_TURN = math.pi
+SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")
+"""Where these are wrong as well, a K_E that is off by as much as the radius does the same, beside others of
+them."""
+GYRO_COLUMN = "imu.gyro.z"
+GROSS = 0.25
+"""Logarithm of a factor on the radius from which a search would not find it from where robot.toml is."""
+LARGE_REST = 0.3
+"""Share that is left of what could be gained, below which a recording is explained."""
+AGREES, WELL_KNOWN = 2.5, 0.007
+"""Deviations within which a reference says that robot.toml is right, and how well it must know. What it calls
+neither right nor wrong is left to the search."""
+RATIO = "times robot.toml's"
+SAYS_SO = "The recorded reference says so."
 
 
 @dataclass(frozen=True, slots=True)
-class _Factor:
-    """A number over its configured value, with both deviations together."""
+class Start:
+    """Where a search starts.
 
-    value: float
-    std: float
+    robot: with the reference's numbers. shifts: those over robot.toml's, by id. clear: ids of those that are
+    causes, by how many deviations. reference: what it says.
+    """
+
+    given: RobotConfig
+    robot: RobotConfig
+    shifts: Mapping[str, Factor]
+    clear: Mapping[str, float]
+    reference: Reference
 
     @property
-    def clear(self) -> float:
-        """How many deviations it is from 1."""
-        return abs(self.value - 1.0) / max(self.std, 1e-9)
+    def decided(self) -> tuple[str, ...]:
+        """What the search need not ask for."""
+        return tuple(each for each in DECIDED if each in self.shifts)
+
+    def undecided(self, causes: Sequence[Cause]) -> list[Cause]:
+        """The causes that are still to be asked for."""
+        return [each for each in causes if each.id not in self.decided]
 
 
-def with_reference(
-    found: Diagnosis, columns: Columns, robot: RobotConfig, device: Device = SI_WORDS
-) -> Diagnosis:
-    """The diagnosis with its twins decided by `truth.*`, where those are recorded and decide."""
-    factors = _factors(columns, robot, device, found.causes)
-    if not factors:
-        return found
-    identified = {
-        f"{id_.partition('.')[2]} by the reference": ParameterResult(each.value, each.std, "", 1.0)
-        for id_, each in factors.items()
-    }
-    clear = [id_ for id_, each in factors.items() if each.clear > CLEAR]
-    causes = tuple(_decided(each, factors, clear) for each in found.causes)
-    model = found.model
-    for wrong, right in zip(found.causes, causes, strict=True):
-        if model is not None and right.id != wrong.id:
-            model = with_causes(model.without_effect(wrong.id), [right])
-    return replace(found, causes=causes, model=model, identified={**found.identified, **identified})
+def start_of(
+    columns: Columns, robot: RobotConfig, model: Parameters | None = None, device: Device = SI_WORDS
+) -> Start:
+    """Where a search of this recording starts; without a reference where robot.toml is.
+
+    model: the simulation that is asked about, if that has effects. Raises TraceError where the reference is
+    in another unit than the format's.
+    """
+    reference = reference_of(columns, robot, device)
+    shifts: dict[str, Factor] = {}
+    clear: dict[str, float] = {}
+    numbers = {GYRO: robot.model.imu.gyro_scale, TRACK: robot.model.drive.track_width}
+    seen = {GYRO: reference.gyro, TRACK: reference.track}
+    for id_, number in numbers.items():
+        factor = seen[id_]
+        if factor is None:
+            continue
+        has = 1.0 if model is None else model.value(id_, "factor")
+        factor = Factor(factor.value / has, factor.std / has)
+        open_ = number.std / number.value
+        away = abs(factor.value - 1.0) / math.hypot(factor.std, open_)
+        if away > INSIDE:
+            clear[id_], shifts[id_] = away, factor
+        elif away < AGREES and factor.std < WELL_KNOWN:
+            shifts[id_] = _together(factor, Factor(1.0, open_))
+    radius = _radius(reference)
+    if radius is not None and abs(math.log(radius.value)) > GROSS:
+        shifts[RADIUS] = radius
+    return Start(robot, _shifted(robot, shifts), shifts, clear, reference)
 
 
-def _decided(cause: CauseResult, factors: Mapping[str, _Factor], clear: list[str]) -> CauseResult:
-    """One of the twins as the reference says; a cause of one side only is no twin."""
-    if cause.id not in TWINS or cause.where is not None:
-        return cause
-    if cause.id in clear:
-        return replace(cause, confounded_with=_others(cause, factors))
-    rivals = [each for each in clear if each in cause.confounded_with]
-    if not rivals:
-        return cause
-    right = max(rivals, key=lambda each: factors[each].clear)
-    number = ParameterResult(factors[right].value, factors[right].std, "", 1.0)
-    values = {"factor": number}
-    return replace(
-        cause, id=right, parameters=values, explanation=explanation(right, None, values),
-        confounded_with=_others(cause, factors),
-    )  # fmt: skip
+def _together(one: Factor, two: Factor) -> Factor:
+    """Two findings of the same number."""
+    if two.std == 0.0:
+        return two
+    weights = (one.std**-2, two.std**-2)
+    mean = (one.value * weights[0] + two.value * weights[1]) / sum(weights)
+    return Factor(mean, sum(weights) ** -0.5)
 
 
-def _others(cause: CauseResult, factors: Mapping[str, _Factor]) -> tuple[str, ...]:
-    return tuple(each for each in cause.confounded_with if each not in factors and each not in TWINS)
+def _radius(reference: Reference) -> Factor | None:
+    left, right = reference.left, reference.right
+    if left is None or right is None:
+        return None
+    return Factor(0.5 * (left.value + right.value), 0.5 * (left.std + right.std))
 
 
-def _factors(
-    columns: Columns, robot: RobotConfig, device: Device, causes: Sequence[CauseResult]
-) -> dict[str, _Factor]:
-    found: dict[str, _Factor] = {}
-    gyro = _gyro(columns, robot)
-    if gyro is not None:
-        found["imu.gyro_scale"] = gyro
-    reading = {side: _reading(causes, side) for side in ("left", "right")}
-    try:
-        driven = manoeuvre(columns, robot, device=device)
-        driven = replace(
-            driven,
-            left=driven.left / reading["left"].value,
-            right=driven.right / reading["right"].value,
-        )
-        fitted = calibrate_drive(robot, [driven], device=device)
-    except CalibrationError:
-        return found
-    drive, unsure = robot.model.drive, max(each.std for each in reading.values())
-    found["drive.track_width"] = _factor(fitted.track_width, drive.track_width, unsure)
-    left, right = (
-        _factor(each, drive.wheel_radius, unsure) for each in (fitted.left_radius, fitted.right_radius)
+def _shifted(robot: RobotConfig, shifts: Mapping[str, Factor]) -> RobotConfig:
+    imu, drive = robot.model.imu, robot.model.drive
+
+    def moved(id_: str, number: Measured) -> Measured:
+        factor = shifts.get(id_)
+        if factor is None:
+            return number
+        open_ = number.std * factor.value if id_ == RADIUS else number.value * factor.std
+        return replace(number, value=number.value * factor.value, std=open_)
+
+    imu = replace(imu, gyro_scale=moved(GYRO, imu.gyro_scale))
+    drive = replace(
+        drive,
+        track_width=moved(TRACK, drive.track_width),
+        wheel_radius=moved(RADIUS, drive.wheel_radius),
     )
-    found["drive.wheel_radius"] = _Factor(0.5 * (left.value + right.value), 0.5 * (left.std + right.std))
-    return found
+    return replace(robot, model=replace(robot.model, imu=imu, drive=drive))
 
 
-def _reading(causes: Sequence[CauseResult], side: str) -> _Factor:
+def with_reference(found: Diagnosis, start: Start, model: Parameters | None = None) -> Diagnosis:
+    """The diagnosis of a search from there, told from where robot.toml is: with what the reference decided as
+    causes, and what it measured."""
+    if start.reference == Reference():
+        return found
+    told = dict(start.clear)
+    if RADIUS in start.shifts and not any(each.name == RADIUS for each in found.causes):
+        told[RADIUS] = abs(start.shifts[RADIUS].value - 1.0) / _radius_std(start)
+    found = _from_robot(found, start)
+    if told and any(each.name == GYRO_COLUMN for each in found.channels):
+        found = _with_causes(found, start, told, model)
+    others = (each for each in found.rejected if each.id not in told)
+    return replace(
+        found,
+        rejected=(*others, *_rejected(found, start)),
+        identified={**found.identified, **_identified(found, start.reference)},
+    )
+
+
+def _from_robot(found: Diagnosis, start: Start) -> Diagnosis:
+    """What the search says of the radius, and the model, counted from robot.toml's number."""
+    by = {id_: each.value for id_, each in start.shifts.items()}
+    found = replace(found, model=None if found.model is None else rebased(found.model, start.given, by))
+    if RADIUS not in by:
+        return found
+    causes = []
+    for each in found.causes:
+        if each.id == RADIUS and each.where is None:
+            number = each.parameters["factor"]
+            values = {
+                "factor": replace(
+                    number, value=by[RADIUS] * number.value, std=by[RADIUS] * number.std
+                )
+            }  # fmt: skip
+            told = explanation(each.id, each.where, values)
+            each = replace(each, parameters=values, explanation=told)
+            if abs(values["factor"].value - 1.0) < INSIDE * values["factor"].std:
+                continue  # the search took back what the reference seemed to say: something else was wrong
+        causes.append(each)
+    return replace(found, causes=tuple(causes))
+
+
+def _with_causes(
+    found: Diagnosis, start: Start, told: Mapping[str, float], model: Parameters | None
+) -> Diagnosis:
+    """With causes that the reference decided. They scale the gyro's reading and nothing else, so what is
+    wrong without one is known from the readings with it."""
+    factors = {id_: start.shifts[id_] for id_ in told}
+    if not found.curves:
+        return found
+    whole = math.prod(start.shifts[id_].value ** TURN_READS[id_] for id_ in start.shifts)
+    judged = _Judged.of(found)
+    size_before, size_after = judged.size(1.0 / whole, before=True), judged.size(1.0)
+    start_size = judged.size(1.0, before=True)
+    share, scale = _rest(found.unexplained.share, start_size, size_before, size_after)
+    causes = [replace(each, gain=replace(each.gain, share=scale * each.gain.share)) for each in found.causes]
+    for id_, factor in factors.items():
+        power = TURN_READS[id_]
+        without = judged.size(factor.value**-power)
+        possible = max(size_before, without) ** 2 - 1.0
+        gained = float(np.clip((without**2 - size_after**2) / max(possible, 1e-6), 0.0, 1.0))
+        change = judged.change(factor.value**-power)
+        open_ = INSIDE * _open(start.given)
+        beyond = change * max(1.0 - open_ / abs(factor.value - 1.0), 0.0) / math.sqrt(len(found.channels))
+        has = 1.0 if model is None or id_ == RADIUS else model.value(id_, "factor")
+        std = _radius_std(start) if id_ == RADIUS else factor.std
+        values = {"factor": ParameterResult(has * factor.value, has * std, "", has)}
+        sure = math.erf(told[id_] / math.sqrt(2.0))
+        alike = _alike(id_, found)
+        causes.append(
+            CauseResult(
+                id_, None, 0, values, Gain(without, size_after, gained), sure / (1.0 + len(alike)), alike,
+                f"{explanation(id_, None, values)} {SAYS_SO}", change, beyond,
+            )
+        )  # fmt: skip
+    causes.sort(key=lambda each: (each.little, -each.unabsorbed))
+    ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(causes, start=1))
+    matters = any(not each.little for each in ranked)
+    return replace(
+        found,
+        causes=ranked,
+        verdict=_verdict(found, share) if matters else found.verdict,
+        unexplained=Unexplained(share, found.unexplained.depends_on),
+        channels=judged.channels(1.0 / whole),
+        curves=judged.curves_from(1.0 / whole),
+        model=_with_origins(found.model, ranked, factors),
+    )
+
+
+def _alike(id_: str, found: Diagnosis) -> tuple[str, ...]:
+    """What stays to be told from a cause that the reference gave."""
+    scaled = any(each.id in SCALE and each.where is None for each in found.causes)
+    return ("motor.back_emf_constant",) if id_ == RADIUS and scaled else ()
+
+
+def _with_origins(
+    model: Parameters | None, causes: Sequence[CauseResult], told: Mapping[str, Factor]
+) -> Parameters | None:
+    """A model that says of what the reference decided where it is from."""
+    if model is None:
+        return None
+    for each in causes:
+        for key in list(model.effects):
+            if each.id in told and key[0] == each.id:
+                model = model.with_origin(*key, named_origin(each))
+    return model
+
+
+def _verdict(found: Diagnosis, share: float) -> Verdict:
+    """Of a diagnosis with something more that matters."""
+    if found.verdict is Verdict.ADEQUATE:
+        return Verdict.EXPLAINED
+    if found.unexplained.depends_on or share >= LARGE_REST:
+        return Verdict.PARTLY
+    return Verdict.EXPLAINED
+
+
+def _rest(share: float, start: float, before: float, after: float) -> tuple[float, float]:
+    """The share that is left, and by how much all shares are smaller, of an error that was larger before."""
+    foreseen = 1.0 if share > 0.99 else (after**2 - share * start**2) / (1.0 - share)
+    foreseen = min(max(foreseen, 1.0), after**2)
+    possible, was = max(before**2 - foreseen, 1e-6), max(start**2 - foreseen, 1e-6)
+    left = 0.0 if share == 0.0 else float(np.clip((after**2 - foreseen) / possible, 0.0, 1.0))
+    return left, min(was / possible, 1.0)
+
+
+def _open(robot: RobotConfig) -> float:
+    """How far robot.toml leaves the three open together, relative."""
+    model = robot.model
+    numbers = (model.imu.gyro_scale, model.drive.track_width, model.drive.wheel_radius)
+    return math.hypot(*(each.std / each.value for each in numbers))
+
+
+def _radius_std(start: Start) -> float:
+    """Of a radius that the reference gave: with what robot.toml leaves open of the wheels' readings."""
+    factor, motors = start.shifts[RADIUS], (start.given.model.left, start.given.model.right)
+    reading = max(each.back_emf_constant.std / each.back_emf_constant.value for each in motors)
+    return math.hypot(factor.std, factor.value * reading)
+
+
+@dataclass(frozen=True, slots=True)
+class _Judged:
+    """Readings on unseen data, and what they are with another factor on the simulated gyro's."""
+
+    results: tuple[ChannelResult, ...]
+    curves: tuple[Curve, ...]
+
+    @classmethod
+    def of(cls, found: Diagnosis) -> _Judged:
+        names = {each.name for each in found.channels}
+        return cls(found.channels, tuple(each for each in found.curves if each.name in names))
+
+    def _gyro(self) -> int:
+        return next(index for index, each in enumerate(self.results) if each.name == GYRO_COLUMN)
+
+    def size(self, factor: float, before: bool = False) -> float:
+        """`size_of` what the simulation leaves, without causes where `before`."""
+        parts = [each.measured - (each.before if before else each.after) for each in self.curves]
+        gyro = self.curves[self._gyro()]
+        parts[self._gyro()] = gyro.measured - factor * (gyro.before if before else gyro.after)
+        floor = np.array([each.noise_floor for each in self.results])
+        return size_of(np.nan_to_num(np.column_stack(parts)), floor)
+
+    def change(self, factor: float) -> float:
+        """Of the gyro's reading, in units of its noise."""
+        index = self._gyro()
+        moved = (1.0 - factor) * np.nan_to_num(self.curves[index].after)
+        return float(np.sqrt((moved**2).mean())) / self.results[index].noise_floor
+
+    def channels(self, factor: float) -> tuple[ChannelResult, ...]:
+        """With the gyro's error before any cause."""
+        index = self._gyro()
+        curve = self.curves[index]
+        wrong = np.nan_to_num(curve.measured - factor * curve.before)
+        changed = replace(self.results[index], rmse_before=float(np.sqrt((wrong**2).mean())))
+        return (*self.results[:index], changed, *self.results[index + 1 :])
+
+    def curves_from(self, factor: float) -> tuple[Curve, ...]:
+        """With the gyro's curve before any cause."""
+        index = self._gyro()
+        changed = replace(self.curves[index], before=factor * self.curves[index].before)
+        return (*self.curves[:index], changed, *self.curves[index + 1 :])
+
+
+def _rejected(found: Diagnosis, start: Start) -> list[Rejected]:
+    """Why what the reference decided is no cause."""
+    named = {each.id for each in found.causes}
+    reasons = []
+    for id_ in start.decided:
+        if id_ in named:
+            continue
+        factor = start.reference.gyro if id_ == GYRO else start.reference.track
+        if factor is None:
+            continue
+        number = f"{factor.value:.4f} +- {factor.std:.2g} {RATIO}"
+        why = f"by the reference it is {number}"
+        if id_ in start.clear:
+            why = f"{GYRO_COLUMN} is missing, which it acts on; {why}"
+        reasons.append(Rejected(id_, why))
+    return reasons
+
+
+def _identified(found: Diagnosis, reference: Reference) -> dict[str, ParameterResult]:
+    """What the reference says of each, with the readings of the wheels as the causes have them."""
+    factors = {"gyro scale": reference.gyro, "track width": reference.track}
+    sides = []
+    for side, factor in (("left", reference.left), ("right", reference.right)):
+        if factor is not None:
+            reading = _reading(found.causes, side)
+            std = math.hypot(factor.std / factor.value, reading.std)
+            sides.append(Factor(factor.value * reading.value, std * factor.value * reading.value))
+    if len(sides) == 2:
+        left, right = sides
+        uneven = reference.uneven
+        if uneven is not None and abs(uneven.value - 1.0) > INSIDE * uneven.std:
+            factors |= {"left wheel's radius": left, "right wheel's radius": right}
+        else:
+            mean = 0.5 * (left.value + right.value)
+            factors["wheel radius"] = Factor(mean, 0.5 * (left.std + right.std))
+    return {
+        f"{name} by the reference": ParameterResult(each.value, each.std, RATIO, math.nan)
+        for name, each in factors.items()
+        if each is not None
+    }
+
+
+def _reading(causes: Sequence[CauseResult], side: str) -> Factor:
     """By what the causes that were named make a wheel's counts larger than assumed. Its std is relative."""
     named = [
         each.parameters["factor"] for each in causes if each.id in READING and each.where in (None, side)
     ]
     value = math.prod(each.value for each in named)
-    return _Factor(value, math.hypot(*(each.std / each.value for each in named)))
-
-
-def _factor(fitted: Measured, configured: Measured, unsure: float) -> _Factor:
-    """unsure: relative deviation of the readings themselves."""
-    std = math.hypot(fitted.std, configured.std, unsure * fitted.value)
-    return _Factor(fitted.value / configured.value, std / configured.value)
-
-
-def _gyro(columns: Columns, robot: RobotConfig) -> _Factor | None:
-    """Slope of the gyro's turn over the reference's, beside a bias, over stretches of a second."""
-    if "truth.heading" not in columns or "imu.gyro.z" not in columns:
-        return None
-    time, rate, heading = (columns[name] for name in ("t", "imu.gyro.z", "truth.heading"))
-    known, seen = np.isfinite(rate), np.isfinite(heading)
-    if known.sum() < 50 or seen.sum() < 50:
-        return None
-    rates = np.interp(time, time[known], rate[known])
-    turned = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time))])
-    truth = np.interp(time, time[seen], np.unwrap(heading[seen]))
-    ends = np.searchsorted(time, np.arange(time[0], time[-1], STRETCH))
-    x, y, dt = np.diff(truth[ends]), np.diff(turned[ends]), np.diff(time[ends])
-    if len(x) < 5 or float(np.abs(x).sum()) < LEAST_TURN:
-        return None
-    J = np.column_stack([x, dt])
-    found = np.linalg.lstsq(J, y, rcond=None)[0]
-    left = y - J @ found
-    std = math.sqrt(float(left @ left) / max(len(x) - 2, 1) * float(np.linalg.inv(J.T @ J)[0, 0]))
-    scale = robot.model.imu.gyro_scale
-    return _Factor(float(found[0]) / scale.value, math.hypot(std, scale.std) / scale.value)
+    return Factor(value, math.hypot(*(each.std / each.value for each in named)))
