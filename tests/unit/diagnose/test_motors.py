@@ -1,9 +1,14 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.axis import Place, _diagnosis
+from raccoon.diagnose.recordings.axis_judge import judge_axis
+from raccoon.diagnose.recordings.axis_log import axis_log
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.recordings.motors import diagnose_motors
 from raccoon.diagnose.recordings.supply import judge_supply
@@ -75,15 +80,15 @@ def test_a_latency_is_found_to_a_part_of_a_sample_and_no_surer(late: float) -> N
 
 
 def test_a_number_at_its_bound_is_not_given_as_measured() -> None:
-    columns = bench(4, seconds=4.0)
-    # A current that leads its voltage by a sample leaves no room for a winding.
-    columns["motor.0.current"] = np.append(columns["motor.0.current"][1:], np.nan)
-    found = diagnose_recording(columns, ROBOT)
+    place = Place(None, "the axis")
+    judged = judge_axis(axis_log(bench(4, seconds=4.0), 0), None)
+    assert "inductance" in _diagnosis(judged, place, 0.0).identified
+    ends = np.where([each.name == "inductance" for each in judged.final.numbers], -20.0, judged.final.u)
+    found = _diagnosis(replace(judged, final=replace(judged.final, u=ends)), place, 0.0)
     assert "inductance" not in found.identified
-    assert any(
-        each.startswith("inductance ends at") and "the smallest that is tried" in each for each in found.notes
-    )
-    assert found.identified["back_emf"].value == pytest.approx(0.25, rel=0.05)
+    (note,) = found.notes
+    assert note.startswith("inductance ends at 2")
+    assert "H, the smallest that is tried" in note
 
 
 def test_a_dead_current_is_a_sensor_fault_and_its_motor_is_judged_in_volts() -> None:
