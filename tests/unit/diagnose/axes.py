@@ -130,7 +130,7 @@ def bench(
         new = w + step * (0.25 * i - side * dry) / 0.002
         w = 0.0 if w * new < 0.0 or (w == 0.0 and abs(0.25 * i) <= dry) else new
     return {
-        "t": 0.002 * np.arange(len(volts)),
+        "t": 0.002 * np.arange(len(volts), dtype=np.float64),
         "motor.0.voltage": volts,
         "motor.0.speed": speed + 0.05 * rng.standard_normal(len(volts)),
         "motor.0.current": current + 0.01 * rng.standard_normal(len(volts)),

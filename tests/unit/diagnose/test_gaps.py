@@ -81,7 +81,7 @@ def test_bins_beside_a_gap_are_as_without_it(whole: dict[str, Array]) -> None:
 
 
 def test_a_robot_that_rolls_takes_longer_to_forget() -> None:
-    time = 0.005 * np.arange(1200)
+    time = 0.005 * np.arange(1200, dtype=np.float64)
     columns = {"t": time, "motor.0.duty": np.zeros(1200), "motor.1.duty": np.zeros(1200)}
     columns = less(columns, (2.0, 3.0))
     (lost,) = log_from_columns(columns, ROBOT).lost

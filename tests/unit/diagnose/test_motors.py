@@ -128,7 +128,7 @@ def test_a_small_resistance_is_named_where_it_is_certain() -> None:
     rng = np.random.default_rng(2)
     power = 2.0 * np.abs(np.repeat(rng.standard_normal(100), 100))
     voltage = 8.0 - 0.03 * power / 8.0 + 0.01 * rng.standard_normal(len(power))
-    found = judge_supply(0.002 * np.arange(len(power)), voltage, power, 0.0)
+    found = judge_supply(0.002 * np.arange(len(power), dtype=np.float64), voltage, power, 0.0)
     assert found is not None
     assert found.cause is not None
     assert found.channel.rmse_after > 0.9 * found.channel.rmse_before

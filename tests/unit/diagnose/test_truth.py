@@ -229,7 +229,7 @@ def test_a_reading_that_is_named_too_large_is_no_smaller_wheel() -> None:
 
 def judged(factor: float) -> Diagnosis:
     """What a search says from a robot whose gyro reads as much more as it does."""
-    time = np.arange(400) * 0.02
+    time = np.arange(400, dtype=np.float64) * 0.02
     true = np.sin(3.0 * time)
     noise = 0.01 * np.random.default_rng(3).standard_normal(400)
     curve = Curve("imu.gyro.z", "rad/s", time, factor * true + noise, factor * true, factor * true)
@@ -303,8 +303,8 @@ def drive_of(model: Parameters) -> Columns:
     steps = np.repeat(rng.uniform(-0.7, 0.7, (32, 2)), 100, axis=0)
     steps[:200] = steps[-50:] = 0.0
     commands = Commands.of_wheels(time, steps[:, 0], steps[:, 1], False)
-    names = ("motor.0.bemf", "motor.1.bemf", "imu.gyro.z", "battery.voltage")
-    names += ("truth.x", "truth.y", "truth.heading")
+    readings = ("motor.0.bemf", "motor.1.bemf", "imu.gyro.z", "battery.voltage")
+    names = (*readings, "truth.x", "truth.y", "truth.heading")
     run = rollout(model, commands, channels=names)
     noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.008, "battery.voltage": 0.01}
     columns = {

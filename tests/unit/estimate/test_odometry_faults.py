@@ -145,8 +145,10 @@ def test_no_word_is_too_odd(kind: str, odd: float) -> None:
     def spoil(number: int, inputs: Inputs) -> Inputs:
         if number % 5 or not 1.2 <= inputs.time < 1.7:
             return inputs
-        if kind in ("gyro", "accel"):
-            return replace(inputs, **{kind: (odd, odd, odd)})
+        if kind == "gyro":
+            return replace(inputs, gyro=(odd, odd, odd))
+        if kind == "accel":
+            return replace(inputs, accel=(odd, odd, odd))
         return replace(inputs, time=odd) if kind == "time" else word(inputs, 0, odd, kind)
 
     found = run(drive([(1.0, 0.0, 0.0), (1.0, 0.18, 0.0), (0.5, 0.0, 0.0)]), spoil)
