@@ -93,7 +93,7 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
 ) -> None:
     """The median delays the wheels' readings by nearly as much as the commands are late."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
-    columns = recorded(late, 20.0, seed=1)
+    columns = recorded(late, 12.0, seed=1)
     monkeypatch.setattr(
         "raccoon.diagnose.searching.controller_of",
         lambda log, *_: (log, Habits(Chain.firmware(), False)),
@@ -108,7 +108,7 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
 def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    columns = recorded(Parameters.from_robot(ROBOT), 20.0, seed=1, brake=True)
+    columns = recorded(Parameters.from_robot(ROBOT), 12.0, seed=1, brake=True)
     monkeypatch.setattr(
         "raccoon.diagnose.searching.controller_of", lambda log, *_: (log, Habits(Chain(), False))
     )
