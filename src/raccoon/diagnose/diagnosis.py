@@ -20,7 +20,15 @@ from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
-from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis, Rejected, Unexplained, Verdict
+from raccoon.diagnose.result import (
+    LARGE_REST,
+    ChannelResult,
+    Curve,
+    Diagnosis,
+    Rejected,
+    Unexplained,
+    Verdict,
+)
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.searching import searched
 from raccoon.diagnose.select.outlook import Search, estimated
@@ -33,7 +41,6 @@ from raccoon.sim.parameters import Parameters
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-LARGE_REST = 0.3
 LONG_PART = 12.0
 """S without a gap in which causes can be told apart."""
 OVER_WAYS = ("drive.wheel_eccentricity", "drive.slope")

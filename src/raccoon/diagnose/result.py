@@ -24,6 +24,9 @@ LITTLE = 0.05
 """Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
 degrees in a match of two minutes, if it never averages out."""
 
+LARGE_REST = 0.3
+"""Share that is left of what could be gained, from which a recording is explained in part only."""
+
 
 class Verdict(StrEnum):
     """The one word."""

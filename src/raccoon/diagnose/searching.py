@@ -21,6 +21,7 @@ from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.refits import lag_as
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import search_causes
 from raccoon.diagnose.select.sets import apart
@@ -90,9 +91,7 @@ def _late_instead(search: Search) -> list[Point]:
     point, causes = search.fit.point, search.problem.causes
     if LATE_GYRO not in point.active or LATE not in causes or not apart(LATE, point.active):
         return []
-    (gyro,), (all_,) = causes[LATE_GYRO].coordinates, causes[LATE].coordinates
-    u = point.active[LATE_GYRO] * gyro.value(1.0) / all_.value(1.0)
-    return [point.without_cause(LATE_GYRO).with_cause(LATE, u)]
+    return [point.without_cause(LATE_GYRO).with_cause(LATE, lag_as(search, LATE_GYRO, LATE))]
 
 
 def _with_the_slip_that_fits(search: Search) -> Search:
@@ -102,11 +101,10 @@ def _with_the_slip_that_fits(search: Search) -> Search:
     late = [name for name in (LATE_GYRO, SLIP) if name in point.active]
     if not late or SLIP not in causes:
         return search
-    seconds = sum(causes[name].coordinates[0].value(float(point.active[name][0])) for name in late)
     start = point
     for name in late:
         start = start.without_cause(name)
-    start = start.with_cause(SLIP, np.array([seconds / causes[SLIP].coordinates[0].value(1.0)]))
+    start = start.with_cause(SLIP, np.sum([lag_as(search, name, SLIP) for name in late], axis=0))
     at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
     second = _ahead(search, replace(search.problem, neutral=search.problem.neutral | at_once), [start])
     return search if second is None or SLIP not in second.fit.point.active else second

@@ -74,14 +74,16 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
     assert habits.chain == Chain()
 
 
+def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make what is found out before any cause is known these habits."""
+    monkeypatch.setattr("raccoon.diagnose.searching.controller_of", lambda log, *_: (log, habits))
+
+
 def test_the_filter_is_asked_again_once_a_cause_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the habits were taken for the firmware's all the same."""
     dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
     columns = recorded(dead, 20.0, seed=1)
-    monkeypatch.setattr(
-        "raccoon.diagnose.searching.controller_of",
-        lambda log, *_: (log, Habits(Chain.firmware(), False)),
-    )
+    taken_for(Habits(Chain.firmware(), False), monkeypatch)
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ["actuation.deadband"]
     assert said.model is not None
@@ -94,10 +96,7 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
     """The median delays the wheels' readings by nearly as much as the commands are late."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
     columns = recorded(late, 12.0, seed=1)
-    monkeypatch.setattr(
-        "raccoon.diagnose.searching.controller_of",
-        lambda log, *_: (log, Habits(Chain.firmware(), False)),
-    )
+    taken_for(Habits(Chain.firmware(), False), monkeypatch)
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ["actuation.latency"]
     assert said.causes[0].parameters["seconds"].value == pytest.approx(0.008, abs=0.0005)
@@ -109,9 +108,7 @@ def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     columns = recorded(Parameters.from_robot(ROBOT), 12.0, seed=1, brake=True)
-    monkeypatch.setattr(
-        "raccoon.diagnose.searching.controller_of", lambda log, *_: (log, Habits(Chain(), False))
-    )
+    taken_for(Habits(Chain(), False), monkeypatch)
     search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain(), True)
     assert not search.fit.point.active

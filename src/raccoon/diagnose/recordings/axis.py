@@ -26,6 +26,7 @@ from raccoon.diagnose.recordings.axis_rest import depends_on
 from raccoon.diagnose.recordings.axis_search import TIE, Tried, alike
 from raccoon.diagnose.recordings.axis_words import axis_sentence
 from raccoon.diagnose.result import (
+    LARGE_REST,
     CauseResult,
     ChannelResult,
     Curve,
@@ -40,7 +41,6 @@ from raccoon.diagnose.result import (
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-LARGE_REST = 0.3
 FAR = 3.0
 """Noise floors that a speed or current may be off by before what is left is large. A position's error grows
 with every push, so there only the share counts."""

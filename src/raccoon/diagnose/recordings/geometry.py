@@ -24,7 +24,7 @@ from raccoon.diagnose.recordings.geometry_fit import (
     leaves_its_wheels,
 )
 from raccoon.diagnose.recordings.geometry_words import geometry_cause
-from raccoon.diagnose.recordings.reference import check_reference
+from raccoon.diagnose.recordings.reference_units import check_reference
 from raccoon.diagnose.reports.wording import MANOEUVRES
 from raccoon.diagnose.result import (
     CauseResult,

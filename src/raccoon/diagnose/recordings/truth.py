@@ -16,15 +16,15 @@ import numpy as np
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.extend import named_origin, rebased
-from raccoon.diagnose.gain import size_of
 from raccoon.diagnose.hypotheses import INSIDE, Cause
 from raccoon.diagnose.naming import TURN_READS
-from raccoon.diagnose.recordings.reference import Columns, Factor, Reference, reference_of
+from raccoon.diagnose.recordings.reference import Factor, Reference, reference_of
+from raccoon.diagnose.recordings.rescaled import GYRO_COLUMN, Rescaled
+from raccoon.diagnose.recordings.stretches import Columns
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import (
+    LARGE_REST,
     CauseResult,
-    ChannelResult,
-    Curve,
     Diagnosis,
     Gain,
     ParameterResult,
@@ -43,11 +43,8 @@ READING = ("bemf.scale", "motor.back_emf_constant")
 SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")
 """Where these are wrong as well, a K_E that is off by as much as the radius does the same, beside others of
 them."""
-GYRO_COLUMN = "imu.gyro.z"
 GROSS = 0.25
 """Logarithm of a factor on the radius from which a search would not find it from where robot.toml is."""
-LARGE_REST = 0.3
-"""Share that is left of what could be gained, below which a recording is explained."""
 AGREES, WELL_KNOWN = 2.5, 0.007
 """Deviations within which a reference says that robot.toml is right, and how well it must know. What it calls
 neither right nor wrong is left to the search."""
@@ -196,7 +193,7 @@ def _with_causes(
     if not found.curves:
         return found
     whole = math.prod(start.shifts[id_].value ** TURN_READS[id_] for id_ in start.shifts)
-    judged = _Judged.of(found)
+    judged = Rescaled.of(found)
     size_before, size_after = judged.size(1.0 / whole, before=True), judged.size(1.0)
     start_size = judged.size(1.0, before=True)
     share, scale = _rest(found.unexplained.share, start_size, size_before, size_after)
@@ -283,50 +280,6 @@ def _radius_std(start: Start) -> float:
     factor, motors = start.shifts[RADIUS], (start.given.model.left, start.given.model.right)
     reading = max(each.back_emf_constant.std / each.back_emf_constant.value for each in motors)
     return math.hypot(factor.std, factor.value * reading)
-
-
-@dataclass(frozen=True, slots=True)
-class _Judged:
-    """Readings on unseen data, and what they are with another factor on the simulated gyro's."""
-
-    results: tuple[ChannelResult, ...]
-    curves: tuple[Curve, ...]
-
-    @classmethod
-    def of(cls, found: Diagnosis) -> _Judged:
-        names = {each.name for each in found.channels}
-        return cls(found.channels, tuple(each for each in found.curves if each.name in names))
-
-    def _gyro(self) -> int:
-        return next(index for index, each in enumerate(self.results) if each.name == GYRO_COLUMN)
-
-    def size(self, factor: float, before: bool = False) -> float:
-        """`size_of` what the simulation leaves, without causes where `before`."""
-        parts = [each.measured - (each.before if before else each.after) for each in self.curves]
-        gyro = self.curves[self._gyro()]
-        parts[self._gyro()] = gyro.measured - factor * (gyro.before if before else gyro.after)
-        floor = np.array([each.noise_floor for each in self.results])
-        return size_of(np.nan_to_num(np.column_stack(parts)), floor)
-
-    def change(self, factor: float) -> float:
-        """Of the gyro's reading, in units of its noise."""
-        index = self._gyro()
-        moved = (1.0 - factor) * np.nan_to_num(self.curves[index].after)
-        return float(np.sqrt((moved**2).mean())) / self.results[index].noise_floor
-
-    def channels(self, factor: float) -> tuple[ChannelResult, ...]:
-        """With the gyro's error before any cause."""
-        index = self._gyro()
-        curve = self.curves[index]
-        wrong = np.nan_to_num(curve.measured - factor * curve.before)
-        changed = replace(self.results[index], rmse_before=float(np.sqrt((wrong**2).mean())))
-        return (*self.results[:index], changed, *self.results[index + 1 :])
-
-    def curves_from(self, factor: float) -> tuple[Curve, ...]:
-        """With the gyro's curve before any cause."""
-        index = self._gyro()
-        changed = replace(self.curves[index], before=factor * self.curves[index].before)
-        return (*self.curves[:index], changed, *self.curves[index + 1 :])
 
 
 def _rejected(found: Diagnosis, start: Start) -> list[Rejected]:

@@ -159,12 +159,16 @@ def shared_lags(search: Search, part: float = 0.5) -> list[tuple[str, Point]]:
     point, causes = search.fit.point, search.problem.causes
     found = []
     for name, other in _lag_pairs(search):
-        (own,), (coordinate,) = causes[name].coordinates, causes[other].coordinates
-        kept, given = (1.0 - part) * point.active[name], part * point.active[name]
-        u = given * own.value(1.0) / coordinate.value(1.0)
+        kept, u = (1.0 - part) * point.active[name], part * lag_as(search, name, other)
         if u[0] > 0.0 or not causes[other].one_sided:  # a quicker filter is no latency in part
             found.append((other, point.with_cause(name, kept).with_cause(other, u)))
     return found
+
+
+def lag_as(search: Search, name: str, other: str) -> Array:
+    """Coordinates at which another lag is as long as one that is on."""
+    (own,), (coordinate,) = (search.problem.causes[each].coordinates for each in (name, other))
+    return np.asarray(search.fit.point.active[name] * own.value(1.0) / coordinate.value(1.0), float)
 
 
 def _lag_pairs(search: Search) -> Iterator[tuple[str, str]]:

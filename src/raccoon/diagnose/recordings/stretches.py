@@ -1,0 +1,135 @@
+"""Turn and way over short stretches, of a reference of the pose and of what is to be compared with it.
+
+Not along the whole path: a robot that is held by a wall for half a second spoils that half second, not all
+that follows.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import Device
+from raccoon.estimate.drive_calibration.columns import manoeuvre
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+STRETCH = 0.5
+"""S of a stretch."""
+FEWEST = 50
+"""Samples of a reference, and a tenth of them stretches in which something moves."""
+LEAST_TURN, LEAST_WAY = math.pi, 0.3
+"""Rad and m that a recording must turn and drive to be judged."""
+SPEED_OVER = 0.02
+"""S to either side over which a wheel's speed is taken: single ticks say little."""
+MOST_ASKEW = 0.35
+"""Rad between where a reference moves and where it says that the robot points; less is how a marker sits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stretches:
+    """Each array (stretches,) or (stretches, 2) for both wheels. time and the rows at which stretches begin
+    and end; seconds; turn and, where there is a place, way of the reference; turn of the gyro and by how much
+    its rate rose; way of the wheels in m and by how much their speeds rose."""
+
+    time: Array
+    ends: NDArray[np.intp]
+    seconds: Array
+    turn: Array
+    way: Array | None
+    gyro: tuple[Array, Array] | None
+    wheels: tuple[Array, Array] | None
+
+
+def stretches_of(columns: Columns, robot: RobotConfig, device: Device) -> Stretches | None:
+    """The stretches of a recording; None where its reference has too few samples."""
+    heading = columns.get("truth.heading")
+    if heading is None or np.isfinite(heading).sum() < FEWEST:
+        return None
+    time = np.asarray(columns["t"], float)
+    known = time[np.isfinite(heading)]
+    ends = np.searchsorted(time, np.arange(known[0], known[-1], STRETCH))
+    if len(ends) < FEWEST // 5:
+        return None
+    truth = heading_at(time, heading, 2.0 * math.pi)
+    gyro = _gyro_turns(columns, time, ends)
+    wheels = wheel_ways(columns, robot, device, time, ends)
+    way = _way(columns, time, truth, ends, wheels)
+    return Stretches(time, ends, np.diff(time[ends]), np.diff(truth[ends]), way, gyro, wheels)
+
+
+def heading_at(time: Array, heading: Array, period: float) -> Array:
+    """The reference's heading at every row, without jumps of a period."""
+    known = np.isfinite(heading)
+    return np.interp(time, time[known], np.unwrap(heading[known], period=period))
+
+
+def _gyro_turns(columns: Columns, time: Array, ends: NDArray[np.intp]) -> tuple[Array, Array] | None:
+    rate = columns.get("imu.gyro.z")
+    if rate is None or np.isfinite(rate).sum() < FEWEST:
+        return None
+    known = np.isfinite(rate)
+    rates = np.interp(time, time[known], rate[known])
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (rates[1:] + rates[:-1]) * np.diff(time))])
+    return np.diff(turned[ends]), np.diff(_speed(time, turned)[ends])
+
+
+def wheel_ways(
+    columns: Columns, robot: RobotConfig, device: Device, time: Array, ends: NDArray[np.intp]
+) -> tuple[Array, Array] | None:
+    """Where back-EMF is recorded, at robot.toml's K_E as the simulation has it, whatever a tick was
+    calibrated to be worth."""
+    motors = {
+        port: replace(each, radians_per_tick=None) if f"motor.{port}.bemf" in columns else each
+        for port, each in robot.motors.items()
+    }
+    try:
+        driven = manoeuvre(columns, replace(robot, motors=motors), device=device)
+    except CalibrationError:
+        return None
+    ways = [robot.model.drive.wheel_radius.value * each for each in (driven.left, driven.right)]
+    speeds = [_speed(time, each) for each in ways]
+    both = [np.diff(np.column_stack(each)[ends], axis=0) for each in (ways, speeds)]
+    return both[0], both[1]
+
+
+def _speed(time: Array, along: Array) -> Array:
+    """Rate of change over a few samples; what a sensor that is late has seen less is its rise times that."""
+    ahead, behind = (np.interp(time + each, time, along) for each in (SPEED_OVER, -SPEED_OVER))
+    return np.asarray((ahead - behind) / (2.0 * SPEED_OVER), float)
+
+
+def place_at(columns: Columns, time: Array) -> NDArray[np.complex128] | None:
+    """The reference's x + iy at every row; None where there is none."""
+    x, y = columns.get("truth.x"), columns.get("truth.y")
+    if x is None or y is None:
+        return None
+    known = np.isfinite(x) & np.isfinite(y)
+    if known.sum() < FEWEST:
+        return None
+    both = [np.interp(time, time[known], np.asarray(each, float)[known]) for each in (x, y)]
+    return np.asarray(both[0] + 1j * both[1], complex)
+
+
+def _way(
+    columns: Columns, time: Array, heading: Array, ends: NDArray[np.intp], wheels: tuple[Array, Array] | None
+) -> Array | None:
+    """M along the heading, turned by how the reference's marker sits."""
+    place = place_at(columns, time)
+    if place is None:
+        return None
+    middle = np.exp(-0.5j * (heading[1:] + heading[:-1]))
+    along = np.concatenate([[0.0], np.cumsum(np.diff(place) * middle)])
+    steps = np.diff(along[ends])
+    if wheels is not None:
+        askew = cmath.phase(complex(wheels[0].mean(axis=1) @ steps))
+        steps = steps * cmath.exp(-1j * askew) if abs(askew) < MOST_ASKEW else steps
+    return np.asarray(steps.real, float)
