@@ -104,6 +104,8 @@ def _with_the_slip_that_fits(search: Search) -> Search:
     start = point
     for name in late:
         start = start.without_cause(name)
+    if not apart(SLIP, start.active):  # one wheel's slip was named
+        return search
     start = start.with_cause(SLIP, np.sum([lag_as(search, name, SLIP) for name in late], axis=0))
     at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
     second = _ahead(search, replace(search.problem, neutral=search.problem.neutral | at_once), [start])

@@ -13,6 +13,7 @@ from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.linear import coulomb_response, linearise
 from raccoon.diagnose.naming import TWINS, _telling, _told, confounded, parameters, probability, product_told
 from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.searching import _with_the_slip_that_fits
 from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
 from raccoon.diagnose.select.rivals import CLOSE, compared
 from raccoon.diagnose.spread import LEARNT, Spread
@@ -164,6 +165,22 @@ def test_of_two_twins_only_what_they_do_together_is_said(problem: Problem) -> No
     reads = settings[("imu.gyro_scale", None, "factor")] / wide
     assert said(both).startswith(" With imu.gyro_scale beside it only what they do together is known")
     assert f"the gyro reads {reads:.3f} times" in said(both)
+
+
+def test_one_wheels_slip_is_not_counted_again_as_both_wheels(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The form of slip is asked for where it would stand beside no other slip."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    asked: list[list[Point]] = []
+    monkeypatch.setattr("raccoon.diagnose.searching._ahead", lambda *it: asked.append(it[2]))
+    both = late.with_cause("drive.wheel_slip@left", np.array([0.4]))
+    for point, count in ((late, 1), (both, 1)):
+        search = searched(problem, point, point)
+        assert _with_the_slip_that_fits(search) is search
+        assert len(asked) == count
+    ((start,),) = asked
+    assert list(start.active) == ["drive.wheel_slip"]
 
 
 def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:
