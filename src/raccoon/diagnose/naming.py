@@ -57,6 +57,7 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         gain = Gain(judged.without[name], judged.size_after, judged.share(name))
         rivals = confounded(search, cause)
         told = _told(search.problem, cause, values, rivals) + product_told(search, cause, spread)
+        told += together_told(search, cause)
         found.append(
             CauseResult(
                 cause.id, cause.where, 0, values, gain, probability(search, name, rivals), rivals,
@@ -92,6 +93,16 @@ def product_told(search: Search, cause: Cause, spread: Spread) -> str:
         f" With {others} beside it only what they do together is known: the gyro reads {together:.3f} times "
         "what is assumed."
     )
+
+
+def together_told(search: Search, cause: Cause) -> str:
+    """What explains a drive as well in the place of a cause, but only together."""
+    tried = search.rivals.get(cause.name, [])
+    sets = [(each.name, *each.together) for each in tried if each.together and each.lead < CLOSE]
+    if not sets:
+        return ""
+    *most, last = sorted(sets[0])
+    return f" {', '.join(most)} and {last} together would look the same."
 
 
 def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, ParameterResult]:
@@ -133,10 +144,13 @@ def probability(search: Search, name: str, rivals: tuple[str, ...]) -> float:
     """
     tried = search.rivals.get(name, [])
     leads = {each.name: each.lead for each in tried if not each.beside}
+    parts = {each.name: 1 + len(each.together) for each in tried}  # several that are one rival together
     beside = {each.name for each in tried} - set(leads)
     against = math.exp(-min(search.gains.get(name, 50.0), 700.0))
     against += sum(
-        math.exp(-max(leads.get(each, 0.0), -50.0) / BY_FORM) for each in rivals if each not in beside
+        math.exp(-max(leads.get(each, 0.0), -50.0) / BY_FORM) / parts.get(each, 1)
+        for each in rivals
+        if each not in beside
     )
     return 1.0 / (1.0 + against)
 
@@ -226,7 +240,9 @@ def _telling(search: Search, name: str, rivals: tuple[str, ...]) -> str | None:
     separable = (
         each.name
         for each in search.rivals.get(name, [])
-        if each.name in rivals and not any({name, each.name} <= alike for alike in ONE_CLASS)
+        if each.name in rivals
+        and not each.together
+        and not any({name, each.name} <= alike for alike in ONE_CLASS)
     )
     nearest = next(separable, None)
     if nearest is None or any(search.problem.causes[each].own is not None for each in (name, nearest)):

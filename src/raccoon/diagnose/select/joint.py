@@ -3,8 +3,8 @@
 Adding one cause at a time can go astray: two wrong ones can stand in for a right one, and neither is worth
 dropping alone. So once several are named, everything whose response is nearly a straight line is fitted at
 once. That model is near the truth wherever the truth is, and from there the algebra of `sets` proposes sets.
-Each cause is also exchanged for those that act most like it. The proposals are truly fitted, and compared
-moment by moment.
+Each cause is also exchanged for those that act most like it, and the set for those that are the same drive
+in other numbers. The proposals are truly fitted, and compared moment by moment.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
 from raccoon.diagnose.select.sets import Chosen, Member, Sets, apart
+from raccoon.diagnose.select.symmetry import likely_twins
 
 Array = NDArray[np.float64]
 
@@ -58,6 +59,8 @@ def better_set(search: Search) -> Fit | None:
     settled = fit_point(problem, whitener, search.fit.point, 3)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, starts, base, 4)
+    twins = [point for _, point in likely_twins(problem, search.fit.point)]
+    fits += fit_afresh(problem, whitener, twins, 4)  # other base numbers, so other columns
     fits.sort(key=lambda fit: -net_lead(search, fit, settled))
     best = _distinct(fits, POLISHED)
     best += _of_their_families(fits, best)

@@ -32,12 +32,13 @@ MOST_OF_EVENT = 4.0
 class Rival:
     """Another cause that was tried in the place of one that was taken. lead: log evidence it lacks.
 
-    beside: not in its place, but with a part of it.
+    beside: not in its place, but with a part of it. together: what else is then on that is off now.
     """
 
     name: str
     lead: float
     beside: bool = False
+    together: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)

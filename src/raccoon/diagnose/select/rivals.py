@@ -14,6 +14,7 @@ from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
+from raccoon.diagnose.select.symmetry import likely_twins
 
 Array = NDArray[np.float64]
 Other = tuple[float, Group, Array]
@@ -59,10 +60,25 @@ def compared(search: Search) -> Fit | None:
         search.rivals[name].append(Rival(rival, lacks(fit)))
     for name, other, lacking in _sums(search, settled):
         search.rivals[name].append(Rival(other, lacking, beside=True))
+    fits.extend(_same_drives(search, settled))
     for each in search.rivals.values():
         each.sort(key=lambda rival: rival.lead)
     best = max(fits, key=lambda fit: net_lead(search, fit, settled), default=settled)
     return best if net_lead(search, best, settled) > BETTER else None
+
+
+def _same_drives(search: Search, settled: Fit) -> list[Fit]:
+    """The sets that are the same drive in other numbers, fitted. What is new in one stands, all together, in
+    the place of the cause that it does without, as far as it is as likely; what it needs more counts."""
+    twins, now = likely_twins(search.problem, search.fit.point), search.fit.point.active
+    fits = fit_afresh(search.problem, search.whitener, [point for _, point in twins], 4)
+    for (name, _), fit in zip(twins, fits, strict=True):
+        new, lacking = [each for each in fit.point.active if each not in now], -net_lead(search, fit, settled)
+        for each in new if lacking < CLOSE else []:
+            others = tuple(other for other in new if other != each)
+            search.rivals[name] = [rival for rival in search.rivals[name] if rival.name != each]
+            search.rivals[name].append(Rival(each, lacking, together=others))
+    return fits
 
 
 def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:

@@ -1,0 +1,235 @@
+"""Sets of causes that are the same drive in other numbers.
+
+Without a current and a reference nothing tells what a whole group of numbers is when all of them change
+together. With U = R I + K w at the motor, K I its torque and e = K w what its reading shows:
+
+* K by s, and with it inertia by s^2, torques by s, viscous friction by s^2, quadratic by s^3, angles of the
+  wheels and the track by 1/s: the same currents, the same e, the same turns;
+* R and the battery's resistance by s, inertia and friction by 1/s: the currents are 1/s, torques as well;
+* both wheels' radius and the track by s: the same turns.
+
+What robot.toml says of them decides. A search by single causes can stop in one such set of numbers where
+another needs a cause less, and no step between the two helps. So each cause that is on is taken back to
+nominal along each of these lines, and what then no longer fits robot.toml is a cause in its place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.hypotheses import Cause, Coordinate
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.select.gates import gates
+
+Array = NDArray[np.float64]
+Line = Mapping[tuple[str, str], float]
+
+INERTIA = {"inertia": "drive.inertia"}
+"""The cause of both inertias, by the id of their settings."""
+LINES: tuple[Line, ...] = (
+    {
+        ("motor.back_emf_constant", "factor"): 1.0,
+        ("drive.track_width", "factor"): -1.0,
+        ("inertia", "straight"): 2.0,
+        ("inertia", "turn"): 2.0,
+        ("friction.coulomb", "torque"): 1.0,
+        ("friction.viscous", "coefficient"): 2.0,
+        ("friction.quadratic", "coefficient"): 3.0,
+        ("friction.direction_dependent", "asymmetry"): 1.0,
+        ("friction.direction_dependent", "viscous_asymmetry"): 2.0,
+        ("friction.stiction", "torque"): 1.0,
+        ("friction.stiction", "speed"): -1.0,
+        ("friction.presliding", "compliance"): -2.0,
+        ("friction.presliding", "damping"): 2.0,
+        ("drive.turn_scrub", "torque"): 1.0,
+        ("drive.slope", "along_x"): 1.0,
+        ("drive.slope", "along_y"): 1.0,
+        ("drive.backlash", "angle"): -1.0,
+    },
+    {
+        ("motor.armature_resistance", "factor"): 1.0,
+        ("battery.internal_resistance", "resistance"): 1.0,
+        ("battery.discharge", "volts_per_coulomb"): 1.0,
+        ("motor.heating", "gain"): 2.0,
+        ("motor.current_limit", "limit"): -1.0,
+        ("inertia", "straight"): -1.0,
+        ("inertia", "turn"): -1.0,
+        ("friction.coulomb", "torque"): -1.0,
+        ("friction.viscous", "coefficient"): -1.0,
+        ("friction.quadratic", "coefficient"): -1.0,
+        ("friction.direction_dependent", "asymmetry"): -1.0,
+        ("friction.direction_dependent", "viscous_asymmetry"): -1.0,
+        ("friction.stiction", "torque"): -1.0,
+        ("friction.presliding", "compliance"): 1.0,
+        ("friction.presliding", "damping"): -1.0,
+        ("drive.turn_scrub", "torque"): -1.0,
+        ("drive.slope", "along_x"): -1.0,
+        ("drive.slope", "along_y"): -1.0,
+    },
+    {("drive.wheel_radius", "factor"): 1.0, ("drive.track_width", "factor"): 1.0},
+)  # fmt: skip
+"""Power with which each parameter follows. Friction that differs by direction is counted in parts of a usual
+robot's friction, and so as a torque."""
+LEFT_OPEN = 2.5
+"""Standard deviations of robot.toml up to which a number is left to it, and no cause."""
+HOPE = 20.0
+"""Log evidence, less the gates, that one may lack before it is fitted: one lacked 12 and led by 15 then."""
+MOST_TWINS = 4
+LEAST, MOST = 0.01, 0.5
+"""Of the logarithm of the factor along a line: less is the same set, and more no robot."""
+
+
+def likely_twins(problem: Problem, point: Point) -> list[tuple[str, Point]]:
+    """Of the same drives those that are not much less likely, the likeliest first. The misfit is the same, so
+    robot.toml and the gates decide."""
+
+    def worth(each: Point) -> float:
+        vector = each.vector()
+        return -0.5 * float(vector @ vector) - gates(each.active)
+
+    now = worth(point)
+    found = [(worth(other) - now, name, other) for name, other in same_drives(problem, point)]
+    found.sort(key=lambda each: -each[0])
+    return [(name, other) for lead, name, other in found[:MOST_TWINS] if lead > -HOPE]
+
+
+def same_drives(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
+    """Each cause that is on, and a point without it that is the same drive, for each line that has one."""
+    for name in point.active:
+        for line in LINES:
+            for factor in _factors(problem, point, name, line):
+                if LEAST < abs(math.log(factor)) < MOST:
+                    other = along(problem, point, line, factor)
+                    if other is not None and name not in other.active:
+                        yield name, other
+
+
+def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | None:
+    """The same drive, every parameter of a line times the factor to its power. None where what is needed for
+    that is not among the causes.
+
+    What robot.toml gives stays inside it where it can; otherwise its cause is on. Causes of one side where
+    robot.toml has one number for both stay as they are.
+    """
+    base, active = point.base.copy(), dict(point.active)
+    moved: dict[str, list[int]] = {}
+    for index, each in enumerate(problem.base):
+        power = _power(line, each)
+        if power:
+            base[index] = _times(problem, each, _total(problem, point, index), factor**power)
+            moved.setdefault(_id(each), []).append(index)
+    for name, u in point.active.items():
+        if problem.causes[name].id not in moved:
+            active[name] = _scaled(problem.causes[name], u, line, factor)
+    for id_, indices in moved.items():
+        if not _shared(problem, active, id_, indices, base):
+            return None
+    low, high = problem.limits(Point(base, active))
+    return Point(base, active).moved(np.clip(Point(base, active).vector(), low, high))
+
+
+def _factors(problem: Problem, point: Point, name: str, line: Line) -> Iterator[float]:
+    """The factor along a line at which what a cause changes is nominal again."""
+    for index, each in enumerate(problem.base):
+        power = _power(line, each)
+        if power and name in _causes(problem, index):
+            total = _total(problem, point, index)
+            if each.factor:
+                yield math.exp(-total * math.log(each.value(1.0)) / power)
+            else:
+                nominal = problem.neutral[each.settings[0]]
+                there = nominal + each.value(total)
+                if nominal > 0.0 and there > 0.0:
+                    yield (nominal / there) ** (1.0 / power)
+            return
+
+
+def _power(line: Line, coordinate: Coordinate) -> float:
+    id_, _, parameter = coordinate.settings[0]
+    return line.get((id_, parameter), 0.0)
+
+
+def _id(coordinate: Coordinate) -> str:
+    id_ = coordinate.settings[0][0]
+    return INERTIA.get(id_, id_)
+
+
+def _causes(problem: Problem, index: int) -> list[str]:
+    """The causes that move all that a base coordinate moves."""
+    each = problem.base[index]
+    places = {place for _, place, _ in each.settings}
+    names = [_id(each)] + ([f"{_id(each)}@{next(iter(places))}"] if len(places) == 1 else [])
+    return [name for name in names if name in problem.causes]
+
+
+def _total(problem: Problem, point: Point, index: int) -> float:
+    """How far a number is from robot.toml's in all, in its standard deviations."""
+    each, total = problem.base[index], float(point.base[index])
+    for name in _causes(problem, index):
+        if name in point.active:
+            total += _as_base(each, problem.causes[name].coordinates[0], float(point.active[name][0]))
+    return total
+
+
+def _as_base(base: Coordinate, cause: Coordinate, u: float) -> float:
+    """A cause's coordinate in the units of a base coordinate."""
+    if base.factor:
+        return math.log(cause.value(u)) / math.log(base.value(1.0))
+    return cause.value(u) / base.value(1.0)
+
+
+def _times(problem: Problem, each: Coordinate, total: float, factor: float) -> float:
+    """Where a base coordinate is when its number is that many times what it was."""
+    if each.factor:
+        return total + math.log(factor) / math.log(each.value(1.0))
+    nominal = problem.neutral[each.settings[0]]
+    return float((factor * (nominal + each.value(total)) - nominal) / each.value(1.0))
+
+
+def _scaled(cause: Cause, u: Array, line: Line, factor: float) -> Array:
+    """Coordinates of an effect that a textbook robot has none of, its size times a factor to its power, and
+    so its shape."""
+    sizes = [factor ** line.get((cause.id, each.name), 0.0) for each in cause.effect.parameters]
+    if cause.id == "motor.current_limit":  # counted by its inverse
+        return np.asarray(u / sizes[0], float)
+    if cause.id == "friction.stiction":
+        shape = cause.coordinates[1]
+        return np.array(
+            [u[0] * sizes[0], u[1] + math.log(sizes[1]) / math.log(shape.value(1.0) / shape.value(0.0))]
+        )
+    return np.asarray(u * sizes[: len(u)], float)
+
+
+def _shared(
+    problem: Problem, active: dict[str, Array], id_: str, indices: Sequence[int], base: Array
+) -> bool:
+    """Share what numbers of one effect are off by between robot.toml's deviations and a cause; whether the
+    cause that is needed is one that is asked for."""
+    for index in indices:
+        for name in _causes(problem, index):
+            active.pop(name, None)
+    off = [index for index in indices if abs(base[index]) > LEFT_OPEN]
+    if not off:
+        return True
+    alone = len(indices) > 1 and (len(off) == 1 or np.ptp(base[indices]) > 2.0 * LEFT_OPEN)
+    if alone and id_ not in INERTIA.values():
+        return all(_on(problem, active, _causes(problem, each)[-1:], [each], base) for each in off)
+    return _on(problem, active, _causes(problem, off[0])[:1], indices, base)
+
+
+def _on(
+    problem: Problem, active: dict[str, Array], names: Sequence[str], indices: Sequence[int], base: Array
+) -> bool:
+    """Put what these have in common into the first of the causes."""
+    if not names:
+        return False
+    own = problem.causes[names[0]].coordinates[0]
+    widths = np.array([_as_base(problem.base[index], own, 1.0) for index in indices])
+    common = float(np.mean(base[list(indices)] / widths))
+    active[names[0]] = np.array([common])
+    base[list(indices)] -= common * widths
+    return True

@@ -1,0 +1,143 @@
+"""Sets of causes that are the same drive in other numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.naming import confounded, probability, together_told
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.select.joint import better_set
+from raccoon.diagnose.select.outlook import Search, look_around, start_search
+from raccoon.diagnose.select.rivals import compared
+from raccoon.diagnose.select.symmetry import LINES, along, likely_twins, same_drives
+from raccoon.diagnose.unknown import probes_for
+
+BACK_EMF, RESISTANCE, WHEELS = LINES
+
+
+def at(problem: Problem, **causes: float) -> Point:
+    """A point with causes on by their names, _ for . after the group and __ for @."""
+    point = problem.nominal()
+    for key, u in causes.items():
+        name = key.replace("__", "@").replace("_", ".", 1)
+        size = problem.causes[name].size
+        point = point.with_cause(name, np.array([u, 0.3][:size]))
+    return point
+
+
+def apart_by(problem: Problem, one: Point, other: Point) -> float:
+    """The largest difference of two simulations, in units of the noise."""
+    first, second = problem.predict([one, other])
+    return float(np.abs((first - second) / problem.features.floors).max())
+
+
+EVERYWHERE = {"motor_back_emf_constant__left": 0.6, "drive_inertia": -0.4, "friction_coulomb": 0.3,
+              "friction_viscous": 0.4, "friction_quadratic": 0.3, "drive_turn_scrub": 0.5,
+              "drive_slope": 0.4}  # fmt: skip
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.2])
+@pytest.mark.parametrize(
+    ("line", "more"),
+    [
+        (BACK_EMF, {}),
+        (BACK_EMF, {"friction_direction_dependent": 0.5, "friction_load_dependent": 0.5}),
+        (RESISTANCE, {"battery_internal_resistance": 0.5, "battery_discharge": 0.4, "motor_heating": 0.5}),
+        (RESISTANCE, {"motor_current_limit": 0.5}),
+        (WHEELS, {"drive_wheel_radius__right": 0.5}),
+        (WHEELS, {"drive_wheel_radius": 0.5, "drive_track_width": 1.0}),
+    ],
+)
+def test_along_a_line_the_drive_stays_the_same(
+    problem: Problem, line: dict[tuple[str, str], float], more: dict[str, float], factor: float
+) -> None:
+    point = at(problem, **EVERYWHERE, **more)
+    other = along(problem, point, line, factor)
+    assert other is not None
+    before, after = problem.settings(point), problem.settings(other)
+    moved = [key for key in before if (key[0], key[2]) in line and before[key] not in (0.0, np.inf)]
+    for key in moved:  # of inertia and of friction by direction the plant has the products
+        both = before[key], after[key]
+        if key[0] not in ("inertia", "friction.direction_dependent", "friction.stiction"):
+            assert both[1] == pytest.approx(both[0] * factor ** line[(key[0], key[2])], rel=1e-6)
+    assert apart_by(problem, problem.nominal(), point) > 20.0
+    assert apart_by(problem, point, other) < 0.2
+
+
+def test_stiction_keeps_its_form(problem: Problem) -> None:
+    point = at(problem, friction_stiction=0.8, motor_back_emf_constant=0.5)
+    other = along(problem, point, BACK_EMF, 1.1)
+    assert other is not None
+    before, after = problem.settings(point), problem.settings(other)
+    for parameter, power in (("torque", 1.0), ("speed", -1.0)):
+        key = ("friction.stiction", "left", parameter)
+        assert after[key] == pytest.approx(before[key] * 1.1**power)
+
+
+def test_every_twin_is_the_same_drive_without_its_cause(problem: Problem) -> None:
+    point = at(problem, motor_back_emf_constant__left=-0.7, drive_track_width=1.2, drive_inertia=-0.5)
+    found = list(same_drives(problem, point))
+    assert {name for name, _ in found} == set(point.active)
+    for name, other in found:
+        assert name not in other.active
+        if (np.abs(other.base) < 3.4).all():  # what is cut off at its bound is not the same
+            assert apart_by(problem, point, other) < 0.2
+
+
+def test_a_wheel_is_the_other_one_with_another_track(problem: Problem) -> None:
+    (name, other), *_ = likely_twins(problem, at(problem, drive_wheel_radius__right=-1.0))
+    assert name == "drive.wheel_radius@right"
+    assert set(other.active) == {"drive.wheel_radius@left", "drive.track_width"}
+
+
+def test_without_what_is_needed_there_is_no_twin(problem: Problem) -> None:
+    causes = {key: each for key, each in problem.causes.items() if key != "drive.track_width"}
+    point = at(problem, drive_wheel_radius__right=-1.0)
+    assert list(same_drives(replace(problem, causes=causes), point)) == []
+
+
+FEW = ("motor.back_emf_constant", "drive.inertia", "drive.track_width", "drive.wheel_radius",
+       "friction.coulomb", "friction.load_dependent", "imu.gyro_scale")  # fmt: skip
+
+
+def searched(problem: Problem, truth: Point, named: Point) -> Search:
+    """A search among a few causes that has named something in a recording of the truth."""
+    features = problem.features
+    few = {name: each for name, each in problem.causes.items() if each.id in FEW}
+    noise = features.floors * np.random.default_rng(3).normal(size=features.measured.shape)
+    measured = problem.predict([truth])[0] + noise
+    real = replace(problem, features=replace(features, measured=measured), causes=few)
+    start = start_search(real, probes_for(real))
+    return look_around(real, start.probes, named, start.whitener)
+
+
+def test_three_causes_that_are_two_of_the_other_motor_become_those(problem: Problem) -> None:
+    truth = at(problem, motor_back_emf_constant__right=1.2, friction_load_dependent=0.5)
+    wrong = along(problem, truth, BACK_EMF, 1.0 / float(np.exp(0.12)))
+    assert wrong is not None
+    assert "motor.back_emf_constant@left" in wrong.active
+    assert len(wrong.active) > 3
+    search = searched(problem, truth, wrong)
+    better = better_set(search)
+    assert better is not None
+    assert set(better.point.active) == set(truth.active)
+
+
+def test_a_set_that_is_nearly_as_likely_is_said_with_the_cause_whose_place_it_takes(problem: Problem) -> None:
+    name, cause = "drive.wheel_radius@right", problem.causes["drive.wheel_radius@right"]
+    named = at(problem, drive_wheel_radius__right=-1.0)
+    search = searched(problem, at(problem, drive_wheel_radius__left=1.0, drive_track_width=1.2), named)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, named))
+    compared(search)
+    told = together_told(search, cause)
+    assert told == " drive.track_width and drive.wheel_radius@left together would look the same."
+    assert {"drive.wheel_radius@left", "drive.track_width"} <= set(confounded(search, cause))
+    assert probability(search, name, confounded(search, cause)) < 0.8
+    clear = searched(problem, at(problem, drive_wheel_radius__right=-1.4), named)
+    compared(clear)
+    assert together_told(clear, cause) == ""
+    assert "drive.track_width" not in confounded(clear, cause)
