@@ -48,6 +48,9 @@ UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
 """Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
 of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
 ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
+PAST = (
+    "each row's command is taken for what was in force until then, not from then on, as the readings answer"
+)
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
 HARM = 0.9
@@ -192,7 +195,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         suggestions(search, causes, log),
         time.perf_counter() - begin,
         extended(search.problem, spread, causes, habits.chain),
-        (*log.notes, *_not_in_model(search)),
+        (*log.notes, *([PAST] if habits.past else []), *_not_in_model(search)),
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )

@@ -94,10 +94,12 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the recording does not say of the controller: its sensor chain, and whether duty 0 brakes."""
+    """What the recording does not say of the controller: its sensor chain, whether duty 0 brakes, and whether
+    the command of a row was in force until then (past) instead of from then on."""
 
     chain: Chain
     brake: bool
+    past: bool = False
 
 
 class PlantRollout:
@@ -125,6 +127,8 @@ class PlantRollout:
         self._roles = tuple(each.role for each in log.channels)
         self._own = tuple(own)
         self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)
+        if habits.past:
+            self._duty = np.concatenate([self._duty[1:], self._duty[-1:]])
         self._commands = self._commanded(self._duty)
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Array, float]:

@@ -12,7 +12,7 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.diagnosis import PAST, diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
@@ -112,6 +112,25 @@ def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
     search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain(), True)
     assert not search.fit.point.active
+
+
+@pytest.mark.parametrize("cause", [None, "drive.inertia"])
+def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | None) -> None:
+    """A logger that writes what it has just done, beside readings of now."""
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(3))]
+    columns = dict(make(4, hidden, seconds=16.0).columns)
+    for name in ("motor.0.duty", "motor.1.duty"):
+        columns[name] = np.concatenate([columns[name][:1], columns[name][:-1]])
+    said = diagnose(columns, ROBOT)
+    assert [each.name for each in said.causes] == ([] if cause is None else [cause])
+    assert PAST in said.notes
+
+
+def test_commands_from_their_rows_on_are_taken_so() -> None:
+    columns = make(4, [draw("actuation.latency", np.random.default_rng(3))], seconds=12.0).columns
+    said = diagnose(columns, ROBOT)
+    assert [each.name for each in said.causes] == ["actuation.latency"]
+    assert PAST not in said.notes
 
 
 @pytest.mark.parametrize(
