@@ -30,7 +30,7 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.searching import searched
+from raccoon.diagnose.searching import SLOW_BATTERY, searched
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of
@@ -195,10 +195,17 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         suggestions(search, causes, log),
         time.perf_counter() - begin,
         extended(search.problem, spread, causes, habits.chain),
-        (*log.notes, *([PAST] if habits.past else []), *_not_in_model(search)),
+        (*log.notes, *_of_the_logger(habits), *_not_in_model(search)),
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
+
+
+def _of_the_logger(habits: Habits) -> tuple[str, ...]:
+    """How the log was read, where that is not the usual way."""
+    seconds = habits.chain.battery_time_constant
+    slow = f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
+    return (*([PAST] if habits.past else []), *([slow] if seconds in SLOW_BATTERY else []))
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -118,12 +119,29 @@ def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
 def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | None) -> None:
     """A logger that writes what it has just done, beside readings of now."""
     hidden = [] if cause is None else [draw(cause, np.random.default_rng(3))]
-    columns = dict(make(4, hidden, seconds=16.0).columns)
+    columns = dict(make(4, hidden, seconds=10.0).columns)
     for name in ("motor.0.duty", "motor.1.duty"):
         columns[name] = np.concatenate([columns[name][:1], columns[name][:-1]])
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ([] if cause is None else [cause])
     assert PAST in said.notes
+
+
+@pytest.mark.parametrize("cause", [None, "drive.inertia"])
+def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | None) -> None:
+    """As RaccoonOS has it: 0.05 of each new reading."""
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(3))]
+    columns = dict(make(4, hidden, seconds=10.0).columns)
+    slow = columns["battery.voltage"].copy()
+    new = np.flatnonzero(np.isfinite(slow))
+    for before, now in pairwise(new):
+        slow[now] = 0.95 * slow[before] + 0.05 * slow[now]
+    columns["battery.voltage"] = slow
+    said = diagnose(columns, ROBOT)
+    assert [each.name for each in said.causes] == ([] if cause is None else [cause])
+    assert said.model is not None
+    assert said.model.chain.battery_time_constant == 0.2  # of readings every 10 ms
+    assert any("battery's reading follows with a filter of 0.2 s" in each for each in said.notes)
 
 
 def test_commands_from_their_rows_on_are_taken_so() -> None:
