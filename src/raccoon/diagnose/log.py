@@ -69,6 +69,10 @@ class Log:
         """The channel with that role, or None."""
         return next((each for each in self.channels if each.role == role), None)
 
+    def wheel(self, side: str) -> Channel | None:
+        """What measures the wheel of a side: its back-EMF, an encoder where there is none, or None."""
+        return self.channel(f"bemf_{side}") or self.channel(f"speed_{side}")
+
     def between(self, start: float, end: float) -> Log:
         """The part with start <= time < end."""
         keep = (self.time >= start) & (self.time < end)

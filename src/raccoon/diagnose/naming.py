@@ -98,7 +98,7 @@ def product_told(search: Search, cause: Cause, spread: Spread) -> str:
 def together_told(search: Search, cause: Cause) -> str:
     """What explains a drive as well in the place of a cause, but only together."""
     tried = search.rivals.get(cause.name, [])
-    sets = [(each.name, *each.together) for each in tried if each.together and each.lead < CLOSE]
+    sets = [(each.name, *each.together) for each in tried if each.together]
     if not sets:
         return ""
     *most, last = sorted(sets[0])

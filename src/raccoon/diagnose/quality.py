@@ -55,7 +55,7 @@ def _check_wheels(log: Log, robot: RobotConfig) -> None:
     """A wheel must have the sign that its command makes, and back-EMF the size."""
     voltage = robot.model.battery.open_circuit_voltage.value
     for index, side in enumerate(("left", "right")):
-        channel = log.channel(f"bemf_{side}") or log.channel(f"speed_{side}")
+        channel = log.wheel(side)
         if channel is None:
             continue
         volts = BEMF_VOLTS_PER_COUNT if channel.unit == "counts" else 1.0
@@ -113,7 +113,7 @@ def _check_ways(log: Log, robot: RobotConfig) -> None:
     """One motor that turns the other way, with its reading as well: its own command and reading agree, but
     what it does to the gyro does not."""
     gyro = log.channel("gyro")
-    found = [log.channel(f"bemf_{side}") or log.channel(f"speed_{side}") for side in ("left", "right")]
+    found = [log.wheel(side) for side in ("left", "right")]
     wheels = [each for each in found if each is not None]
     if gyro is None or len(wheels) < 2:
         return
@@ -189,7 +189,7 @@ def brakes(log: Log) -> bool:
     """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
     ratios = []
     for index, side in enumerate(("left", "right")):
-        wheel = log.channel(f"bemf_{side}") or log.channel(f"speed_{side}")
+        wheel = log.wheel(side)
         if wheel is not None:
             ratios.extend(_left_after_release(log.time, log.duty[:, index], np.abs(wheel.values)))
     return bool(ratios) and float(np.median(ratios)) < 0.4

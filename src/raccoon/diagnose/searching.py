@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit import fit_point
@@ -28,6 +29,8 @@ from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
+
+Array = NDArray[np.float64]
 
 LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
 SAG = "battery.internal_resistance"
@@ -49,22 +52,22 @@ def searched(
     is not known yet looks like a later change.
     """
     restored, habits = controller_of(log, robot, causes, model)
-    search = _search_in(drive_problem(restored, robot, causes, habits, model))
-    better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
-    if not np.array_equal(better.time, restored.time):
-        restored = better
-        search = _search_in(drive_problem(restored, robot, causes, habits, model))
-    other = replace(habits, chain=another_chain(habits.chain))
-    found = _under_another_filter(search, drive_problem(restored, robot, causes, other, model), other)
-    search, habits = (search, habits) if found is None else (found, other)
-    if not restored.duty.all():
-        other = replace(habits, brake=not habits.brake)
-        found = _ahead(search, drive_problem(restored, robot, causes, other, model), [search.fit.point])
-        search, habits = (search, habits) if found is None else (found, other)
 
     def under(each: Habits) -> Problem:
         return drive_problem(restored, robot, causes, each, model)
 
+    search = _search_in(under(habits))
+    better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
+    if not np.array_equal(better.time, restored.time):
+        restored = better
+        search = _search_in(under(habits))
+    other = replace(habits, chain=another_chain(habits.chain))
+    found = _under_another_filter(search, under(other), other)
+    search, habits = (search, habits) if found is None else (found, other)
+    if not restored.duty.all():
+        other = replace(habits, brake=not habits.brake)
+        found = _ahead(search, under(other), [search.fit.point])
+        search, habits = (search, habits) if found is None else (found, other)
     search, habits = _as_logged(search, habits, under)
     return _with_the_slip_that_fits(search), habits, restored
 
@@ -74,17 +77,11 @@ def _ahead(
 ) -> Search | None:
     """The search of another problem, where one of these starts is ahead by `far` once it is fitted there, and
     then what was found by `wanted`."""
-    if _lead(search, problem, starts) < far:
+    whitener = search.whitener
+    if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in starts) < far:
         return None
     second = _search_in(problem)
     return second if explains_more(second, search) > wanted else None
-
-
-def _lead(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
-    """Log evidence, gates counted, that the best of these starts has more than what was found, once it is
-    fitted in another problem."""
-    fits = (fit_point(problem, search.whitener, each) for each in starts)
-    return max(net_lead(search, each, search.fit) for each in fits)
 
 
 def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> Search | None:
@@ -108,35 +105,44 @@ def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem
     of no resistance, and something unknown. Commands in the row after theirs seem early, as nothing in the
     catalogue is; that made a filter without a median, a latency of 3 ms and a gear that loses torque.
     """
-    if any(role == "battery" for role in search.problem.features.roles):
-        slower = [replace(habits, chain=replace(habits.chain, battery_time_constant=s)) for s in SLOW_BATTERY]
-        slower = [each for each in slower if _is_nearer(under(each), search)]
-        if slower:
-            likeliest = min(slower, key=lambda each: _battery_off(under(each), _starts(search)))
-            found = _ahead(search, under(likeliest), _starts(search))
-            search, habits = (search, habits) if found is None else (found, likeliest)
+    slower = [replace(habits, chain=replace(habits.chain, battery_time_constant=s)) for s in SLOW_BATTERY]
+    near = _nearer(search, slower, under) if "battery" in search.problem.features.roles else {}
+    if near:
+        likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)))
+        found = _ahead(search, near[likeliest], _starts(search))
+        search, habits = (search, habits) if found is None else (found, likeliest)
     firmware = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)
-    for chain in dict.fromkeys((habits.chain, firmware)):
-        other = replace(habits, chain=chain, past=True)
-        found = _ahead(search, under(other), _starts(search)) if _is_nearer(under(other), search) else None
+    past = [replace(habits, chain=chain, past=True) for chain in dict.fromkeys((habits.chain, firmware))]
+    for other, problem in _nearer(search, past, under).items():
+        found = _ahead(search, problem, _starts(search))
         if found is not None:
             return found, other
     return search, habits
 
 
-def _is_nearer(problem: Problem, search: Search) -> bool:
-    """Whether robot.toml's robot, or what was found, is nearer to the readings with another logger. Known
-    causes are far worse with it than with theirs, and where nothing was named nobody asks."""
+def _nearer(
+    search: Search, others: Sequence[Habits], under: Callable[[Habits], Problem]
+) -> dict[Habits, Problem]:
+    """The other loggers, with their problems, by which robot.toml's robot, or what was found, is nearer to
+    the readings. Known causes are far worse with them than with theirs, and where nothing was named nobody
+    asks."""
     if not (search.fit.point.active or search.unknown):
-        return False
-    starts = _starts(search)
-    return any(_misfit(problem, search, each) < _misfit(search.problem, search, each) for each in starts)
+        return {}
+    present = _misfits(search, search.problem)
+    problems = {each: under(each) for each in others}
+    return {each: its for each, its in problems.items() if (_misfits(search, its) < present).any()}
 
 
 def _starts(search: Search) -> list[Point]:
     """What was found, without what another logger is most likely to have been taken for, and robot.toml."""
     point = search.fit.point
     return [point, point.without_cause(LATE), point.without_cause(SAG), search.problem.nominal()]
+
+
+def _misfits(search: Search, problem: Problem) -> Array:
+    """Of each start, (starts,)."""
+    white = search.whitener(problem.features.measured - problem.predict(_starts(search)))
+    return np.asarray(np.abs(white).sum(axis=-1), float)
 
 
 def _battery_off(problem: Problem, starts: Sequence[Point]) -> float:
@@ -148,11 +154,6 @@ def _battery_off(problem: Problem, starts: Sequence[Point]) -> float:
         factors, *_ = np.linalg.lstsq(columns, measured, rcond=None)
         sizes.append(float(np.abs(measured - columns @ factors).mean()))
     return min(sizes)
-
-
-def _misfit(problem: Problem, search: Search, point: Point) -> float:
-    white = search.whitener(problem.features.measured - problem.predict([point]))[0]
-    return float(np.abs(white).sum())
 
 
 def _late_instead(search: Search) -> list[Point]:

@@ -14,10 +14,11 @@ from raccoon.diagnose.linear import coulomb_response, linearise
 from raccoon.diagnose.naming import TWINS, _telling, _told, confounded, parameters, probability, product_told
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.searching import _with_the_slip_that_fits
-from raccoon.diagnose.select.outlook import Rival, Search, look_around, start_search
+from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, compared
 from raccoon.diagnose.spread import LEARNT, Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
+from unit.diagnose.searches import searched
 
 CAUSES = {
     each.name: each
@@ -29,16 +30,6 @@ CAUSES = {
 @pytest.fixture(scope="module")
 def causes() -> dict[str, Cause]:
     return CAUSES
-
-
-def searched(problem: Problem, truth: Point, named: Point) -> Search:
-    """A search that has named something in a recording of the truth."""
-    features = problem.features
-    noise = features.floors * np.random.default_rng(2).normal(size=features.measured.shape)
-    measured = problem.predict([truth])[0] + noise
-    real = replace(problem, features=replace(features, measured=measured))
-    start = start_search(real, probes_for(real))
-    return look_around(real, start.probes, named, start.whitener)
 
 
 def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> None:

@@ -22,7 +22,7 @@ from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
 from raccoon.diagnose.select.sets import Chosen, Member, Sets, apart
-from raccoon.diagnose.select.symmetry import likely_twins
+from raccoon.diagnose.select.symmetry import fitted_twins
 
 Array = NDArray[np.float64]
 
@@ -59,8 +59,7 @@ def better_set(search: Search) -> Fit | None:
     settled = fit_point(problem, whitener, search.fit.point, 3)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, starts, base, 4)
-    twins = [point for _, point in likely_twins(problem, search.fit.point)]
-    fits += fit_afresh(problem, whitener, twins, 4)  # other base numbers, so other columns
+    fits += [fit for _, fit in fitted_twins(search)]
     fits.sort(key=lambda fit: -net_lead(search, fit, settled))
     best = _distinct(fits, POLISHED)
     best += _of_their_families(fits, best)

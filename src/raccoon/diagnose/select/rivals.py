@@ -14,7 +14,7 @@ from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
-from raccoon.diagnose.select.symmetry import likely_twins
+from raccoon.diagnose.select.symmetry import fitted_twins
 
 Array = NDArray[np.float64]
 Other = tuple[float, Group, Array]
@@ -70,15 +70,14 @@ def compared(search: Search) -> Fit | None:
 def _same_drives(search: Search, settled: Fit) -> list[Fit]:
     """The sets that are the same drive in other numbers, fitted. What is new in one stands, all together, in
     the place of the cause that it does without, as far as it is as likely; what it needs more counts."""
-    twins, now = likely_twins(search.problem, search.fit.point), search.fit.point.active
-    fits = fit_afresh(search.problem, search.whitener, [point for _, point in twins], 4)
-    for (name, _), fit in zip(twins, fits, strict=True):
+    twins, now = fitted_twins(search), search.fit.point.active
+    for name, fit in twins:
         new, lacking = [each for each in fit.point.active if each not in now], -net_lead(search, fit, settled)
         for each in new if lacking < CLOSE else []:
             others = tuple(other for other in new if other != each)
             search.rivals[name] = [rival for rival in search.rivals[name] if rival.name != each]
             search.rivals[name].append(Rival(each, lacking, together=others))
-    return fits
+    return [fit for _, fit in twins]
 
 
 def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:

@@ -21,15 +21,17 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.hypotheses import Cause, Coordinate
+from raccoon.diagnose.fit import Fit, fit_afresh
+from raccoon.diagnose.hypotheses import Cause, Coordinate, cause_name
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gates
+from raccoon.diagnose.select.outlook import Search
 
 Array = NDArray[np.float64]
 Line = Mapping[tuple[str, str], float]
 
-INERTIA = {"inertia": "drive.inertia"}
-"""The cause of both inertias, by the id of their settings."""
+INERTIA = "drive.inertia"
+"""The cause of both numbers that robot.toml has of it."""
 LINES: tuple[Line, ...] = (
     {
         ("motor.back_emf_constant", "factor"): 1.0,
@@ -83,6 +85,14 @@ LEAST, MOST = 0.01, 0.5
 """Of the logarithm of the factor along a line: less is the same set, and more no robot."""
 
 
+def fitted_twins(search: Search) -> list[tuple[str, Fit]]:
+    """Each cause that a likely twin does without, and that twin fitted: with other base numbers its columns
+    are others, and simulated anew."""
+    twins = likely_twins(search.problem, search.fit.point)
+    fits = fit_afresh(search.problem, search.whitener, [point for _, point in twins], 4)
+    return [(name, fit) for (name, _), fit in zip(twins, fits, strict=True)]
+
+
 def likely_twins(problem: Problem, point: Point) -> list[tuple[str, Point]]:
     """Of the same drives those that are not much less likely, the likeliest first. The misfit is the same, so
     robot.toml and the gates decide."""
@@ -101,11 +111,11 @@ def same_drives(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
     """Each cause that is on, and a point without it that is the same drive, for each line that has one."""
     for name in point.active:
         for line in LINES:
-            for factor in _factors(problem, point, name, line):
-                if LEAST < abs(math.log(factor)) < MOST:
-                    other = along(problem, point, line, factor)
-                    if other is not None and name not in other.active:
-                        yield name, other
+            factor = _factor(problem, point, name, line)
+            if LEAST < abs(math.log(factor)) < MOST:
+                other = along(problem, point, line, factor)
+                if other is not None and name not in other.active:
+                    yield name, other
 
 
 def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | None:
@@ -128,24 +138,23 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
     for id_, indices in moved.items():
         if not _shared(problem, active, id_, indices, base):
             return None
-    low, high = problem.limits(Point(base, active))
-    return Point(base, active).moved(np.clip(Point(base, active).vector(), low, high))
+    other = Point(base, active)
+    return other.moved(np.clip(other.vector(), *problem.limits(other)))
 
 
-def _factors(problem: Problem, point: Point, name: str, line: Line) -> Iterator[float]:
-    """The factor along a line at which what a cause changes is nominal again."""
+def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
+    """The factor along a line at which what a cause changes is nominal again; 1 where there is none."""
     for index, each in enumerate(problem.base):
         power = _power(line, each)
-        if power and name in _causes(problem, index):
-            total = _total(problem, point, index)
-            if each.factor:
-                yield math.exp(-total * math.log(each.value(1.0)) / power)
-            else:
-                nominal = problem.neutral[each.settings[0]]
-                there = nominal + each.value(total)
-                if nominal > 0.0 and there > 0.0:
-                    yield (nominal / there) ** (1.0 / power)
-            return
+        if not (power and name in _causes(problem, index)):
+            continue
+        total = _total(problem, point, index)
+        if each.factor:
+            return math.exp(-total * math.log(each.value(1.0)) / power)
+        nominal = problem.neutral[each.settings[0]]
+        there = nominal + each.value(total)
+        return (nominal / there) ** (1.0 / power) if nominal > 0.0 and there > 0.0 else 1.0
+    return 1.0
 
 
 def _power(line: Line, coordinate: Coordinate) -> float:
@@ -155,15 +164,17 @@ def _power(line: Line, coordinate: Coordinate) -> float:
 
 def _id(coordinate: Coordinate) -> str:
     id_ = coordinate.settings[0][0]
-    return INERTIA.get(id_, id_)
+    return INERTIA if id_ == "inertia" else id_
 
 
 def _causes(problem: Problem, index: int) -> list[str]:
     """The causes that move all that a base coordinate moves."""
     each = problem.base[index]
     places = {place for _, place, _ in each.settings}
-    names = [_id(each)] + ([f"{_id(each)}@{next(iter(places))}"] if len(places) == 1 else [])
-    return [name for name in names if name in problem.causes]
+    where = next(iter(places)) if len(places) == 1 else None
+    return [
+        name for name in dict.fromkeys((_id(each), cause_name(_id(each), where))) if name in problem.causes
+    ]
 
 
 def _total(problem: Problem, point: Point, index: int) -> float:
@@ -216,7 +227,7 @@ def _shared(
     if not off:
         return True
     alone = len(indices) > 1 and (len(off) == 1 or np.ptp(base[indices]) > 2.0 * LEFT_OPEN)
-    if alone and id_ not in INERTIA.values():
+    if alone and id_ != INERTIA:
         return all(_on(problem, active, _causes(problem, each)[-1:], [each], base) for each in off)
     return _on(problem, active, _causes(problem, off[0])[:1], indices, base)
 
