@@ -19,7 +19,8 @@ from raccoon.diagnose.hypotheses import neutral_settings
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.recordings.reference import Reference, reference_of
-from raccoon.diagnose.recordings.truth import start_of, with_reference
+from raccoon.diagnose.recordings.reference_start import start_of
+from raccoon.diagnose.recordings.truth import with_reference
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,

@@ -28,9 +28,10 @@ from raccoon.diagnose.recordings.partial import (
     with_columns_named,
     without_battery,
 )
+from raccoon.diagnose.recordings.reference_start import start_of
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.tophats import diagnose_tophats, tophat_ports
-from raccoon.diagnose.recordings.truth import start_of, with_reference
+from raccoon.diagnose.recordings.truth import with_reference
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.sim.parameters import Parameters
 
