@@ -154,8 +154,11 @@ def test_in_a_short_drive_a_place_is_a_moment() -> None:
 def test_structural_twins_are_reported_as_a_class() -> None:
     hidden = draw("imu.gyro_scale", np.random.default_rng(5))
     said = diagnose(make(5, [hidden], seconds=25.0).columns, RobotConfig())
-    first = said.causes[0]
-    assert {first.id, *first.confounded_with} >= {"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}
+    first, twins = said.causes[0], {"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}
+    assert {first.id, *first.confounded_with} >= twins
+    reasons = {each.id: each.reason for each in said.rejected}
+    for other in twins - {first.id}:
+        assert reasons[other] == f"looks much like {first.name}, and may be there in its place"
     assert any("full turns" in each for each in said.suggested_manoeuvres)
 
 

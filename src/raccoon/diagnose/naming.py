@@ -158,13 +158,26 @@ def probability(search: Search, name: str, rivals: tuple[str, ...]) -> float:
 def rejections(search: Search, log: Log) -> tuple[Rejected, ...]:
     """Why each other effect of the catalogue is not named; sides are not listed apart."""
     active = {search.problem.causes[name].id for name in search.fit.point.active}
-    seen = _seen(search, log)
+    seen, stands_for = _seen(search, log), _stands_for(search)
     found = []
     for id_ in dict.fromkeys(each.id for each in search.problem.causes.values()):
         if id_ in active:
             continue
-        found.append(Rejected(id_, _reason(search, log, id_, seen.get(id_, 0.0))))
+        if id_ in stands_for:
+            reason = f"looks much like {stands_for[id_]}, and may be there in its place"
+        else:
+            reason = _reason(search, log, id_, seen.get(id_, 0.0))
+        found.append(Rejected(id_, reason))
     return tuple(found)
+
+
+def _stands_for(search: Search) -> dict[str, str]:
+    """Effects that are no cause, by the one that was named where they may be it."""
+    found: dict[str, str] = {}
+    for name in search.fit.point.active:
+        for rival in confounded(search, search.problem.causes[name]):
+            found.setdefault(rival.partition("@")[0], name)
+    return found
 
 
 def _seen(search: Search, log: Log) -> dict[str, float]:

@@ -228,6 +228,24 @@ def test_a_reading_that_is_named_too_large_is_no_smaller_wheel() -> None:
     assert unnamed["left wheel's radius by the reference"].value < 0.96
 
 
+def test_no_radius_is_told_where_the_named_cause_may_be_one() -> None:
+    """It would be that of a robot whose K_E is off, which the same report calls as likely as not."""
+    columns, start = spinning(), start_of(spinning(), ROBOT)
+    columns["motor.0.bemf"], columns["motor.1.bemf"] = (0.96 * columns[f"motor.{i}.bemf"] for i in (0, 1))
+    numbers = {"factor": ParameterResult(0.96, 0.006, "", 1.0)}
+    alike = ("drive.wheel_radius",)
+    cause = CauseResult(
+        "motor.back_emf_constant", None, 1, numbers, Gain(4.0, 1.0, 1.0), 0.6, alike, "reads too little."
+    )
+    before = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
+    identified = with_reference(before, start_of(columns, ROBOT)).identified
+    assert "wheel radius by the reference" not in identified
+    assert identified["wheel radius over K_E by the reference"].value == pytest.approx(1.0 / 0.96, abs=0.005)
+    open_ = ROBOT.model.left.back_emf_constant
+    known = with_reference(replace(before, causes=()), start).identified["wheel radius by the reference"]
+    assert known.std >= open_.std / open_.value > 0.0
+
+
 def judged(factor: float) -> Diagnosis:
     """What a search says from a robot whose gyro reads as much more as it does."""
     time = np.arange(400, dtype=np.float64) * 0.02

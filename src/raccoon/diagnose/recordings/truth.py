@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.extend import named_origin, rebased
 from raccoon.diagnose.hypotheses import INSIDE
 from raccoon.diagnose.naming import TURN_READS
@@ -26,9 +26,10 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.parameters import SIDES, Parameters
 
-READING = ("bemf.scale", "motor.back_emf_constant")
+K_E = "motor.back_emf_constant"
+READING = ("bemf.scale", K_E)
 """What makes the counts of a turning wheel larger than assumed, and is no length."""
 SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")
 """Where these are wrong as well, a K_E that is off by as much as the radius does the same, beside others of
@@ -52,7 +53,7 @@ def with_reference(found: Diagnosis, start: Start, model: Parameters | None = No
     return replace(
         found,
         rejected=(*others, *_rejected(found, start)),
-        identified={**found.identified, **_identified(found, start.reference)},
+        identified={**found.identified, **_identified(found, start)},
     )
 
 
@@ -129,7 +130,7 @@ def _with_causes(
 def _alike(id_: str, found: Diagnosis) -> tuple[str, ...]:
     """What stays to be told from a cause that the reference gave."""
     scaled = any(each.id in SCALE and each.where is None for each in found.causes)
-    return ("motor.back_emf_constant",) if id_ == RADIUS and scaled else ()
+    return (K_E,) if id_ == RADIUS and scaled else ()
 
 
 def _with_origins(
@@ -195,23 +196,30 @@ def _rejected(found: Diagnosis, start: Start) -> list[Rejected]:
     return reasons
 
 
-def _identified(found: Diagnosis, reference: Reference) -> dict[str, ParameterResult]:
-    """What the reference says of each, with the readings of the wheels as the causes have them."""
+def _identified(found: Diagnosis, start: Start) -> dict[str, ParameterResult]:
+    """What the reference says of each: of the wheels with their readings as the causes have them, or over
+    those where a cause may be a radius as well."""
+    reference, motors = start.reference, (start.given.model.left, start.given.model.right)
     factors = {"gyro scale": reference.gyro, "track width": reference.track}
+    both = all(_is_reading(found.causes, side) for side in SIDES)
+    length = "radius" if both else "radius over K_E"
     sides = []
-    for side, factor in (("left", reference.left), ("right", reference.right)):
-        if factor is not None:
-            reading = _reading(found.causes, side)
+    for side, factor, motor in zip(SIDES, (reference.left, reference.right), motors, strict=True):
+        if factor is None:
+            continue
+        if both:
+            reading = _reading(found.causes, side, motor.back_emf_constant)
             std = math.hypot(factor.std / factor.value, reading.std)
-            sides.append(Factor(factor.value * reading.value, std * factor.value * reading.value))
-    if len(sides) == 2:
+            factor = Factor(factor.value * reading.value, std * factor.value * reading.value)
+        sides.append(factor)
+    if len(sides) == len(SIDES):
         left, right = sides
         uneven = reference.uneven
         if uneven is not None and abs(uneven.value - 1.0) > INSIDE * uneven.std:
-            factors |= {"left wheel's radius": left, "right wheel's radius": right}
+            factors |= {f"left wheel's {length}": left, f"right wheel's {length}": right}
         else:
             mean = 0.5 * (left.value + right.value)
-            factors["wheel radius"] = Factor(mean, 0.5 * (left.std + right.std))
+            factors[f"wheel {length}"] = Factor(mean, 0.5 * (left.std + right.std))
     return {
         f"{name} by the reference": ParameterResult(each.value, each.std, RATIO, math.nan)
         for name, each in factors.items()
@@ -219,10 +227,23 @@ def _identified(found: Diagnosis, reference: Reference) -> dict[str, ParameterRe
     }
 
 
-def _reading(causes: Sequence[CauseResult], side: str) -> Factor:
-    """By what the causes that were named make a wheel's counts larger than assumed. Its std is relative."""
-    named = [
-        each.parameters["factor"] for each in causes if each.id in READING and each.where in (None, side)
-    ]
-    value = math.prod(each.value for each in named)
-    return Factor(value, math.hypot(*(each.std / each.value for each in named)))
+def _of_reading(causes: Sequence[CauseResult], side: str) -> list[CauseResult]:
+    """The causes that were named which make a wheel's counts other than assumed."""
+    return [each for each in causes if each.id in READING and each.where in (None, side)]
+
+
+def _is_reading(causes: Sequence[CauseResult], side: str) -> bool:
+    """Whether no such cause may be the wheel's radius as well."""
+    rivals = (rival for each in _of_reading(causes, side) for rival in each.confounded_with)
+    return not any(rival.partition("@")[0] == RADIUS for rival in rivals)
+
+
+def _reading(causes: Sequence[CauseResult], side: str, k_e: Measured) -> Factor:
+    """By what the causes make a wheel's counts larger than assumed. Its std is relative, and of robot.toml's
+    K_E where no cause gives another."""
+    named = _of_reading(causes, side)
+    values = [each.parameters["factor"] for each in named]
+    stds = [each.std / each.value for each in values]
+    if not any(each.id == K_E for each in named):
+        stds.append(k_e.std / k_e.value)
+    return Factor(math.prod(each.value for each in values), math.hypot(*stds))
