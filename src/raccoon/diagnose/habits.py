@@ -1,13 +1,13 @@
-"""What the controller does with its samples and at duty 0: found out, not diagnosed.
+"""What the controller does with its samples and at duty 0, and whether wheels give: found out, not diagnosed.
 
-Whether the controller filters with a median and brakes at duty 0 is not in a recording, and nothing a team
-could change.
+Whether the controller filters with a median and brakes at duty 0 is not in a recording, nor whether wheels
+give before they slide, and nothing a team could change.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,12 +31,15 @@ from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 
-CHAINS = (Chain.firmware(), Chain())
+CHAINS = (Chain.firmware(), Chain(), Chain(median=True))
 FAR = 60.0
 USUAL = 0.06
 """How much log misfit another filter than the firmware's must save."""
 CLEARLY = 0.2
 """The same for motors that brake at duty 0, where both are possible."""
+STIFF = 0.006
+"""The same for wheels that do not give before they slide. Of 60 robots whose wheels did, rigid ones saved
+0.004 at most, with two numbers less."""
 STARTS = {"actuation.latency": (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
 """Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
 HIDING = (
@@ -61,7 +64,7 @@ def drive_problem(
         PlantRollout(log, robot, habits, own=own),
         robot,
         settings,
-        base_coordinates(robot),
+        base_coordinates(robot, rigid=habits.rigid),
         {each.name: each for each in causes},
     )
 
@@ -102,22 +105,39 @@ def controller_of(
     what the wheels were driven with.
     """
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    firmware, other = CHAINS
-    choices = [Habits(firmware, False), *([Habits(firmware, True)] if brakes(log) else [])]
+    firmware, *others = CHAINS
+    first = Habits(firmware, False)
     if not any(each.role in WHEELS for each in log.channels):
-        return log, choices[0]
-    problems = [_loosened(drive_problem(wheels, robot, causes, each, model)) for each in choices]
-    found = [_fitted(each, _start(each)) for each in problems]
-    best = 1 if len(found) > 1 and found[1][0] < found[0][0] - CLEARLY else 0
-    misfit, point = found[best]
-    another = Habits(other, choices[best].brake)
-    anothers, its = _fitted(_loosened(drive_problem(wheels, robot, causes, another, model)), point)
-    habits, point = (another, its) if anothers < misfit - USUAL else (choices[best], point)
+        return log, first
 
-    def loose(each: Log) -> Problem:
-        return _loosened(drive_problem(each, robot, causes, habits, model))
+    def loose(part: Log, habits: Habits) -> Problem:
+        return _loosened(drive_problem(part, robot, causes, habits, model), habits.rigid)
 
-    return restored(log, loose, point), habits
+    def fitted(habits: Habits, start: Point | None = None) -> _Fitted:
+        problem = loose(wheels, habits)
+        misfit, point = _fitted(problem, _start(problem) if start is None else start)
+        return _Fitted(misfit, point, habits)
+
+    found = fitted(first)
+    if brakes(log):
+        found = fitted(replace(first, brake=True)).instead_of(found, CLEARLY)
+    another = [fitted(replace(found.habits, chain=each), found.point) for each in others]
+    found = min(another, key=lambda each: each.misfit).instead_of(found, USUAL)
+    found = fitted(replace(found.habits, rigid=True)).instead_of(found, STIFF)
+    return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """Where a fit under some habits arrives, and with which log misfit."""
+
+    misfit: float
+    point: Point
+    habits: Habits
+
+    def instead_of(self, other: _Fitted, by: float) -> _Fitted:
+        """This one where it saves that much, else the other."""
+        return self if self.misfit < other.misfit - by else other
 
 
 def with_lost_changes(
@@ -132,16 +152,16 @@ def with_lost_changes(
     return restored(log, lambda each: drive_problem(each, robot, causes, habits, model), point)
 
 
-def another_chain(chain: Chain) -> Chain:
-    """The one that a controller has if not this one."""
-    return next(each for each in CHAINS if each != chain)
+def other_chains(chain: Chain) -> list[Chain]:
+    """Those that a controller may have if not this one."""
+    return [each for each in CHAINS if each != chain]
 
 
-def _loosened(problem: Problem) -> Problem:
+def _loosened(problem: Problem, rigid: bool) -> Problem:
     """With all base numbers free, the filter's time constant among them: kept near robot.toml, a robot with a
     shorter filter would seem to have another one. And with what they cannot stand in for, whose error would
     hide what a filter does."""
-    base = base_coordinates(problem.robot, inside=FAR)
+    base = base_coordinates(problem.robot, inside=FAR, rigid=rigid)
     return replace(problem, base=(*base, *HIDING))
 
 

@@ -31,6 +31,9 @@ PRESLIDING_WIDTH = 0.7
 PRESLIDING_MOST = 1.7
 """Standard deviations of both: three tenths to three times. Stiffer wheels ask for shorter steps than a
 millisecond, and differ from rigid ones by less than a reading's noise."""
+LOOP_LATENCY = 0.0003
+"""s, one standard deviation of what a controller's own work delays commands by. No robot.toml says, and a
+fifth of a millisecond is a cause to no team, though it shows in every reading."""
 WIDTH_FACTOR = 2.0
 """Widths of a cause over the catalogue's: deviations that are called a cause are the larger ones."""
 
@@ -209,10 +212,13 @@ def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
     return replace(robot, model=replace(model, **sections)), tuple(keys)
 
 
-def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordinate, ...]:
+def base_coordinates(
+    robot: RobotConfig, inside: float = INSIDE, *, rigid: bool = False
+) -> tuple[Coordinate, ...]:
     """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
 
-    inside: standard deviations that a number may move.
+    inside: standard deviations that a number may move. rigid: whether its wheels do not give before they
+    slide, which says robot.toml neither.
     """
     model = robot.model
     found: list[Coordinate] = []
@@ -238,10 +244,11 @@ def base_coordinates(robot: RobotConfig, inside: float = INSIDE) -> tuple[Coordi
     else:
         plus("friction.coulomb", None, "torque", model.friction.coulomb)
     plus("friction.viscous", None, "coefficient", model.friction.viscous)
-    for parameter, usual in PRESLIDING.items():
+    for parameter, usual in {} if rigid else PRESLIDING.items():
         width, most = PRESLIDING_WIDTH, PRESLIDING_MOST
         found.append(multiplied("friction.presliding", None, width, -most, most, parameter, usual))
     plus("bemf.filter_lag", None, "time_constant", model.bemf.filter_time_constant)
+    found.append(added("actuation.latency", None, "seconds", LOOP_LATENCY, low=0.0, high=INSIDE))
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
     times("imu.gyro_scale", None, model.imu.gyro_scale)
     times("drive.track_width", None, model.drive.track_width)

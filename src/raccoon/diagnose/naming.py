@@ -74,8 +74,13 @@ def _told(problem: Problem, cause: Cause, values: dict[str, ParameterResult], ri
     if cause.own is not None:
         return cause.own.told({name: each.value for name, each in values.items()})
     said = explanation(cause.id, cause.where, values)
-    both = [each for each in rivals if delay_alike(cause.name, each) and not problem.left_open(each)]
+    both = [each for each in rivals if delay_alike(cause.name, each) and not _has_number(problem, each)]
     return f"{said} With {' or '.join(both)} beside it this is the sum of their times." if both else said
+
+
+def _has_number(problem: Problem, name: str) -> bool:
+    """Whether robot.toml has a number, which it leaves open, of what a cause moves."""
+    return any(problem.neutral[problem.base[each].settings[0]] for each in problem.left_open(name))
 
 
 def product_told(search: Search, cause: Cause, spread: Spread) -> str:

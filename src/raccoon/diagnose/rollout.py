@@ -94,12 +94,14 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the recording does not say of the controller: its sensor chain, whether duty 0 brakes, and whether
-    the command of a row was in force until then (past) instead of from then on."""
+    """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
+    whether the command of a row was in force until then (past) instead of from then on, and whether wheels
+    slide without giving first (rigid)."""
 
     chain: Chain
     brake: bool
     past: bool = False
+    rigid: bool = False
 
 
 class PlantRollout:

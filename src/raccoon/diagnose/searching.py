@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.habits import another_chain, controller_of, drive_problem, with_lost_changes
+from raccoon.diagnose.habits import controller_of, drive_problem, other_chains, with_lost_changes
 from raccoon.diagnose.hypotheses import FORMS, Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.problem import Point, Problem
@@ -61,9 +61,11 @@ def searched(
     if not np.array_equal(better.time, restored.time):
         restored = better
         search = _search_in(under(habits))
-    other = replace(habits, chain=another_chain(habits.chain))
-    found = _under_another_filter(search, under(other), other)
-    search, habits = (search, habits) if found is None else (found, other)
+    for chain in other_chains(habits.chain):
+        other = replace(habits, chain=chain)
+        found = _under_another_filter(search, under(other), other)
+        search, habits = (search, habits) if found is None else (found, other)
+    search, habits = _as_wheels_give(search, habits, under)
     if not restored.duty.all():
         other = replace(habits, brake=not habits.brake)
         found = _ahead(search, under(other), [search.fit.point])
@@ -77,11 +79,34 @@ def _ahead(
 ) -> Search | None:
     """The search of another problem, where one of these starts is ahead by `far` once it is fitted there, and
     then what was found by `wanted`."""
-    whitener = search.whitener
-    if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in starts) < far:
+    whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
+    if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there) < far:
         return None
     second = _search_in(problem)
     return second if explains_more(second, search) > wanted else None
+
+
+def carried(point: Point, here: Problem, there: Problem) -> Point:
+    """A point in another problem, whose base coordinates may be fewer or more."""
+    known = dict(zip((each.settings for each in here.base), point.base, strict=True))
+    return replace(point, base=np.array([known.get(each.settings, 0.0) for each in there.base]))
+
+
+def _as_wheels_give(
+    search: Search, habits: Habits, under: Callable[[Habits], Problem]
+) -> tuple[Search, Habits]:
+    """The search with rigid wheels, or with wheels that give before they slide if they were rigid, where that
+    explains more.
+
+    Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
+    little friction: the same drive, in which what gives is stiffer.
+    """
+    other = replace(habits, rigid=not habits.rigid)
+    for problem in _nearer(search, [other], under).values():
+        found = _ahead(search, problem, _starts(search))
+        if found is not None:
+            return found, other
+    return search, habits
 
 
 def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> Search | None:
@@ -141,7 +166,8 @@ def _starts(search: Search) -> list[Point]:
 
 def _misfits(search: Search, problem: Problem) -> Array:
     """Of each start, (starts,)."""
-    white = search.whitener(problem.features.measured - problem.predict(_starts(search)))
+    starts = [carried(each, search.problem, problem) for each in _starts(search)]
+    white = search.whitener(problem.features.measured - problem.predict(starts))
     return np.asarray(np.abs(white).sum(axis=-1), float)
 
 

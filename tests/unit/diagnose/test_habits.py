@@ -15,17 +15,21 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import PAST, diagnose
 from raccoon.diagnose.experiment import planned_log
-from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.habits import drive_problem, problem_of
 from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.problem import Point
 from raccoon.diagnose.rollout import Habits, _cycle
-from raccoon.diagnose.searching import searched
+from raccoon.diagnose.searching import carried, searched
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.rollout import rollout
 
+Effects = dict[tuple[str, str | None], dict[str, float]]
+
 ROBOT = RobotConfig()
 CAUSES = drive_causes()
+GIVING: Effects = {("friction.presliding", None): {"compliance": 0.001, "damping": 0.3}}
 
 
 def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None:
@@ -75,6 +79,14 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
     assert habits.chain == Chain()
 
 
+def test_a_median_of_samples_of_all_motors_at_once_is_no_latency() -> None:
+    """By the wheels alone it is next to the same as commands that are a sample late."""
+    said = diagnose(recorded(Parameters(ROBOT, GIVING, Chain(median=True)), 12.0, seed=1), ROBOT)
+    assert said.causes == ()
+    assert said.model is not None
+    assert said.model.chain == Chain(median=True)
+
+
 def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make what is found out before any cause is known these habits."""
     monkeypatch.setattr("raccoon.diagnose.searching.controller_of", lambda log, *_: (log, habits))
@@ -113,6 +125,57 @@ def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
     search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits == Habits(Chain(), True)
     assert not search.fit.point.active
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_whether_wheels_give_before_they_slide_is_found_out(rigid: bool) -> None:
+    robot = Parameters(ROBOT, {} if rigid else GIVING, Chain.firmware())
+    _, habits = problem_of(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES)
+    assert habits == Habits(Chain.firmware(), False, rigid=rigid)
+
+
+def test_rigid_wheels_are_no_fault() -> None:
+    """Taken for wheels that give, a clean robot had a fifth of its inertia and five times its resistance: the
+    same drive, in which what gives is stiffer."""
+    robot = Parameters(ROBOT, {}, Chain.firmware())
+    said = diagnose(recorded(robot, 20.0), ROBOT)
+    assert said.causes == ()
+    assert said.model is not None
+    assert said.model.value("friction.presliding", "compliance") == 0.0
+
+
+@pytest.mark.parametrize("rigid", [True, False])
+def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(
+    rigid: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where it was taken for the other all the same."""
+    heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
+    columns = recorded(Parameters(ROBOT, heavy | ({} if rigid else GIVING), Chain.firmware()), 20.0)
+    taken_for(Habits(Chain.firmware(), False, rigid=not rigid), monkeypatch)
+    search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
+    assert habits.rigid is rigid
+    assert set(search.fit.point.active) == {"drive.inertia"}
+
+
+def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> None:
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    gives, slides = (
+        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, rigid=rigid), None)
+        for rigid in (False, True)
+    )
+    rng = np.random.default_rng(2)
+    point = Point(rng.standard_normal(len(gives.base)), {"drive.inertia": np.array([0.3])})
+    there = carried(point, gives, slides)
+    assert (
+        slides.settings(there).items()
+        >= {
+            key: value for key, value in gives.settings(point).items() if key[0] != "friction.presliding"
+        }.items()
+    )
+    back = carried(there, slides, gives)
+    lost = [each.settings[0][0] == "friction.presliding" for each in gives.base]
+    np.testing.assert_array_equal(back.base, np.where(lost, 0.0, point.base))
+    assert back.active == point.active
 
 
 @pytest.mark.parametrize("cause", [None, "drive.inertia"])
