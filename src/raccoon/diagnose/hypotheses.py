@@ -247,7 +247,8 @@ def base_coordinates(
     for parameter, usual in {} if rigid else PRESLIDING.items():
         width, most = PRESLIDING_WIDTH, PRESLIDING_MOST
         found.append(multiplied("friction.presliding", None, width, -most, most, parameter, usual))
-    plus("bemf.filter_lag", None, "time_constant", model.bemf.filter_time_constant)
+    for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
+        plus("bemf.filter_lag", side, "time_constant", model.bemf.filter_time_constant)
     found.append(added("actuation.latency", None, "seconds", LOOP_LATENCY, low=0.0, high=INSIDE))
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
     times("imu.gyro_scale", None, model.imu.gyro_scale)

