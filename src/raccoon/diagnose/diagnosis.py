@@ -22,6 +22,7 @@ from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import (
     LARGE_REST,
+    CauseResult,
     ChannelResult,
     Curve,
     Diagnosis,
@@ -198,17 +199,30 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         suggestions(search, causes, log),
         time.perf_counter() - begin,
         extended(search.problem, spread, causes, habits.chain),
-        (*log.notes, *_of_the_logger(habits), *_not_in_model(search)),
+        (*log.notes, *_of_the_controller(habits, causes), *_not_in_model(search)),
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
 
 
-def _of_the_logger(habits: Habits) -> tuple[str, ...]:
-    """How the log was read, where that is not the usual way."""
-    seconds = habits.chain.battery_time_constant
-    slow = f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
-    return (*([PAST] if habits.past else []), *([slow] if seconds in SLOW_BATTERY else []))
+def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
+    """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
+    chain, notes = habits.chain, []
+    if habits.past:
+        notes.append(PAST)
+    if chain.battery_time_constant in SLOW_BATTERY:
+        seconds = chain.battery_time_constant
+        notes.append(
+            f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
+        )
+    unpaused = 1.0 - chain.coast_share
+    factors = [each.parameters["factor"] for each in causes if each.name == "motor.armature_resistance"]
+    if chain.coast_share and any(abs(each.value - unpaused) < 2.0 * each.std for each in factors):
+        notes.append(
+            f"a resistance of {unpaused:g} times robot.toml's is also what a controller looks like that does "
+            "not pause for its samples, or a robot.toml whose value has the pause in it"
+        )
+    return tuple(notes)
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -87,6 +87,18 @@ def test_a_median_of_samples_of_all_motors_at_once_is_no_latency() -> None:
     assert said.model.chain == Chain(median=True)
 
 
+def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
+    """What is measured of a motor is the same where it is unpowered a tenth of the time."""
+    lower: Effects = {("motor.armature_resistance", place): {"factor": 0.9} for place in ("left", "right")}
+    for robot in (
+        Parameters(ROBOT, GIVING | lower, Chain.firmware()),
+        Parameters(ROBOT, GIVING, replace(Chain.firmware(), coast_share=0.0)),
+    ):
+        said = diagnose(recorded(robot, 20.0), ROBOT)
+        assert [each.name for each in said.causes] == ["motor.armature_resistance"]
+        assert any("does not pause for its samples" in each for each in said.notes)
+
+
 def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make what is found out before any cause is known these habits."""
     monkeypatch.setattr("raccoon.diagnose.searching.controller_of", lambda log, *_: (log, habits))

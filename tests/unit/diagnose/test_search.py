@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +33,7 @@ from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
     Foretold,
+    Rival,
     Search,
     best_probe,
     estimated,
@@ -45,6 +48,7 @@ from raccoon.diagnose.select.search import (
     NOTHING,
     PROBE_ALONE,
     SURE,
+    _credible,
     _fails_held_out,
     _too_little,
     known_after_all,
@@ -632,3 +636,30 @@ def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Prob
     assert lost.cost == np.inf
     assert lost.evidence == -np.inf
     assert found.point.active["drive.inertia"][0] == pytest.approx(0.4, abs=0.1)
+
+
+@pytest.mark.parametrize(("lead", "kept"), [(-17.0, False), (-3.0, True), (4.0, True)])
+def test_what_another_outdoes_that_is_no_cause_itself_is_none_either(
+    lead: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = "raccoon.diagnose.select.search"
+    start: Any = SimpleNamespace(
+        rivals={
+            "friction.stiction": [Rival("friction.coulomb", 60.0)],
+            "drive.wheel_radius@left": [Rival("friction.viscous@left", lead)],
+        },
+        failed={},
+    )
+
+    def without(search: SimpleNamespace, name: str, fit: object) -> SimpleNamespace:
+        rest = {key: value for key, value in search.rivals.items() if key != name}
+        return SimpleNamespace(rivals=rest, failed=search.failed)
+
+    for name in ("settled_fit", "_dropped", "compared"):
+        monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
+    monkeypatch.setattr(f"{module}.accepted_without", without)
+    monkeypatch.setattr(f"{module}._stable", lambda search: search)
+    found = _credible(start)
+    assert ("drive.wheel_radius@left" in found.rivals) is kept
+    assert "friction.stiction" in found.rivals
+    assert len(found.failed) == (not kept)

@@ -42,6 +42,8 @@ PROBE_FAR = 1.5
 BESIDE_UNKNOWN = 0.33
 NOTHING = "explains nothing that is left"
 MOST_CAUSES = 14
+OUTDONE = 5.0
+"""Log evidence, no gates counted, by which another explains more in a cause's place than it does."""
 WEAK = 3.0
 """Gates up to which a cause's worth, as the columns of the fit with it have it, is doubted."""
 
@@ -232,7 +234,22 @@ def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]])
     if better is not None:
         search = _stable(grown(replaced_by(search, better)))
         compared(search)
-    return search
+    return _credible(search)
+
+
+def _credible(search: Search) -> Search:
+    """Without a cause whose place something else would fill better, that has too little to be named there
+    itself: friction of one wheel, say, which a floor imitates. It is nearer to what is there than the cause.
+    """
+    while True:
+        best = {name: min(each.lead for each in its) for name, its in search.rivals.items() if its}
+        worst = min(best, key=lambda name: best[name], default=None)
+        if worst is None or best[worst] > -OUTDONE:
+            return search
+        search.failed[worst] = "something that explains too little itself explains it better"
+        search = accepted_without(search, worst, _dropped(search, settled_fit(search), worst))
+        search = _stable(search)
+        compared(search)
 
 
 def _stable(search: Search) -> Search:
