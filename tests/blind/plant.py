@@ -43,11 +43,11 @@ NEUTRAL = {
     "gyro_bias": 0.0, "gyro_scale": 1.0, "gyro_drift": 0.0, "imu_latency": 0.0,
     "cogging_l": 0.0, "cogging_r": 0.0, "payload": 0.0, "payload_time": 1e9,
     "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0,
+    "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING,
 }  # fmt: skip
-"""Every parameter and the value at which the robot is the textbook's. The last line holds causes that are in
-no catalogue: torque that depends on the wheel's angle, a load that falls on the robot, a rough patch of
-floor,
-a gyro that hears the motors."""
+"""Every parameter and the value at which the robot is the textbook's. The last lines hold causes that are in
+no catalogue (torque that depends on the wheel's angle, a load that falls on the robot, a rough patch of
+floor, a gyro that hears the motors), and how friction gives."""
 
 
 def parameters(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -69,15 +69,17 @@ def _median(a: float, b: float, c: float) -> float:
 
 
 @compiled
-def _friction(w: float, z: float, level: float, slope: float, quadratic: float) -> tuple[float, float]:
+def _friction(
+    w: float, z: float, level: float, slope: float, quadratic: float, stiff: float, damping: float
+) -> tuple[float, float]:
     """Torque against the motion and the bristle's new deflection.
 
     Canudas de Wit et al. (1995): z' = w - s0 |w| z / level; torque = s0 z + s1 z' + viscous part. The
     deflection
     is stepped implicitly, which is stable for any level.
     """
-    new = (z + STEP * w) / (1.0 + STEP * BRISTLE * abs(w) / level)
-    torque = BRISTLE * new + BRISTLE_DAMPING * (new - z) / STEP + slope * w + quadratic * w * abs(w)
+    new = (z + STEP * w) / (1.0 + STEP * stiff * abs(w) / level)
+    torque = stiff * new + damping * (new - z) / STEP + slope * w + quadratic * w * abs(w)
     return torque, new
 
 
@@ -128,7 +130,7 @@ def simulate(
         ecc_l, ecc_pl, ecc_r, ecc_pr, deadband, latency,
         off_l, off_r, scale_l, scale_r, dead_zone, filter_tau,
         gyro_bias, gyro_scale, gyro_drift, imu_latency,
-        cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed,
+        cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed, bristle, bristle_damping,
     ) = p  # fmt: skip
     ke, res = (ke_l, ke_r), (res_l, res_r)
     radius, cog = (radius_l, radius_r), (cog_l, cog_r)
@@ -188,7 +190,9 @@ def simulate(
                 level += load_friction * abs(ke[side] * current[side])
                 level *= 1.0 + patch * (x % (3.0 * patch_length) < patch_length)
                 slope = viscous * (1.0 + dir_v * direction)
-                against, z[side] = _friction(w[side], z[side], max(level, 1e-6), slope, quadratic)
+                against, z[side] = _friction(
+                    w[side], z[side], max(level, 1e-6), slope, quadratic, bristle, bristle_damping
+                )
                 torque[side] = drive - against
             heavier = 1.0 + payload * (now > payload_time)
             mean = 0.5 * (torque[0] + torque[1]) / (j_straight * heavier)

@@ -144,6 +144,16 @@ def test_a_clean_recording_is_adequate_short_or_long(seed: int, seconds: float) 
     assert said.causes == ()
 
 
+RIGID = Hidden("unknown", None, {}, {"bristle": 30000.0, "bristle_damping": 12.0})
+
+
+@pytest.mark.parametrize("cause", [None, "battery.internal_resistance", "drive.inertia", "drive.turn_scrub"])
+def test_a_robot_whose_friction_gives_next_to_nothing_has_nothing_wrong_for_that(cause: str | None) -> None:
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(6))]
+    said = diagnose(make(6, [RIGID, *hidden], seconds=25.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [each.name for each in hidden]
+
+
 def test_in_a_short_drive_a_place_is_a_moment() -> None:
     """Friction that is a little more everywhere, on a robot that was nowhere twice, is none of the place."""
     more = Hidden("friction.coulomb", None, {"torque": 0.2145}, {"coulomb": 0.2145})
