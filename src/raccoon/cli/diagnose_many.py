@@ -14,20 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from raccoon.diagnose.fleet import FleetCause
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
     from raccoon.trace.loading import Run
 
-    Array = NDArray[np.float64]
-
 ENDINGS = (".jsonl", ".jsonl.gz", ".csv", ".mcap", ".mat")
 METADATA = "metadata.csv"
-MOST_REPEATED = 0.1
-"""Share of the samples of a recording that may repeat the time of the one before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,40 +70,22 @@ def diagnose_job(job: Job) -> Diagnosis:
         start = Parameters.from_model_file(job.model)
         robot = start.robot
     recording = loaded.recording
-    columns, repeated = _once(recording.columns)
     own = () if job.causes is None else load_own(job.causes)
-    holdout = None if job.holdout is None else _once(load_run(job.holdout).recording.columns)[0]
+    holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
     try:
         return diagnose_recording(
-            columns,
+            recording.columns,
             robot,
             holdout=holdout,
             model=start,
             truth_free=job.truth_free,
             device=recording.device,
-            problems=(*recording.problems, *repeated),
+            problems=recording.problems,
             own=own,
         )
     except TraceError as error:  # that of several files it is this one
         judged = "" if job.holdout is None else f", judged on {job.holdout}"
         raise TraceError(f"{job.path}{judged}: {error}") from None
-
-
-def _once(columns: Mapping[str, Array]) -> tuple[dict[str, Array], list[str]]:
-    """The columns without samples whose time is that of the one before, as a time that goes back is left out;
-    and what is to be said of it. More than a tenth are no slip of a recorder, and are left to be refused."""
-    import numpy as np
-
-    time = columns["t"]
-    again = np.flatnonzero(np.diff(time) == 0.0) + 1
-    if len(again) == 0 or len(again) > MOST_REPEATED * len(time):
-        return dict(columns), []
-    one = len(again) == 1
-    said = (
-        f"{len(again)} {'sample has' if one else 'samples have'} the time of the one before and "
-        f"{'is' if one else 'are'} left out: the first at {time[again[0]]:.6g} s, row {again[0]}"
-    )
-    return {name: np.delete(each, again) for name, each in columns.items()}, [said]
 
 
 def _loaded(path: Path) -> Run:

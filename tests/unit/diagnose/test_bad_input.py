@@ -14,6 +14,8 @@ from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.repeated import without_repeated
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.unknown import probes_for
 
@@ -162,3 +164,18 @@ def test_a_missing_channel_is_named(good: Columns) -> None:
     log = log_from_columns({key: each for key, each in good.items() if "gyro" not in key}, ROBOT)
     assert "imu.gyro.z" in log.missing
     assert log.channel("gyro") is None
+
+
+def test_samples_that_were_written_twice_are_left_out_of_the_recording_and_of_what_judges_it(
+    good: Columns,
+) -> None:
+    again = np.insert(np.arange(len(good["t"])), [500, 900], [499, 899])
+    twice = {name: each[again] for name, each in good.items()}
+    once, said = without_repeated(twice)
+    assert "2 samples have the time of the one before and are left out" in said[0]
+    for name, each in good.items():
+        np.testing.assert_array_equal(once[name], each)
+    found = diagnose_recording(twice, ROBOT, holdout=twice)
+    assert said[0] in found.notes
+    assert without_repeated(good) == (good, ())
+    assert without_repeated({}) == ({}, ())

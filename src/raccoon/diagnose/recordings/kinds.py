@@ -29,6 +29,7 @@ from raccoon.diagnose.recordings.partial import (
     without_battery,
 )
 from raccoon.diagnose.recordings.reference_start import start_of
+from raccoon.diagnose.recordings.repeated import without_repeated
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.tophats import diagnose_tophats, tophat_ports
 from raccoon.diagnose.recordings.truth import with_reference
@@ -124,6 +125,8 @@ def diagnose_recording(
     """
     if truth_free:
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
+    columns, repeated = without_repeated(columns)
+    holdout = None if holdout is None else without_repeated(holdout)[0]
     kind = kind_of(columns, robot)
     if kind is Kind.STEP:
         port = step_port(columns)
@@ -141,7 +144,7 @@ def diagnose_recording(
         open_robot, exact = with_usual_stds(robot)
         found = _drive(columns, with_lag_of(device, open_robot), holdout, model, truth_free, own, device)
         found = replace(found, notes=(*found.notes, *_without_std(exact)))
-    notes = dict.fromkeys((*found.notes, *problems))
+    notes = dict.fromkeys((*found.notes, *problems, *repeated))
     return replace(found, notes=tuple(notes))
 
 
