@@ -166,7 +166,7 @@ def fit_many(
 ) -> list[Fit]:
     """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
     columns of later coordinates are simulated anew in every iteration."""
-    tracks = [_Track(start) for start in starts]
+    tracks = [_Track(each.moved(np.clip(each.vector(), *problem.limits(each)))) for each in starts]
     for _ in range(iterations):
         going = [track for track in tracks if not track.arrived]
         if not going:

@@ -168,11 +168,27 @@ class Problem:
         return np.array([BASE_STEP] * len(self.base) + causes)
 
     def limits(self, point: Point) -> tuple[Array, Array]:
-        """Bounds of the point's vector."""
-        coordinates = [*self.base]
-        for name in point.active:
-            coordinates.extend(self.causes[name].coordinates)
-        return np.array([each.low for each in coordinates]), np.array([each.high for each in coordinates])
+        """Bounds of the point's vector: of what robot.toml leaves open as it says, of causes as far as the
+        simulator has such robots."""
+        causes = [self.causes[name] for name in point.active]
+        low = [each.low for each in self.base]
+        low += [self._lowest(cause, each) for cause in causes for each in cause.coordinates]
+        high = [each.high for each in self.base]
+        high += [each.high for cause in causes for each in cause.coordinates]
+        return np.array(low), np.array(high)
+
+    def _lowest(self, cause: Cause, coordinate: Coordinate) -> float:
+        """Where a cause's number, whatever is left open of it, is as small as it can be: there is no friction
+        that drives."""
+        plain = bool(coordinate.settings) and not coordinate.factor and cause.own is None
+        if not plain or coordinate.low > -np.inf:
+            return coordinate.low
+        key = coordinate.settings[0]
+        bounds = next(each.bounds for each in cause.effect.parameters if each.name == key[2])
+        if not np.isfinite(bounds.low):
+            return coordinate.low
+        opened = sum(each.value(each.low) for each in self.base if key in each.settings)
+        return min((bounds.low - self.neutral[key] - opened) / coordinate.value(1.0), 0.0)
 
 
 def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:

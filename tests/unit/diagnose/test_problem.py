@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose import problem as module
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.fit import fit_many
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.problem import Point, Problem
 
@@ -95,3 +97,27 @@ def test_a_robot_that_cannot_be_gives_no_numbers_and_leaves_the_others_alone(pro
     nothing, _ = problem.rollout([weightless])
     assert np.isnan(nothing).all()
     assert step > 0.0
+
+
+@pytest.mark.parametrize("name", ["friction.viscous", "battery.internal_resistance", "bemf.filter_lag@left"])
+def test_no_cause_goes_where_the_simulator_has_no_robot(name: str, problem: Problem) -> None:
+    """A right wheel's friction of -0.0003 N m s/rad was to be put into robot.toml."""
+    problem = replace(problem, causes={each.name: each for each in drive_causes()})
+    (coordinate,) = problem.causes[name].coordinates
+    low, high = problem.limits(problem.nominal().with_cause(name, np.zeros(1)))
+    assert low[-1] < 0.0
+    assert high[-1] == np.inf
+    least = Point(low[:-1], {name: low[-1:]})
+    values = [problem.settings(least)[key] for key in coordinate.settings]
+    assert values == pytest.approx([0.0] * len(values), abs=1e-12)
+
+
+def test_a_fit_starts_where_there_are_robots(problem: Problem) -> None:
+    far = problem.nominal().with_cause("drive.backlash", np.array([-5.0, 0.0]))
+    measured = problem.features.measured
+
+    def plain(signals: np.ndarray) -> np.ndarray:
+        return np.asarray(signals.reshape(*signals.shape[:-2], -1), float)
+
+    (found,) = fit_many(problem, plain, [far], np.zeros((0, measured.size)), 1)
+    assert found.point.active["drive.backlash"][0] == 0.0
