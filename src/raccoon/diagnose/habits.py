@@ -31,7 +31,10 @@ from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 
-CHAINS = (Chain.firmware(), Chain(), Chain(median=True))
+USUAL_CHAINS = (Chain.firmware(), Chain())
+CHAINS = (*USUAL_CHAINS, Chain(median=True))
+"""A median without slots is rare, and asked for once a search is over: to wheels with play it looks right."""
+FILTER, LATENCY = "bemf.filter_lag", "actuation.latency"
 FAR = 60.0
 USUAL = 0.06
 """How much log misfit another filter than the firmware's must save."""
@@ -40,7 +43,7 @@ CLEARLY = 0.2
 STIFF = 0.006
 """The same for wheels that do not give before they slide. Of 60 robots whose wheels did, rigid ones saved
 0.004 at most, with two numbers less."""
-STARTS = {"actuation.latency": (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
+STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
 """Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
 HIDING = (
     multiplied("bemf.scale", "left", 0.05),
@@ -105,7 +108,7 @@ def controller_of(
     what the wheels were driven with.
     """
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    firmware, *others = CHAINS
+    firmware, other = USUAL_CHAINS
     first = Habits(firmware, False)
     if not any(each.role in WHEELS for each in log.channels):
         return log, first
@@ -121,8 +124,7 @@ def controller_of(
     found = fitted(first)
     if brakes(log):
         found = fitted(replace(first, brake=True)).instead_of(found, CLEARLY)
-    another = [fitted(replace(found.habits, chain=each), found.point) for each in others]
-    found = min(another, key=lambda each: each.misfit).instead_of(found, USUAL)
+    found = fitted(replace(found.habits, chain=other), found.point).instead_of(found, USUAL)
     found = fitted(replace(found.habits, rigid=True)).instead_of(found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
 
@@ -159,9 +161,17 @@ def other_chains(chain: Chain) -> list[Chain]:
 
 def _loosened(problem: Problem, rigid: bool) -> Problem:
     """With all base numbers free, the filter's time constant among them: kept near robot.toml, a robot with a
-    shorter filter would seem to have another one. And with what they cannot stand in for, whose error would
-    hide what a filter does."""
-    base = base_coordinates(problem.robot, inside=FAR, rigid=rigid)
+    shorter filter would seem to have another one. It is one for both wheels, and no loop's delay is free: the
+    firmware's slots could be anything then. And with what they cannot stand in for, whose error would hide
+    what a filter does."""
+    base = [
+        each
+        for each in base_coordinates(problem.robot, inside=FAR, rigid=rigid)
+        if each.settings[0][0] not in (FILTER, LATENCY)
+    ]
+    std = problem.robot.model.bemf.filter_time_constant.std
+    if std > 0.0:
+        base.append(added(FILTER, None, "time_constant", std, low=-FAR, high=FAR))
     return replace(problem, base=(*base, *HIDING))
 
 
