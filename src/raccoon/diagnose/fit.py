@@ -127,7 +127,7 @@ class _Track:
         assert self.best is not None
         start = self.best.point.vector()
         end = start + factor * (self.trial.vector() - start)
-        self.trial = self.best.point.moved(np.clip(end, *problem.limits(self.best.point)))
+        self.trial = problem.inside(self.best.point.moved(end))
 
     def _shorten(self, problem: Problem) -> None:
         self._scale_step(problem, SHORTER)
@@ -166,7 +166,7 @@ def fit_many(
 ) -> list[Fit]:
     """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
     columns of later coordinates are simulated anew in every iteration."""
-    tracks = [_Track(each.moved(np.clip(each.vector(), *problem.limits(each)))) for each in starts]
+    tracks = [_Track(problem.inside(each)) for each in starts]
     for _ in range(iterations):
         going = [track for track in tracks if not track.arrived]
         if not going:

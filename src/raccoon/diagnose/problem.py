@@ -177,6 +177,10 @@ class Problem:
         high += [each.high for cause in causes for each in cause.coordinates]
         return np.array(low), np.array(high)
 
+    def inside(self, point: Point) -> Point:
+        """The nearest point within the limits."""
+        return point.moved(np.clip(point.vector(), *self.limits(point)))
+
     def _lowest(self, cause: Cause, coordinate: Coordinate) -> float:
         """Where a cause's number, whatever is left open of it, is as small as it can be: there is no friction
         that drives."""

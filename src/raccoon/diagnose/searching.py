@@ -101,12 +101,7 @@ def _as_wheels_give(
     Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
     little friction: the same drive, in which what gives is stiffer.
     """
-    other = replace(habits, rigid=not habits.rigid)
-    for problem in _nearer(search, [other], under).values():
-        found = _ahead(search, problem, _starts(search))
-        if found is not None:
-            return found, other
-    return search, habits
+    return _first_ahead(search, habits, [replace(habits, rigid=not habits.rigid)], under)
 
 
 def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> Search | None:
@@ -138,7 +133,14 @@ def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem
         search, habits = (search, habits) if found is None else (found, likeliest)
     firmware = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)
     past = [replace(habits, chain=chain, past=True) for chain in dict.fromkeys((habits.chain, firmware))]
-    for other, problem in _nearer(search, past, under).items():
+    return _first_ahead(search, habits, past, under)
+
+
+def _first_ahead(
+    search: Search, habits: Habits, others: Sequence[Habits], under: Callable[[Habits], Problem]
+) -> tuple[Search, Habits]:
+    """The search under the first of other habits that explains more, or as it is."""
+    for other, problem in _nearer(search, others, under).items():
         found = _ahead(search, problem, _starts(search))
         if found is not None:
             return found, other
@@ -148,8 +150,8 @@ def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem
 def _nearer(
     search: Search, others: Sequence[Habits], under: Callable[[Habits], Problem]
 ) -> dict[Habits, Problem]:
-    """The other loggers, with their problems, by which robot.toml's robot, or what was found, is nearer to
-    the readings. Known causes are far worse with them than with theirs, and where nothing was named nobody
+    """The other habits, with their problems, by which robot.toml's robot, or what was found, is nearer to the
+    readings. Known causes are far worse with them than with theirs, and where nothing was named nobody
     asks."""
     if not (search.fit.point.active or search.unknown):
         return {}

@@ -201,13 +201,13 @@ def _identified(found: Diagnosis, start: Start) -> dict[str, ParameterResult]:
     those where a cause may be a radius as well."""
     reference, motors = start.reference, (start.given.model.left, start.given.model.right)
     factors = {"gyro scale": reference.gyro, "track width": reference.track}
-    both = all(_is_reading(found.causes, side) for side in SIDES)
-    length = "radius" if both else "radius over K_E"
+    known = all(_is_reading(found.causes, side) for side in SIDES)
+    length = "radius" if known else "radius over K_E"
     sides = []
     for side, factor, motor in zip(SIDES, (reference.left, reference.right), motors, strict=True):
         if factor is None:
             continue
-        if both:
+        if known:
             reading = _reading(found.causes, side, motor.back_emf_constant)
             std = math.hypot(factor.std / factor.value, reading.std)
             factor = Factor(factor.value * reading.value, std * factor.value * reading.value)

@@ -138,8 +138,7 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
     for id_, indices in moved.items():
         if not _shared(problem, active, id_, indices, base):
             return None
-    other = Point(base, active)
-    return other.moved(np.clip(other.vector(), *problem.limits(other)))
+    return problem.inside(Point(base, active))
 
 
 def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
