@@ -43,11 +43,12 @@ NEUTRAL = {
     "gyro_bias": 0.0, "gyro_scale": 1.0, "gyro_drift": 0.0, "imu_latency": 0.0,
     "cogging_l": 0.0, "cogging_r": 0.0, "payload": 0.0, "payload_time": 1e9,
     "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0,
-    "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING,
+    "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING, "smooth": 0.0,
 }  # fmt: skip
 """Every parameter and the value at which the robot is the textbook's. The last lines hold causes that are in
 no catalogue (torque that depends on the wheel's angle, a load that falls on the robot, a rough patch of
-floor, a gyro that hears the motors), and how friction gives."""
+floor, a gyro that hears the motors), and how friction gives, or the rad/s over which it is a smooth curve
+instead."""
 
 
 def parameters(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -130,7 +131,8 @@ def simulate(
         ecc_l, ecc_pl, ecc_r, ecc_pr, deadband, latency,
         off_l, off_r, scale_l, scale_r, dead_zone, filter_tau,
         gyro_bias, gyro_scale, gyro_drift, imu_latency,
-        cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed, bristle, bristle_damping,
+        cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed,
+        bristle, bristle_damping, smooth,
     ) = p  # fmt: skip
     ke, res = (ke_l, ke_r), (res_l, res_r)
     radius, cog = (radius_l, radius_r), (cog_l, cog_r)
@@ -190,9 +192,12 @@ def simulate(
                 level += load_friction * abs(ke[side] * current[side])
                 level *= 1.0 + patch * (x % (3.0 * patch_length) < patch_length)
                 slope = viscous * (1.0 + dir_v * direction)
-                against, z[side] = _friction(
-                    w[side], z[side], max(level, 1e-6), slope, quadratic, bristle, bristle_damping
-                )
+                if smooth > 0.0:
+                    against = level * np.tanh(w[side] / smooth) + w[side] * (slope + quadratic * abs(w[side]))
+                else:
+                    against, z[side] = _friction(
+                        w[side], z[side], max(level, 1e-6), slope, quadratic, bristle, bristle_damping
+                    )
                 torque[side] = drive - against
             heavier = 1.0 + payload * (now > payload_time)
             mean = 0.5 * (torque[0] + torque[1]) / (j_straight * heavier)

@@ -154,6 +154,17 @@ def test_a_robot_whose_friction_gives_next_to_nothing_has_nothing_wrong_for_that
     assert [each.name for each in said.causes] == [each.name for each in hidden]
 
 
+SMOOTH = Hidden("unknown", None, {}, {"smooth": 0.08})
+
+
+@pytest.mark.parametrize("cause", [None, "motor.back_emf_constant", "friction.coulomb", "bemf.scale"])
+def test_a_robot_whose_friction_is_a_smooth_curve_has_nothing_wrong_for_that(cause: str | None) -> None:
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
+    said = diagnose(make(8, [SMOOTH, *hidden], seconds=25.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [each.name for each in hidden]
+    assert said.verdict is (Verdict.EXPLAINED if hidden else Verdict.ADEQUATE)
+
+
 def test_in_a_short_drive_a_place_is_a_moment() -> None:
     """Friction that is a little more everywhere, on a robot that was nowhere twice, is none of the place."""
     more = Hidden("friction.coulomb", None, {"torque": 0.2145}, {"coulomb": 0.2145})

@@ -163,7 +163,7 @@ def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
 
 
 NO_CAUSE = ("friction.presliding",)
-"""Every robot has it, and it is refitted silently; see `hypotheses.PRESLIDING`."""
+"""Every robot has it, and it is refitted silently; see `hypotheses.Wheels`."""
 SIDES_ONLY = ("drive.wheel_eccentricity",)
 
 

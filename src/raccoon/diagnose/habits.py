@@ -17,6 +17,7 @@ from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.hypotheses import (
     Cause,
     Settings,
+    Wheels,
     added,
     base_coordinates,
     multiplied,
@@ -67,7 +68,7 @@ def drive_problem(
         PlantRollout(log, robot, habits, own=own),
         robot,
         settings,
-        base_coordinates(robot, rigid=habits.rigid),
+        base_coordinates(robot, wheels=habits.wheels),
         {each.name: each for each in causes},
     )
 
@@ -114,7 +115,7 @@ def controller_of(
         return log, first
 
     def loose(part: Log, habits: Habits) -> Problem:
-        return _loosened(drive_problem(part, robot, causes, habits, model), habits.rigid)
+        return _loosened(drive_problem(part, robot, causes, habits, model), habits.wheels)
 
     def fitted(habits: Habits, start: Point | None = None) -> _Fitted:
         problem = loose(wheels, habits)
@@ -125,7 +126,7 @@ def controller_of(
     if brakes(log):
         found = fitted(replace(first, brake=True)).instead_of(found, CLEARLY)
     found = fitted(replace(found.habits, chain=other), found.point).instead_of(found, USUAL)
-    found = fitted(replace(found.habits, rigid=True)).instead_of(found, STIFF)
+    found = fitted(replace(found.habits, wheels=Wheels.RIGID)).instead_of(found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
 
 
@@ -159,14 +160,14 @@ def other_chains(chain: Chain) -> list[Chain]:
     return [each for each in CHAINS if each != chain]
 
 
-def _loosened(problem: Problem, rigid: bool) -> Problem:
+def _loosened(problem: Problem, wheels: Wheels) -> Problem:
     """With all base numbers free, the filter's time constant among them: kept near robot.toml, a robot with a
     shorter filter would seem to have another one. It is one for both wheels, and no loop's delay is free: the
     firmware's slots could be anything then. And with what they cannot stand in for, whose error would hide
     what a filter does."""
     base = [
         each
-        for each in base_coordinates(problem.robot, inside=FAR, rigid=rigid)
+        for each in base_coordinates(problem.robot, inside=FAR, wheels=wheels)
         if each.settings[0][0] not in (FILTER, LATENCY)
     ]
     std = problem.robot.model.bemf.filter_time_constant.std

@@ -8,8 +8,9 @@ it. A *cause* is an effect of the catalogue at one place, with the width of an u
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from enum import Enum, auto
 from typing import Any
 
 from raccoon.core.config import Measured, NominalModel, RobotConfig
@@ -23,6 +24,16 @@ Settings = dict[Setting, float]
 
 INSIDE = 3.5
 """Standard deviations around robot.toml's value inside which a parameter is refitted silently."""
+
+
+class Wheels(Enum):
+    """How wheels slide: at once, giving a little before, or creeping at every torque."""
+
+    RIGID = auto()
+    GIVING = auto()
+    CREEPING = auto()
+
+
 PRESLIDING = {"compliance": 0.001, "damping": 0.3}
 """rad/(N m) and N m s/rad: how much a wheel gives before it slides. robot.toml does not say, and it is no
 cause: every gear gives a little, and what a robot does when it stops shows how much."""
@@ -31,6 +42,9 @@ PRESLIDING_WIDTH = 0.7
 PRESLIDING_MOST = 1.7
 """Standard deviations of both: three tenths to three times. Stiffer wheels ask for shorter steps than a
 millisecond, and differ from rigid ones by less than a reading's noise."""
+CREEP, CREEP_TAIL = 0.05, 0.5
+"""rad/s, known to a factor of two as well, and the standard deviation of a number from 0 to 1: the speed at
+which friction that creeps is near its level, and how gradually."""
 LOOP_LATENCY = 0.0003
 """s, one standard deviation of what a controller's own work delays commands by. No robot.toml says, and a
 fifth of a millisecond is a cause to no team, though it shows in every reading."""
@@ -213,12 +227,11 @@ def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
 
 
 def base_coordinates(
-    robot: RobotConfig, inside: float = INSIDE, *, rigid: bool = False
+    robot: RobotConfig, inside: float = INSIDE, wheels: Wheels = Wheels.GIVING
 ) -> tuple[Coordinate, ...]:
     """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
 
-    inside: standard deviations that a number may move. rigid: whether its wheels do not give before they
-    slide, which says robot.toml neither.
+    inside: standard deviations that a number may move. wheels: how they slide, of which it says nothing.
     """
     model = robot.model
     found: list[Coordinate] = []
@@ -244,9 +257,7 @@ def base_coordinates(
     else:
         plus("friction.coulomb", None, "torque", model.friction.coulomb)
     plus("friction.viscous", None, "coefficient", model.friction.viscous)
-    for parameter, usual in {} if rigid else PRESLIDING.items():
-        width, most = PRESLIDING_WIDTH, PRESLIDING_MOST
-        found.append(multiplied("friction.presliding", None, width, -most, most, parameter, usual))
+    found.extend(_sliding(wheels, inside))
     for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
         plus("bemf.filter_lag", side, "time_constant", model.bemf.filter_time_constant)
     found.append(added("actuation.latency", None, "seconds", LOOP_LATENCY, low=0.0, high=INSIDE))
@@ -258,6 +269,16 @@ def base_coordinates(
             width = number.std / number.value
             found.append(_inertia(kind, width, inside))
     return tuple(found)
+
+
+def _sliding(wheels: Wheels, inside: float) -> Iterator[Coordinate]:
+    id_, width, most = "friction.presliding", PRESLIDING_WIDTH, PRESLIDING_MOST
+    if wheels is Wheels.GIVING:
+        for parameter, usual in PRESLIDING.items():
+            yield multiplied(id_, None, width, -most, most, parameter, usual)
+    if wheels is Wheels.CREEPING:
+        yield multiplied(id_, None, width, -inside, inside, "creep", CREEP)
+        yield added(id_, None, "creep_tail", CREEP_TAIL, 0.0, 1.0 / CREEP_TAIL)
 
 
 def _inertia(kind: str, width: float, inside: float) -> Coordinate:

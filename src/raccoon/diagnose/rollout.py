@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.features import HALF_A_COUNT
-from raccoon.diagnose.hypotheses import Settings, neutral_settings
+from raccoon.diagnose.hypotheses import Settings, Wheels, neutral_settings
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.sim.chain import Chain
@@ -95,13 +95,13 @@ COLUMNS = {
 @dataclass(frozen=True, slots=True)
 class Habits:
     """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
-    whether the command of a row was in force until then (past) instead of from then on, and whether wheels
-    slide without giving first (rigid)."""
+    whether the command of a row was in force until then (past) instead of from then on, and how wheels
+    slide."""
 
     chain: Chain
     brake: bool
     past: bool = False
-    rigid: bool = False
+    wheels: Wheels = Wheels.GIVING
 
 
 class PlantRollout:

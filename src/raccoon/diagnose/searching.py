@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits import controller_of, drive_problem, other_chains, with_lost_changes
-from raccoon.diagnose.hypotheses import FORMS, Cause
+from raccoon.diagnose.hypotheses import FORMS, Cause, Wheels
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
@@ -95,13 +95,13 @@ def carried(point: Point, here: Problem, there: Problem) -> Point:
 def _as_wheels_give(
     search: Search, habits: Habits, under: Callable[[Habits], Problem]
 ) -> tuple[Search, Habits]:
-    """The search with rigid wheels, or with wheels that give before they slide if they were rigid, where that
-    explains more.
+    """The search with wheels that slide in another way, where that explains more.
 
     Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
     little friction: the same drive, in which what gives is stiffer.
     """
-    return _first_ahead(search, habits, [replace(habits, rigid=not habits.rigid)], under)
+    others = [replace(habits, wheels=each) for each in Wheels if each is not habits.wheels]
+    return _first_ahead(search, habits, others, under)
 
 
 def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> Search | None:
@@ -139,7 +139,7 @@ def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem
 def _first_ahead(
     search: Search, habits: Habits, others: Sequence[Habits], under: Callable[[Habits], Problem]
 ) -> tuple[Search, Habits]:
-    """The search under the first of other habits that explains more, or as it is."""
+    """The search under the nearest of other habits that explains more, or as it is."""
     for other, problem in _nearer(search, others, under).items():
         found = _ahead(search, problem, _starts(search))
         if found is not None:
@@ -151,13 +151,15 @@ def _nearer(
     search: Search, others: Sequence[Habits], under: Callable[[Habits], Problem]
 ) -> dict[Habits, Problem]:
     """The other habits, with their problems, by which robot.toml's robot, or what was found, is nearer to the
-    readings. Known causes are far worse with them than with theirs, and where nothing was named nobody
-    asks."""
+    readings; the nearest first. Known causes are far worse with them than with theirs, and where nothing was
+    named nobody asks."""
     if not (search.fit.point.active or search.unknown):
         return {}
     present = _misfits(search, search.problem)
     problems = {each: under(each) for each in others}
-    return {each: its for each, its in problems.items() if (_misfits(search, its) < present).any()}
+    misfits = {each: _misfits(search, its) for each, its in problems.items()}
+    near = [each for each in others if (misfits[each] < present).any()]
+    return {each: problems[each] for each in sorted(near, key=lambda each: misfits[each].min())}
 
 
 def _starts(search: Search) -> list[Point]:

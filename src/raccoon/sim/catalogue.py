@@ -109,10 +109,12 @@ _FRICTION = (
     Effect(
         "friction.presliding",
         "What rubs gives a little before it slides, like the bristles of a brush: a wheel that stops swings "
-        "a few times, by some counts of its back-EMF.",
+        "a few times, by some counts of its back-EMF. Or it creeps: friction is a curve over the speed.",
         (
             Parameter("compliance", "rad/(N m)", 0.0, Bounds(0.0, 0.05), 0.001),
             Parameter("damping", "N m s/rad", None, Bounds(0.0, 20.0), 0.3, initial=0.3),
+            Parameter("creep", "rad/s", 0.0, Bounds(0.0, 1.0), 0.05),
+            Parameter("creep_tail", "", None, Bounds(0.0, 1.0), 0.5, initial=0.0),
         ),
     ),
 )

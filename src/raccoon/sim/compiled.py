@@ -26,6 +26,8 @@ ANY = Kind()
 _TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
 _HEAD = """from __future__ import annotations
 
+from math import sqrt
+
 from raccoon.sim.quantities import Circuit, Command, Plant, Rubbing, State
 
 NEVER = 1e30

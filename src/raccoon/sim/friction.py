@@ -5,6 +5,8 @@ A part of the plant's one text, in its habits (see `equations`); docs/simulator.
 
 from __future__ import annotations
 
+from math import sqrt
+
 from raccoon.sim.quantities import Circuit, Plant, Rubbing, State
 from raccoon.sim.series import decay, freed
 
@@ -64,7 +66,9 @@ def gripped(
     moving_right, level_right, pulled_right = bristles(
         p, right, s.speed_right, s.acceleration_right, s.grip_right, h
     )
-    share = 0.5 + p.grip_damping * p.compliance * per_h
+    gives = p.compliance > 0.0 or p.creep > 0.0
+    # A torque that follows the speed at once is that of the middle of the step already.
+    share = 0.5 + p.grip_damping * p.compliance * per_h if p.compliance > 0.0 else 1.0
     kept = h * (1.0 - share)
     # Both rows times what bristles would divide by, so that one division does for all.
     stiff = h * share
@@ -81,10 +85,10 @@ def gripped(
     grip_left = (push_left - own_left * new_left - other * new_right - kept * s.grip_left) * per_stiff
     grip_right = (push_right - own_right * new_right - other * new_left - kept * s.grip_right) * per_stiff
     return (
-        new_left if p.compliance > 0.0 else rigid_left,
-        new_right if p.compliance > 0.0 else rigid_right,
-        grip_left if p.compliance > 0.0 else 0.0,
-        grip_right if p.compliance > 0.0 else 0.0,
+        new_left if gives else rigid_left,
+        new_right if gives else rigid_right,
+        grip_left if gives else 0.0,
+        grip_right if gives else 0.0,
     )
 
 
@@ -95,8 +99,20 @@ def bristles(
     middle = expected(speed, acceleration, h)
     level = rubbing.forward if middle > 0.0 else rubbing.backward
     held = p.compliance * level
+    sliding = let_go(abs(middle), p.creep, p.creep_tail)
     least = 1e-12  # not 0 for a rigid wheel at rest either, whose speeds are not taken from here
-    return held + h * abs(middle) + least, level, held * grip + 0.5 * h * level * speed
+    return held + h * sliding + least, level, held * grip + 0.5 * h * level * speed
+
+
+def let_go(speed: float, creep: float, tail: float) -> float:
+    """How fast bristles let go at a `speed` (rad/s, not below 0). Those that creep do so at rest as well.
+
+    Steady friction is level * speed / let_go, a curve through 0 instead of a step. tail: the part of it that
+    nears the level slowly, as speed / (speed + creep) does; the other does as tanh(speed / creep).
+    """
+    squared = speed * speed
+    crept = creep * creep
+    return (1.0 - tail) * sqrt(sqrt(squared * squared + crept * crept)) + tail * (speed + creep)
 
 
 def settled(

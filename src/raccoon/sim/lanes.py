@@ -44,7 +44,7 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
     ),
 }
 """Effects that cost much and that few robots have; the fields of `Plant`, neutral where one is off."""
-GIVING: Mapping[str, float] = {"compliance": 0.0}
+GIVING: Mapping[str, float] = {"compliance": 0.0, "creep": 0.0}
 """What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
 Every robot of a diagnosis has it, and no other."""
 NO_READING = (

@@ -23,6 +23,8 @@ LOOSE_STEP = 0.00105
 jitters still has five."""
 LEAST_COMPLIANCE = 1e-5
 """rad/(N m) below which nothing gives: no sensor sees it, and steps would have to be below 0.2 ms."""
+LEAST_CREEP = 0.002
+"""rad/s below which nothing creeps: less than a count of back-EMF, and a step of 1 ms would ring."""
 BRISTLE_STEP = 0.6
 """Longest step as a part of sqrt(compliance J), the time of the bristles' swing over 2 pi."""
 
@@ -86,9 +88,12 @@ def _friction_numbers(sides: _Sides) -> Numbers:
 
 def _presliding_numbers(parameters: Parameters) -> Numbers:
     compliance = parameters.value("friction.presliding", "compliance")
+    creep = parameters.value("friction.presliding", "creep")
     return (
         compliance if compliance >= LEAST_COMPLIANCE else 0.0,
         parameters.value("friction.presliding", "damping"),
+        creep if creep >= LEAST_CREEP else 0.0,
+        parameters.value("friction.presliding", "creep_tail"),
     )
 
 

@@ -88,6 +88,8 @@ class Plant(NamedTuple):
     quadratic_right: float
     compliance: float  # rad/(N m), 0: rigid
     grip_damping: float  # N m s/rad
+    creep: float  # rad/s
+    creep_tail: float
     half_play_left: float
     half_play_right: float
     coasting_left: float  # s

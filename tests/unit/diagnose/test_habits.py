@@ -16,8 +16,10 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import PAST, diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits import drive_problem, problem_of
+from raccoon.diagnose.hypotheses import Wheels
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Point
+from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout import Habits, _cycle
 from raccoon.diagnose.searching import carried, searched
 from raccoon.sim.chain import Chain
@@ -29,7 +31,11 @@ Effects = dict[tuple[str, str | None], dict[str, float]]
 
 ROBOT = RobotConfig()
 CAUSES = drive_causes()
-GIVING: Effects = {("friction.presliding", None): {"compliance": 0.001, "damping": 0.3}}
+SLIDING: dict[Wheels, Effects] = {
+    Wheels.RIGID: {},
+    Wheels.GIVING: {("friction.presliding", None): {"compliance": 0.001, "damping": 0.3}},
+    Wheels.CREEPING: {("friction.presliding", None): {"creep": 0.08, "creep_tail": 0.3}},
+}
 
 
 def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None:
@@ -81,7 +87,9 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
 
 def test_a_median_of_samples_of_all_motors_at_once_is_no_latency() -> None:
     """By the wheels alone it is next to the same as commands that are a sample late."""
-    said = diagnose(recorded(Parameters(ROBOT, GIVING, Chain(median=True)), 12.0, seed=1), ROBOT)
+    said = diagnose(
+        recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 12.0, seed=1), ROBOT
+    )
     assert said.causes == ()
     assert said.model is not None
     assert said.model.chain == Chain(median=True)
@@ -91,8 +99,8 @@ def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
     """What is measured of a motor is the same where it is unpowered a tenth of the time."""
     lower: Effects = {("motor.armature_resistance", place): {"factor": 0.9} for place in ("left", "right")}
     for robot in (
-        Parameters(ROBOT, GIVING | lower, Chain.firmware()),
-        Parameters(ROBOT, GIVING, replace(Chain.firmware(), coast_share=0.0)),
+        Parameters(ROBOT, SLIDING[Wheels.GIVING] | lower, Chain.firmware()),
+        Parameters(ROBOT, SLIDING[Wheels.GIVING], replace(Chain.firmware(), coast_share=0.0)),
     ):
         said = diagnose(recorded(robot, 20.0), ROBOT)
         assert [each.name for each in said.causes] == ["motor.armature_resistance"]
@@ -139,11 +147,11 @@ def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
     assert not search.fit.point.active
 
 
-@pytest.mark.parametrize("rigid", [True, False])
-def test_whether_wheels_give_before_they_slide_is_found_out(rigid: bool) -> None:
-    robot = Parameters(ROBOT, {} if rigid else GIVING, Chain.firmware())
+@pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
+def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> None:
+    robot = Parameters(ROBOT, SLIDING[wheels], Chain.firmware())
     _, habits = problem_of(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES)
-    assert habits == Habits(Chain.firmware(), False, rigid=rigid)
+    assert habits == Habits(Chain.firmware(), False, wheels=wheels)
 
 
 def test_rigid_wheels_are_no_fault() -> None:
@@ -156,24 +164,37 @@ def test_rigid_wheels_are_no_fault() -> None:
     assert said.model.value("friction.presliding", "compliance") == 0.0
 
 
-@pytest.mark.parametrize("rigid", [True, False])
+def test_friction_that_is_a_curve_over_the_speed_is_no_fault() -> None:
+    """With a step instead its viscous friction was wrong."""
+    creeping: Effects = {("friction.presliding", None): {"creep": 0.08, "creep_tail": 1.0}}
+    said = diagnose(recorded(Parameters(ROBOT, creeping, Chain.firmware()), 20.0), ROBOT)
+    assert said.verdict is Verdict.ADEQUATE
+    assert said.causes == ()
+    assert said.model is not None
+    assert said.model.value("friction.presliding", "creep") == pytest.approx(0.08, abs=0.02)
+
+
+@pytest.mark.parametrize(
+    ("wheels", "taken"),
+    [(Wheels.RIGID, Wheels.GIVING), (Wheels.GIVING, Wheels.RIGID), (Wheels.CREEPING, Wheels.GIVING)],
+)
 def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(
-    rigid: bool, monkeypatch: pytest.MonkeyPatch
+    wheels: Wheels, taken: Wheels, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where it was taken for the other all the same."""
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
-    columns = recorded(Parameters(ROBOT, heavy | ({} if rigid else GIVING), Chain.firmware()), 20.0)
-    taken_for(Habits(Chain.firmware(), False, rigid=not rigid), monkeypatch)
+    columns = recorded(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 20.0)
+    taken_for(Habits(Chain.firmware(), False, wheels=taken), monkeypatch)
     search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
-    assert habits.rigid is rigid
+    assert habits.wheels is wheels
     assert set(search.fit.point.active) == {"drive.inertia"}
 
 
 def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> None:
     log = planned_log(exciting(np.random.default_rng(1), 2.0))
     gives, slides = (
-        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, rigid=rigid), None)
-        for rigid in (False, True)
+        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, wheels=wheels), None)
+        for wheels in (Wheels.GIVING, Wheels.RIGID)
     )
     rng = np.random.default_rng(2)
     point = Point(rng.standard_normal(len(gives.base)), {"drive.inertia": np.array([0.3])})

@@ -20,7 +20,9 @@ from raccoon.sim.chain import Chain, Noise
 from raccoon.sim.commands import Commands
 from raccoon.sim.effects import effect
 from raccoon.sim.equations import rolled
+from raccoon.sim.friction import let_go
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.physical import LEAST_CREEP
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout import Rollout, rollout
 from raccoon.sim.series import lagging
@@ -124,6 +126,52 @@ def test_a_wheel_that_sticks_swings_on_its_bristles() -> None:
     crossings = np.count_nonzero(np.diff(np.sign(speed["motor.0.speed"][0])))
     swings = 0.5 / (2.0 * math.pi * math.sqrt(0.002 * MODEL.drive.inertia_straight.value))
     assert crossings == pytest.approx(2.0 * swings, abs=1.0)
+
+
+@pytest.mark.parametrize("tail", [0.0, 0.4, 1.0])
+def test_what_creeps_turns_as_fast_as_its_curve_bears_the_torque(tail: float) -> None:
+    """U K / R = (K^2 / R + B) w + level w / let_go(w), below what dry friction would hold."""
+    creep, speed = 0.1, 0.06
+    level = COULOMB * speed / let_go(speed, creep, tail)
+    duty = ((K**2 / R + VISCOUS) * speed + level) * R / (K * VOLTAGE)
+    robot = with_effect("friction.presliding", creep=creep, creep_tail=tail)
+    ended = run(robot, duty * ONES, duty * ONES)
+    assert ended["motor.0.speed"][0, -1] == pytest.approx(speed, rel=1e-6)
+
+
+@given(st.floats(1e-9, 50.0), st.floats(LEAST_CREEP, 1.0), st.floats(0.0, 1.0))
+def test_friction_that_creeps_is_a_curve_from_0_to_its_level(speed: float, creep: float, tail: float) -> None:
+    assert let_go(speed, 0.0, 0.0) == speed
+    share = speed / let_go(speed, creep, tail)
+    assert 0.0 <= share <= 1.0 + 1e-12
+    assert 1.1 * speed / let_go(1.1 * speed, creep, tail) >= share - 1e-12
+    assert speed / let_go(speed, creep, 0.0) == pytest.approx(math.tanh(speed / creep), abs=0.08)
+    assert speed / let_go(speed, creep, 1.0) == pytest.approx(speed / (speed + creep))
+
+
+def test_the_less_it_creeps_the_more_a_robot_is_one_that_does_not() -> None:
+    duty = 0.5 * np.sin(4.0 * TIME)
+    commands = Commands.of_wheels(TIME, duty, 0.3 * duty)
+    plain = Parameters.from_robot(RobotConfig())
+    rigid, *creeping = (
+        rollout(plain.with_effect("friction.presliding", creep=creep), commands, longest_step=1e-4)
+        for creep in (0.0, 0.1, 0.03, 0.005)
+    )
+    far = [float(np.abs(each["motor.0.speed"] - rigid["motor.0.speed"]).max()) for each in creeping]
+    assert all(nearer < 0.6 * farther for farther, nearer in pairwise(far))
+    assert far[-1] < 0.01
+
+
+def test_creeping_is_exact_to_a_thousandth_of_a_rad_per_second_and_more_with_shorter_steps() -> None:
+    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.presliding", creep=0.05)
+    duty = 0.5 * np.sin(4.0 * TIME)
+    commands = Commands.of_wheels(TIME, duty, 0.3 * duty)
+    fine, *coarse = (
+        rollout(robot, commands, longest_step=h)["motor.0.speed"][0] for h in (2e-5, 1e-3, 5e-4, 2.5e-4)
+    )
+    errors = [float(np.sqrt(np.mean((each - fine) ** 2))) for each in coarse]
+    assert errors[0] < 1e-3
+    assert all(finer < 0.6 * coarser for coarser, finer in pairwise(errors))
 
 
 def test_the_stiffer_its_bristles_the_more_a_robot_is_a_rigid_one() -> None:

@@ -47,6 +47,7 @@ LINES: tuple[Line, ...] = (
         ("friction.stiction", "speed"): -1.0,
         ("friction.presliding", "compliance"): -2.0,
         ("friction.presliding", "damping"): 2.0,
+        ("friction.presliding", "creep"): -1.0,
         ("drive.turn_scrub", "torque"): 1.0,
         ("drive.slope", "along_x"): 1.0,
         ("drive.slope", "along_y"): 1.0,
