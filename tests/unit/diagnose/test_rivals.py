@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +12,24 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.linear import coulomb_response, linearise
-from raccoon.diagnose.naming import TWINS, _telling, _told, confounded, parameters, probability, product_told
+from raccoon.diagnose.naming import (
+    TWINS,
+    _telling,
+    _told,
+    confounded,
+    deviations,
+    parameters,
+    probability,
+    product_told,
+)
 from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.searching import _with_the_slip_that_fits
 from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, compared
 from raccoon.diagnose.spread import LEARNT, Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
+from raccoon.sim.effects import effect
 from unit.diagnose.searches import searched
 
 CAUSES = {
@@ -73,7 +85,33 @@ def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: 
     tried = {each.beside: each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"}
     assert tried[False].lead > CLOSE
     assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
-    assert probability(search, "imu.latency", ("drive.wheel_slip",)) > 0.999
+    assert probability(search, "imu.latency", ("drive.wheel_slip",), {}) > 0.999
+
+
+@pytest.mark.parametrize(("std", "away"), [(0.0005, 4.0), (0.002, 1.0), (0.02, 0.1)])
+def test_a_cause_is_no_surer_than_its_number_is_away_from_what_was_assumed(
+    std: float, away: float, problem: Problem
+) -> None:
+    """However much it explains; but for what may be another in its place."""
+    search = searched(problem, problem.nominal(), problem.nominal())
+    search.gains["drive.wheel_slip@right"] = 19.0
+    values = {"time": ParameterResult(0.002, std, "s", 0.0)}
+    said = probability(search, "drive.wheel_slip@right", (), values)
+    assert said == pytest.approx(1.0 / (1.0 + math.exp(-0.5 * away**2)))
+    rival = ("imu.latency",)
+    assert probability(search, "drive.wheel_slip@right", rival, values) == pytest.approx(0.5)
+
+
+def test_what_says_of_which_kind_a_cause_is_does_not_make_it_surer() -> None:
+    values = {
+        "angle": ParameterResult(0.01, 0.01, "rad", 0.0),
+        "coasting": ParameterResult(0.01, 1e-5, "s", 0.0),
+    }
+    assert deviations(effect("drive.backlash"), values) == pytest.approx(1.0)
+    assert deviations(effect("friction.coulomb"), {"torque": ParameterResult(0.2, 0.01, "N m", 0.18)}) == (
+        pytest.approx(2.0)
+    )
+    assert deviations(effect("drive.backlash"), {}) == math.inf
 
 
 @pytest.mark.parametrize(("cause", "widths"), [("actuation.latency", 0.1), ("bemf.filter_lag", -0.3)])

@@ -131,7 +131,7 @@ def test_a_set_that_is_nearly_as_likely_is_said_with_the_cause_whose_place_it_ta
     told = together_told(search, cause)
     assert told == " drive.track_width and drive.wheel_radius@left together would look the same."
     assert {"drive.wheel_radius@left", "drive.track_width"} <= set(confounded(search, cause))
-    assert probability(search, name, confounded(search, cause)) < 0.8
+    assert probability(search, name, confounded(search, cause), {}) < 0.8
     clear = searched(among_few(problem), at(problem, drive_wheel_radius__right=-1.4), named, seed=3)
     compared(clear)
     assert together_told(clear, cause) == ""

@@ -172,7 +172,7 @@ _CATALOGUE: Mapping[str, Maker] = {
         "set the gears closer, or come to each stop from the same direction",
     ),
     "drive.wheel_slip": _number(
-        "the wheels slip, and the robot lags {milli:.0f} ms behind them when they speed up or brake",
+        "the wheels slip, and the robot lags {milli:.3g} ms behind them when they speed up or brake",
         "clean the tyres, or accelerate more gently",
     ),
     "drive.turn_scrub": _number(
@@ -200,7 +200,7 @@ _CATALOGUE: Mapping[str, Maker] = {
         "commands below {percent:.1f} % do nothing ({place})", "add that much to small commands"
     ),
     "actuation.latency": _number(
-        "commands reach the motors {milli:.0f} ms late", "plan stops ahead by that much"
+        "commands reach the motors {milli:.3g} ms late", "plan stops ahead by that much"
     ),
     "bemf.offset": _number(
         "the back-EMF of {place} reads {value:+.0f} counts at standstill, not {nominal:+.0f}",
@@ -224,7 +224,7 @@ _CATALOGUE: Mapping[str, Maker] = {
         "the gyro's zero moves by {value:+.5f} rad/s every second",
         "switch the robot on some minutes before the run, so that the gyro warms up",
     ),
-    "imu.latency": _number("gyro readings come {milli:.0f} ms late", "turn more gently, or plan ahead"),
+    "imu.latency": _number("gyro readings come {milli:.3g} ms late", "turn more gently, or plan ahead"),
 }
 
 _PLACES = {
