@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -10,8 +11,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.fit import Fit, _step, fit_point, fit_scanned
+from raccoon.diagnose.fit import Fit, _step, fit_afresh, fit_point, fit_scanned
+from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.problem import Point, Problem
+from unit.diagnose.searches import plain_whitener
 
 Array = NDArray[np.float64]
 
@@ -93,3 +96,37 @@ def test_without_play_nothing_is_scanned(problem: Problem) -> None:
 
     start = problem.nominal().with_cause("friction.viscous", np.array([0.3]))
     assert fit_scanned(problem, white, start).cost == fit_point(problem, white, start).cost
+
+
+def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:
+    truth = problem.nominal().with_cause("drive.inertia", np.array([-0.8]))
+    measured = problem.predict([truth])[0]
+    problem = replace(problem, features=replace(problem.features, measured=measured))
+    whitener = plain_whitener(problem)
+    start = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
+    fit = fit_point(problem, whitener, start)
+    assert fit.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
+
+
+def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Problem) -> None:
+    """Far from everything a set of causes may simulate to nonsense; its start is given up, not the search."""
+    truth = problem.nominal().with_cause("drive.inertia", np.array([0.4]))
+    measured = problem.predict([truth])[0]
+    sound = problem.rollout
+
+    def broken(variants: Sequence[Settings]) -> tuple[np.ndarray, float]:
+        samples, step = sound(variants)
+        for place, each in enumerate(variants):
+            if each[("imu.latency", None, "seconds")] > 0.0:
+                samples[place] = np.nan
+        return samples, step
+
+    features = replace(problem.features, measured=measured)
+    problem = replace(problem, features=features, rollout=broken)
+    whitener = plain_whitener(problem)
+    inertia = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
+    starts = [inertia.with_cause("imu.latency", np.array([0.5])), inertia]
+    lost, found = fit_afresh(problem, whitener, starts, 6)
+    assert lost.cost == np.inf
+    assert lost.evidence == -np.inf
+    assert found.point.active["drive.inertia"][0] == pytest.approx(0.4, abs=0.1)
