@@ -155,9 +155,21 @@ def with_lost_changes(
     return restored(log, lambda each: drive_problem(each, robot, causes, habits, model), point)
 
 
+def usual_chain(chain: Chain) -> Chain:
+    """That of `CHAINS` which this one is, but for the filter of the battery's readings."""
+    times = {each.battery_time_constant for each in CHAINS}
+    alike = (replace(chain, battery_time_constant=each) for each in times)
+    return next((each for each in alike if each in CHAINS), chain)
+
+
 def other_chains(chain: Chain) -> list[Chain]:
-    """Those that a controller may have if not this one."""
-    return [each for each in CHAINS if each != chain]
+    """Those that a controller may have if not this one, with the filter of the battery's readings kept where
+    that is none of theirs."""
+    usual = usual_chain(chain)
+    others = [each for each in CHAINS if each != usual]
+    if chain == usual:
+        return others
+    return [replace(each, battery_time_constant=chain.battery_time_constant) for each in others]
 
 
 def _loosened(problem: Problem, wheels: Wheels) -> Problem:

@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.habits import controller_of, drive_problem, other_chains, with_lost_changes
+from raccoon.diagnose.habits import (
+    controller_of,
+    drive_problem,
+    other_chains,
+    usual_chain,
+    with_lost_changes,
+)
 from raccoon.diagnose.hypotheses import FORMS, Cause, Wheels
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.problem import Point, Problem
@@ -24,7 +30,7 @@ from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import lag_as
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import search_causes
+from raccoon.diagnose.select.search import begun, finished, search_causes
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.chain import Chain
@@ -56,7 +62,8 @@ def searched(
     def under(each: Habits) -> Problem:
         return drive_problem(restored, robot, causes, each, model)
 
-    search = _search_in(under(habits))
+    begin, habits = _sooner(_begun_in(under(habits)), habits, under)
+    search = finished(begin)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
         restored = better
@@ -74,15 +81,23 @@ def searched(
     return _with_the_slip_that_fits(search), habits, restored
 
 
+def _sooner(search: Search, habits: Habits, under: Callable[[Habits], Problem]) -> tuple[Search, Habits]:
+    """A search that has only begun, begun again under what a whole one would find out about wheels and
+    battery: under wrong habits most of its time goes to sets of causes that are not there."""
+    search, habits = _as_wheels_give(search, habits, under, _begun_in)
+    return _with_a_slow_battery(search, habits, under, _begun_in)
+
+
 def _ahead(
-    search: Search, problem: Problem, starts: Sequence[Point], far: float = DOUBT, wanted: float = DOUBT
-) -> Search | None:
+    search: Search, problem: Problem, starts: Sequence[Point], far: float = DOUBT, wanted: float = DOUBT,
+    by: Callable[[Problem], Search] | None = None,
+) -> Search | None:  # fmt: skip
     """The search of another problem, where one of these starts is ahead by `far` once it is fitted there, and
-    then what was found by `wanted`."""
+    then what was found by `wanted`. by: how to search, the whole way if not said."""
     whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
     if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there) < far:
         return None
-    second = _search_in(problem)
+    second = (by or _search_in)(problem)
     return second if explains_more(second, search) > wanted else None
 
 
@@ -93,15 +108,16 @@ def carried(point: Point, here: Problem, there: Problem) -> Point:
 
 
 def _as_wheels_give(
-    search: Search, habits: Habits, under: Callable[[Habits], Problem]
-) -> tuple[Search, Habits]:
+    search: Search, habits: Habits, under: Callable[[Habits], Problem],
+    by: Callable[[Problem], Search] | None = None,
+) -> tuple[Search, Habits]:  # fmt: skip
     """The search with wheels that slide in another way, where that explains more.
 
     Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
     little friction: the same drive, in which what gives is stiffer.
     """
     others = [replace(habits, wheels=each) for each in Wheels if each is not habits.wheels]
-    return _first_ahead(search, habits, others, under)
+    return _first_ahead(search, habits, others, under, by)
 
 
 def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> Search | None:
@@ -111,7 +127,7 @@ def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> S
     before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
     as much less.
     """
-    firmware = habits.chain == Chain.firmware()
+    firmware = usual_chain(habits.chain) == Chain.firmware()
     imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
     far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
     return _ahead(search, problem, [search.fit.point, *_late_instead(search)], far, wanted)
@@ -121,27 +137,44 @@ def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem
     """The search under what else writes logs, where that explains more: something that follows the battery
     more slowly, or that writes what it has just done.
 
-    RaccoonOS adds a filter of 0.1 s to the battery's readings; of a robot without a fault that made a battery
-    of no resistance, and something unknown. Commands in the row after theirs seem early, as nothing in the
-    catalogue is; that made a filter without a median, a latency of 3 ms and a gear that loses torque.
+    Commands in the row after theirs seem early, as nothing in the catalogue is; that made a filter without a
+    median, a latency of 3 ms and a gear that loses torque.
     """
-    slower = [replace(habits, chain=replace(habits.chain, battery_time_constant=s)) for s in SLOW_BATTERY]
-    near = _nearer(search, slower, under) if "battery" in search.problem.features.roles else {}
-    if near:
-        likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)))
-        found = _ahead(search, near[likeliest], _starts(search))
-        search, habits = (search, habits) if found is None else (found, likeliest)
+    search, habits = _with_a_slow_battery(search, habits, under)
     firmware = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)
     past = [replace(habits, chain=chain, past=True) for chain in dict.fromkeys((habits.chain, firmware))]
     return _first_ahead(search, habits, past, under)
 
 
+def _with_a_slow_battery(
+    search: Search, habits: Habits, under: Callable[[Habits], Problem],
+    by: Callable[[Problem], Search] | None = None,
+) -> tuple[Search, Habits]:  # fmt: skip
+    """The search with another filter of the battery's readings, where that explains more.
+
+    RaccoonOS adds one of 0.1 s; of a robot without a fault that made a battery of no resistance, and
+    something unknown.
+    """
+    if "battery" not in search.problem.features.roles:
+        return search, habits
+    chain = habits.chain
+    times = (usual_chain(chain).battery_time_constant, *SLOW_BATTERY)
+    chains = [replace(chain, battery_time_constant=each) for each in times]
+    near = _nearer(search, [replace(habits, chain=each) for each in chains if each != chain], under)
+    if near:
+        likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)))
+        found = _ahead(search, near[likeliest], _starts(search), by=by)
+        search, habits = (search, habits) if found is None else (found, likeliest)
+    return search, habits
+
+
 def _first_ahead(
-    search: Search, habits: Habits, others: Sequence[Habits], under: Callable[[Habits], Problem]
-) -> tuple[Search, Habits]:
+    search: Search, habits: Habits, others: Sequence[Habits], under: Callable[[Habits], Problem],
+    by: Callable[[Problem], Search] | None = None,
+) -> tuple[Search, Habits]:  # fmt: skip
     """The search under the nearest of other habits that explains more, or as it is."""
     for other, problem in _nearer(search, others, under).items():
-        found = _ahead(search, problem, _starts(search))
+        found = _ahead(search, problem, _starts(search), by=by)
         if found is not None:
             return found, other
     return search, habits
@@ -210,6 +243,10 @@ def _with_the_slip_that_fits(search: Search) -> Search:
     at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
     second = _ahead(search, replace(search.problem, neutral=search.problem.neutral | at_once), [start])
     return search if second is None or SLIP not in second.fit.point.active else second
+
+
+def _begun_in(problem: Problem) -> Search:
+    return begun(problem, probes_for(problem))
 
 
 def _search_in(problem: Problem) -> Search:

@@ -219,7 +219,16 @@ def known_after_all(search: Search) -> tuple[Search, bool]:
 
 def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
     """The whole search, from the nominal model to a set of causes that is stable in both directions."""
-    search = grown(start_search(problem, probes))
+    return finished(begun(problem, probes))
+
+
+def begun(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
+    """The first, quicker part of a search: causes one by one."""
+    return grown(start_search(problem, probes))
+
+
+def finished(search: Search) -> Search:
+    """The rest of a search: sets of causes that explain more, until one is stable."""
     search, known = known_after_all(search)
     if known:
         search = grown(search)
