@@ -54,6 +54,7 @@ def _recording(text: str) -> Path:
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
+    from raccoon.cli.doing import diagnosis_shown
     from raccoon.cli.outputs import check_folders, check_not_read
     from raccoon.core.errors import ConfigError, TraceError
 
@@ -67,7 +68,9 @@ def run(args: argparse.Namespace) -> int:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
     check_not_read(outputs, [*paths, *recordings(args.holdout), args.robot, args.model, args.causes])
     if len(paths) == 1:
-        _write(args, diagnose_job(job_of(args, paths[0])), paths[0].name)
+        with diagnosis_shown():
+            found = diagnose_job(job_of(args, paths[0]))
+        _write(args, found, paths[0].name)
         return 0
     together = pooled(args, paths)
     if together is None:

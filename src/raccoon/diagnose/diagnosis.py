@@ -37,6 +37,7 @@ from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.spread import Spread
 from raccoon.diagnose.unknown import PREFIX
+from raccoon.diagnose.watch import tell
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -152,6 +153,7 @@ def _lost_count(found: Diagnosis, seconds: float) -> Diagnosis:
 
 def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The causes that stand on unseen data, and how they do there."""
+    tell("judging on data that was not fitted")
     search = estimated(search)
     judged = held_out(search, other)
     while True:

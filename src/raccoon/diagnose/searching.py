@@ -33,6 +33,7 @@ from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, finished, search_causes
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.watch import tell
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 
@@ -57,6 +58,7 @@ def searched(
     Commands that changed in lost rows are asked for again once causes are known: a limit of the current that
     is not known yet looks like a later change.
     """
+    tell("finding out what the controller does with its samples")
     restored, habits = controller_of(log, robot, causes, model)
 
     def under(each: Habits) -> Problem:
@@ -97,6 +99,7 @@ def _ahead(
     whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
     if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there) < far:
         return None
+    tell("searching again as another controller or gear would have it")
     second = (by or _search_in)(problem)
     return second if explains_more(second, search) > wanted else None
 

@@ -280,3 +280,34 @@ def test_another_robots_file_is_an_error(
     path = written(tmp_path / "run.csv", drive)
     assert main(["diagnose", str(path), "--robot", str(tmp_path / "robot.toml")]) == 2
     assert "is it this robot's?" in capsys.readouterr().err
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_whoever_waits_at_a_terminal_is_told_what_it_is_doing(
+    broken: bool, drive: Columns, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    path = written(tmp_path / "run.csv", drive)
+    if broken:
+
+        def interrupted(*_: object) -> None:
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr("raccoon.diagnose.searching.controller_of", interrupted)
+    main(["diagnose", str(path)])
+    lines = screen.getvalue().split("\r")
+    assert any("finding out what the controller does" in each for each in lines)
+    assert any("looking for causes; so far none" in each for each in lines) is not broken
+    last = max(index for index, each in enumerate(lines) if " s: " in each)
+    assert lines[last + 1] == " " * len(lines[last])  # wiped out, whatever comes next
+
+
+def test_nobody_else_is_told(drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["diagnose", str(written(tmp_path / "run.csv", drive))]) == 0
+    assert "looking" not in capsys.readouterr().err

@@ -24,6 +24,7 @@ from raccoon.diagnose.select.outlook import (
 from raccoon.diagnose.select.refits import doubtful, ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.select.replacements import merged, rearranged, simplified
 from raccoon.diagnose.select.rivals import compared
+from raccoon.diagnose.watch import tell
 
 HELD_OUT_GATE = 2.0
 SURE = 30.0
@@ -190,6 +191,7 @@ def grown(search: Search) -> Search:
     """Causes added one by one, those that lose their place dropped again."""
     dropped: set[str] = set()
     for _ in range(2 * MOST_CAUSES):
+        tell(f"looking for causes; so far {_listed(search)}")
         if len(search.fit.point.active) >= MOST_CAUSES:
             break
         search, added = forward(search)
@@ -235,15 +237,21 @@ def finished(search: Search) -> Search:
     search, replaced = simplified(search)
     if replaced:
         search, _ = forward(search)
+    tell(f"trying other sets of causes than {_listed(search)}")
     search, changed = rearranged(search)
     if changed:
         search = grown(search)
     search = _stable(search)
+    tell(f"asking what else may be in the place of {_listed(search)}")
     better = compared(search)
     if better is not None:
         search = _stable(grown(replaced_by(search, better)))
         compared(search)
     return _credible(search)
+
+
+def _listed(search: Search) -> str:
+    return ", ".join((*search.fit.point.active, *search.unknown)) or "none"
 
 
 def _credible(search: Search) -> Search:
