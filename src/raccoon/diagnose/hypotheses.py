@@ -45,6 +45,9 @@ millisecond, and differ from rigid ones by less than a reading's noise."""
 CREEP, CREEP_TAIL = 0.05, 0.5
 """rad/s, known to a factor of two as well, and the standard deviation of a number from 0 to 1: the speed at
 which friction that creeps is near its level, and how gradually."""
+OWN = 0.5
+"""Part of robot.toml's standard deviation of a number of both wheels by which each differs from it. With none
+a friction of one wheel that is 2 % higher was its stiction, or its K_E and radius."""
 LOOP_LATENCY = 0.0003
 """s, one standard deviation of what a controller's own work delays commands by. No robot.toml says, and a
 fifth of a millisecond is a cause to no team, though it shows in every reading."""
@@ -252,11 +255,13 @@ def base_coordinates(
         times("drive.wheel_radius", side, model.drive.wheel_radius)
         port = robot.drive.left if side == "left" else robot.drive.right
         plus("bemf.offset", side, "counts", robot.motor(port).bemf_offset or model.bemf.offset)
-    if model.friction.coulomb.value > 0.0:
-        times("friction.coulomb", None, model.friction.coulomb, "torque")
-    else:
-        plus("friction.coulomb", None, "torque", model.friction.coulomb)
-    plus("friction.viscous", None, "coefficient", model.friction.viscous)
+    for place in (None, *SIDES):  # robot.toml has one number of both wheels, which each has about
+        coulomb, viscous = (_part(each, place) for each in (model.friction.coulomb, model.friction.viscous))
+        if coulomb.value > 0.0:
+            times("friction.coulomb", place, coulomb, "torque")
+        else:
+            plus("friction.coulomb", place, "torque", coulomb)
+        plus("friction.viscous", place, "coefficient", viscous)
     found.extend(_sliding(wheels, inside))
     for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
         plus("bemf.filter_lag", side, "time_constant", model.bemf.filter_time_constant)
@@ -269,6 +274,11 @@ def base_coordinates(
             width = number.std / number.value
             found.append(_inertia(kind, width, inside))
     return tuple(found)
+
+
+def _part(number: Measured, place: str | None) -> Measured:
+    """A number of both wheels, or what one of them may differ from it by."""
+    return number if place is None else replace(number, std=OWN * number.std)
 
 
 def _sliding(wheels: Wheels, inside: float) -> Iterator[Coordinate]:

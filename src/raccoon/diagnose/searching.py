@@ -128,12 +128,13 @@ def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> S
 
     The firmware's may be the right one where a latency or a lag stands in for it, and need not be ahead
     before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
-    as much less.
+    as much less, and a latency of a sample the gyro alone under a median.
     """
     firmware = usual_chain(habits.chain) == Chain.firmware()
     imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
     far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
-    return _ahead(search, problem, [search.fit.point, *_late_instead(search)], far, wanted)
+    starts = [search.fit.point, *_late_instead(search), *_gyro_instead(search)]
+    return _ahead(search, problem, starts, far, wanted)
 
 
 def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem]) -> tuple[Search, Habits]:
@@ -228,6 +229,14 @@ def _late_instead(search: Search) -> list[Point]:
     if LATE_GYRO not in point.active or LATE not in causes or not apart(LATE, point.active):
         return []
     return [point.without_cause(LATE_GYRO).with_cause(LATE, lag_as(search, LATE_GYRO, LATE))]
+
+
+def _gyro_instead(search: Search) -> list[Point]:
+    """Where a search ended, with the gyro or what it sees late instead of all that is commanded."""
+    point = search.fit.point
+    less = point.without_cause(LATE)
+    late = [each for each in (LATE_GYRO, SLIP) if each in search.problem.causes and apart(each, less.active)]
+    return [less.with_cause(each, lag_as(search, LATE, each)) for each in late if LATE in point.active]
 
 
 def _with_the_slip_that_fits(search: Search) -> Search:

@@ -160,7 +160,7 @@ def test_what_makes_unseen_data_worse_is_dropped(
 
     def judged(search: SimpleNamespace, other: object) -> SimpleNamespace:
         without = {"imu.latency": 3.0, "friction.stiction": error}
-        return SimpleNamespace(size_after=1.0, without={each: without[each] for each in search.gains})
+        return SimpleNamespace(harmless=0.9, without={each: without[each] for each in search.gains})
 
     for name, stand_in in (("estimated", lambda search: search), ("pruned", pruned), ("held_out", judged)):
         monkeypatch.setattr(diagnosis, name, stand_in)

@@ -60,6 +60,12 @@ def test_what_wanders_slowly_may_be_further_off_by_chance() -> None:
     assert replace(wandering, size_after=1.4).left == 0.0
 
 
+@pytest.mark.parametrize(("seconds", "part"), [(3.0, 0.8), (12.0, 0.9), (30.0, 0.9)])
+def test_the_less_there_is_to_judge_on_the_more_harm_may_be_chance(seconds: float, part: float) -> None:
+    residual = np.ones((int(seconds / BIN), 2))
+    assert replace(held(residual), size_after=1.3).harmless == pytest.approx(part * 1.3, rel=0.01)
+
+
 def test_what_a_cause_gains_is_counted_from_where_the_error_is_without_it() -> None:
     """The others may do harm without it: then it gains more than there was to gain at first, and not all."""
     found = replace(held(np.ones((2, 2))), size_before=1.5, size_after=1.2, without={"a": 1.3, "b": 2.0})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from itertools import pairwise
 
@@ -135,6 +136,21 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
     assert said.causes[0].parameters["seconds"].value == pytest.approx(0.008, abs=0.0005)
     assert said.model is not None
     assert said.model.chain == Chain()
+
+
+def test_a_median_and_a_filtered_gyro_are_no_late_commands() -> None:
+    """Both delay by a sample of 5 ms: as if all commands were late under the plain filter."""
+    columns = dict(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 20.0))
+    lag = 1.0 / (2.0 * math.pi * 41.0)
+    rate, follows = columns["imu.gyro.z"], 0.005 / (0.005 + lag)
+    filtered = [rate[0]]
+    for each in rate[1:]:
+        filtered.append(filtered[-1] + follows * (each - filtered[-1]))
+    said = diagnose({**columns, "imu.gyro.z": np.array(filtered)}, ROBOT)
+    assert [each.name for each in said.causes] in (["drive.wheel_slip"], ["imu.latency"])
+    assert said.model is not None
+    assert said.model.chain == Chain(median=True)
+    assert any("filters at 41 Hz" in each for each in said.notes)
 
 
 def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(

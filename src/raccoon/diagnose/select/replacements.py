@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from raccoon.diagnose.fit import fit_many
+from raccoon.diagnose.fit import Fit, fit_many, fit_point
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import better_set
@@ -29,10 +31,22 @@ def merged(search: Search) -> Search:
         starts = [less.with_cause(whole, each) for each in sizes]
         apart = settled_fit(search)
         fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
-        both = max(fits, key=lambda fit: lead(search.problem, fit, apart))
-        if lead(search.problem, both, apart) > -gate(whole):  # one cause less must be justified
+        both, ahead = _furthest(search, fits, apart)
+        if ahead <= -gate(
+            whole
+        ):  # columns of the two may lead astray: two plays were 80 behind, then 36 ahead
+            fits = [fit_point(search.problem, search.whitener, each.point) for each in fits]
+            both, ahead = _furthest(search, fits, apart)
+        if ahead > -gate(whole):  # one cause less must be justified
             return merged(accepted_without(search, other, both))
     return search
+
+
+def _furthest(search: Search, fits: Sequence[Fit], other: Fit) -> tuple[Fit, float]:
+    """Of some fits that which leads another one most, and by how much."""
+    leads = [lead(search.problem, each, other) for each in fits]
+    best = int(np.argmax(leads))
+    return fits[best], leads[best]
 
 
 def simplified(search: Search) -> tuple[Search, bool]:

@@ -130,7 +130,9 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
     moved: dict[str, list[int]] = {}
     for index, each in enumerate(problem.base):
         power = _power(line, each)
-        if power:
+        if power and _is_own(problem, index):
+            base[index] *= 1.0 if each.factor else factor**power
+        elif power:
             base[index] = _times(problem, each, _total(problem, point, index), factor**power)
             moved.setdefault(_id(each), []).append(index)
     for name, u in point.active.items():
@@ -146,7 +148,7 @@ def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
     """The factor along a line at which what a cause changes is nominal again; 1 where there is none."""
     for index, each in enumerate(problem.base):
         power = _power(line, each)
-        if not (power and name in _causes(problem, index)):
+        if not power or _is_own(problem, index) or name not in _causes(problem, index):
             continue
         total = _total(problem, point, index)
         if each.factor:
@@ -160,6 +162,12 @@ def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
 def _power(line: Line, coordinate: Coordinate) -> float:
     id_, _, parameter = coordinate.settings[0]
     return line.get((id_, parameter), 0.0)
+
+
+def _is_own(problem: Problem, index: int) -> bool:
+    """Whether a base coordinate is only what one wheel has beyond a number of both, another coordinate."""
+    settings = set(problem.base[index].settings)
+    return any(settings < set(each.settings) for each in problem.base)
 
 
 def _id(coordinate: Coordinate) -> str:
