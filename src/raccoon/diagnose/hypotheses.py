@@ -47,8 +47,8 @@ CREEP, CREEP_TAIL = 0.05, 0.5
 which friction that creeps is near its level, and how gradually."""
 OWN = 0.25
 """Part of robot.toml's standard deviation of a number of both wheels by which each differs from it. With none
-a friction of one wheel that is 2 % higher was its stiction, or its K_E and radius. With 0.5 as few causes were
-named of such robots, and what is gained on unseen data had a tenth percentile of 0.945 instead of 0.965."""
+a friction of one wheel that is 2 % higher was its stiction, or its K_E and radius. With 0.5 there were no
+fewer such, and what is gained on unseen data had a tenth percentile of 0.945 instead of 0.965."""
 LOOP_LATENCY = 0.0003
 """s, one standard deviation of what a controller's own work delays commands by. No robot.toml says, and a
 fifth of a millisecond is a cause to no team, though it shows in every reading."""
