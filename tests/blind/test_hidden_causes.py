@@ -157,7 +157,7 @@ def test_a_robot_whose_friction_gives_next_to_nothing_has_nothing_wrong_for_that
 SMOOTH = Hidden("unknown", None, {}, {"smooth": 0.08})
 
 
-@pytest.mark.parametrize("cause", [None, "motor.back_emf_constant", "friction.coulomb", "bemf.scale"])
+@pytest.mark.parametrize("cause", [None, "friction.coulomb"])
 def test_a_robot_whose_friction_is_a_smooth_curve_has_nothing_wrong_for_that(cause: str | None) -> None:
     hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
     said = diagnose(make(8, [SMOOTH, *hidden], seconds=25.0).columns, RobotConfig())
