@@ -38,6 +38,8 @@ from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
+Way = Callable[[Problem], Search]
+"""How to search: all the way, or its beginning."""
 
 LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
 SAG = "battery.internal_resistance"
@@ -48,6 +50,14 @@ DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
 FAR_BEHIND = 100.0
 """By how much the firmware's may lack with the causes that were found under another, and be tried."""
+
+
+def _begun_in(problem: Problem) -> Search:
+    return begun(problem, probes_for(problem))
+
+
+def _search_in(problem: Problem) -> Search:
+    return search_causes(problem, probes_for(problem))
 
 
 def searched(
@@ -91,16 +101,20 @@ def _sooner(search: Search, habits: Habits, under: Callable[[Habits], Problem]) 
 
 
 def _ahead(
-    search: Search, problem: Problem, starts: Sequence[Point], far: float = DOUBT, wanted: float = DOUBT,
-    by: Callable[[Problem], Search] | None = None,
-) -> Search | None:  # fmt: skip
+    search: Search,
+    problem: Problem,
+    starts: Sequence[Point],
+    far: float = DOUBT,
+    wanted: float = DOUBT,
+    by: Way = _search_in,
+) -> Search | None:
     """The search of another problem, where one of these starts is ahead by `far` once it is fitted there, and
-    then what was found by `wanted`. by: how to search, the whole way if not said."""
+    then what was found by `wanted`. by: how to search."""
     whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
     if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there) < far:
         return None
     tell("searching again as another controller or gear would have it")
-    second = (by or _search_in)(problem)
+    second = by(problem)
     return second if explains_more(second, search) > wanted else None
 
 
@@ -111,9 +125,8 @@ def carried(point: Point, here: Problem, there: Problem) -> Point:
 
 
 def _as_wheels_give(
-    search: Search, habits: Habits, under: Callable[[Habits], Problem],
-    by: Callable[[Problem], Search] | None = None,
-) -> tuple[Search, Habits]:  # fmt: skip
+    search: Search, habits: Habits, under: Callable[[Habits], Problem], by: Way = _search_in
+) -> tuple[Search, Habits]:
     """The search with wheels that slide in another way, where that explains more.
 
     Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
@@ -133,8 +146,8 @@ def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> S
     firmware = usual_chain(habits.chain) == Chain.firmware()
     imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
     far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
-    starts = [search.fit.point, *_late_instead(search), *_gyro_instead(search)]
-    return _ahead(search, problem, starts, far, wanted)
+    late, gyro = _lags_instead(search, LATE_GYRO, (LATE,)), _lags_instead(search, LATE, (LATE_GYRO, SLIP))
+    return _ahead(search, problem, [search.fit.point, *late, *gyro], far, wanted)
 
 
 def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem]) -> tuple[Search, Habits]:
@@ -151,9 +164,8 @@ def _as_logged(search: Search, habits: Habits, under: Callable[[Habits], Problem
 
 
 def _with_a_slow_battery(
-    search: Search, habits: Habits, under: Callable[[Habits], Problem],
-    by: Callable[[Problem], Search] | None = None,
-) -> tuple[Search, Habits]:  # fmt: skip
+    search: Search, habits: Habits, under: Callable[[Habits], Problem], by: Way = _search_in
+) -> tuple[Search, Habits]:
     """The search with another filter of the battery's readings, where that explains more.
 
     RaccoonOS adds one of 0.1 s; of a robot without a fault that made a battery of no resistance, and
@@ -173,9 +185,12 @@ def _with_a_slow_battery(
 
 
 def _first_ahead(
-    search: Search, habits: Habits, others: Sequence[Habits], under: Callable[[Habits], Problem],
-    by: Callable[[Problem], Search] | None = None,
-) -> tuple[Search, Habits]:  # fmt: skip
+    search: Search,
+    habits: Habits,
+    others: Sequence[Habits],
+    under: Callable[[Habits], Problem],
+    by: Way = _search_in,
+) -> tuple[Search, Habits]:
     """The search under the nearest of other habits that explains more, or as it is."""
     for other, problem in _nearer(search, others, under).items():
         found = _ahead(search, problem, _starts(search), by=by)
@@ -202,7 +217,8 @@ def _nearer(
 def _starts(search: Search) -> list[Point]:
     """What was found, without what another logger is most likely to have been taken for, and robot.toml."""
     point = search.fit.point
-    return [point, point.without_cause(LATE), point.without_cause(SAG), search.problem.nominal()]
+    less = [point.without_cause(each) for each in (LATE, SAG) if each in point.active]
+    return [point, *less, search.problem.nominal()]
 
 
 def _misfits(search: Search, problem: Problem) -> Array:
@@ -223,20 +239,14 @@ def _battery_off(problem: Problem, starts: Sequence[Point]) -> float:
     return min(sizes)
 
 
-def _late_instead(search: Search) -> list[Point]:
-    """Where a search ended, with all that is commanded late instead of the gyro alone."""
-    point, causes = search.fit.point, search.problem.causes
-    if LATE_GYRO not in point.active or LATE not in causes or not apart(LATE, point.active):
-        return []
-    return [point.without_cause(LATE_GYRO).with_cause(LATE, lag_as(search, LATE_GYRO, LATE))]
-
-
-def _gyro_instead(search: Search) -> list[Point]:
-    """Where a search ended, with the gyro or what it sees late instead of all that is commanded."""
+def _lags_instead(search: Search, name: str, others: Sequence[str]) -> list[Point]:
+    """Where a search ended, each time with another of these lags instead of a named one."""
     point = search.fit.point
-    less = point.without_cause(LATE)
-    late = [each for each in (LATE_GYRO, SLIP) if each in search.problem.causes and apart(each, less.active)]
-    return [less.with_cause(each, lag_as(search, LATE, each)) for each in late if LATE in point.active]
+    if name not in point.active:
+        return []
+    less = point.without_cause(name)
+    asked = [each for each in others if each in search.problem.causes and apart(each, less.active)]
+    return [less.with_cause(each, lag_as(search, name, each)) for each in asked]
 
 
 def _with_the_slip_that_fits(search: Search) -> Search:
@@ -255,11 +265,3 @@ def _with_the_slip_that_fits(search: Search) -> Search:
     at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}
     second = _ahead(search, replace(search.problem, neutral=search.problem.neutral | at_once), [start])
     return search if second is None or SLIP not in second.fit.point.active else second
-
-
-def _begun_in(problem: Problem) -> Search:
-    return begun(problem, probes_for(problem))
-
-
-def _search_in(problem: Problem) -> Search:
-    return search_causes(problem, probes_for(problem))

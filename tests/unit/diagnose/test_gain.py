@@ -16,9 +16,7 @@ from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.select.outlook import (
-    start_search,
-)
+from raccoon.diagnose.select.outlook import start_search
 from raccoon.diagnose.unknown import probes_for
 
 ROBOT = RobotConfig()

@@ -33,13 +33,7 @@ from raccoon.diagnose.select.outlook import (
     screen,
     start_search,
 )
-from raccoon.diagnose.select.search import (
-    NOTHING,
-    SURE,
-    _credible,
-    _fails_held_out,
-    _too_little,
-)
+from raccoon.diagnose.select.search import NOTHING, SURE, _credible, _fails_held_out, _too_little
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown import probes_for
 from raccoon.sim.effects import effect

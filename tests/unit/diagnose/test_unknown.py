@@ -18,15 +18,8 @@ from raccoon.diagnose.habits import problem_of
 from raccoon.diagnose.linear import linearise
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Problem
-from raccoon.diagnose.select.outlook import (
-    best_probe,
-    look_around,
-    start_search,
-)
-from raccoon.diagnose.select.search import (
-    PROBE_ALONE,
-    known_after_all,
-)
+from raccoon.diagnose.select.outlook import best_probe, look_around, start_search
+from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
 from raccoon.diagnose.unknown import motion_of, probes_for
 
 ROBOT = RobotConfig()

@@ -162,18 +162,6 @@ def test_the_less_it_creeps_the_more_a_robot_is_one_that_does_not() -> None:
     assert far[-1] < 0.01
 
 
-def test_creeping_is_exact_to_a_thousandth_of_a_rad_per_second_and_more_with_shorter_steps() -> None:
-    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.presliding", creep=0.05)
-    duty = 0.5 * np.sin(4.0 * TIME)
-    commands = Commands.of_wheels(TIME, duty, 0.3 * duty)
-    fine, *coarse = (
-        rollout(robot, commands, longest_step=h)["motor.0.speed"][0] for h in (2e-5, 1e-3, 5e-4, 2.5e-4)
-    )
-    errors = [float(np.sqrt(np.mean((each - fine) ** 2))) for each in coarse]
-    assert errors[0] < 1e-3
-    assert all(finer < 0.6 * coarser for coarser, finer in pairwise(errors))
-
-
 def test_the_stiffer_its_bristles_the_more_a_robot_is_a_rigid_one() -> None:
     """Where it reverses, its friction turns over within a way that is as long as bristles give, and in a time
     that is about as the root of that way: so is what it differs in speed."""
@@ -192,8 +180,11 @@ def test_the_stiffer_its_bristles_the_more_a_robot_is_a_rigid_one() -> None:
     assert nearest < 1.5 * math.sqrt(0.2) * near
 
 
-def test_bristles_are_exact_to_a_thousandth_of_a_rad_per_second_and_more_with_shorter_steps() -> None:
-    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.presliding", compliance=0.001)
+@pytest.mark.parametrize("values", [{"compliance": 0.001}, {"creep": 0.05}])
+def test_bristles_are_exact_to_a_thousandth_of_a_rad_per_second_and_more_with_shorter_steps(
+    values: dict[str, float],
+) -> None:
+    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.presliding", None, **values)
     duty = 0.5 * np.sin(4.0 * TIME)
     commands = Commands.of_wheels(TIME, duty, 0.3 * duty)
     fine, *coarse = (

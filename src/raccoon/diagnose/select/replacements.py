@@ -32,9 +32,8 @@ def merged(search: Search) -> Search:
         apart = settled_fit(search)
         fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian[rows], 4)
         both, ahead = _furthest(search, fits, apart)
-        if ahead <= -gate(
-            whole
-        ):  # columns of the two may lead astray: two plays were 80 behind, then 36 ahead
+        # Columns of the two may lead astray: two plays were 80 behind, and 36 ahead once truly fitted.
+        if ahead <= -gate(whole):
             fits = [fit_point(search.problem, search.whitener, each.point) for each in fits]
             both, ahead = _furthest(search, fits, apart)
         if ahead > -gate(whole):  # one cause less must be justified
