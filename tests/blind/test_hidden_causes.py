@@ -68,7 +68,7 @@ def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
     rng = np.random.default_rng(6)
     causes = ("battery.discharge", "actuation.latency", "drive.turn_scrub", "imu.gyro_bias")
     hidden = [draw(each, rng) for each in causes]
-    said = diagnose(make(6, hidden, seconds=40.0).columns, RobotConfig())
+    said = diagnose(make(6, hidden, seconds=25.0).columns, RobotConfig())
     assert {each.name for each in hidden} <= names_of(said)
 
 
@@ -163,6 +163,16 @@ def test_a_robot_whose_friction_is_a_smooth_curve_has_nothing_wrong_for_that(cau
     said = diagnose(make(8, [SMOOTH, *hidden], seconds=25.0).columns, RobotConfig())
     assert [each.name for each in said.causes] == [each.name for each in hidden]
     assert said.verdict is (Verdict.EXPLAINED if hidden else Verdict.ADEQUATE)
+
+
+CHIP = Hidden("unknown", None, {}, {"gyro_smooth": 0.0039})
+
+
+@pytest.mark.parametrize("cause", [None, "imu.latency"])
+def test_a_robot_whose_gyro_smooths_has_nothing_wrong_for_that(cause: str | None) -> None:
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
+    said = diagnose(make(8, [CHIP, *hidden], seconds=16.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [each.name for each in hidden]
 
 
 def test_in_a_short_drive_a_place_is_a_moment() -> None:

@@ -162,8 +162,8 @@ def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
     return Cause(id, where, (first, second), guesses, joint)
 
 
-NO_CAUSE = ("friction.presliding",)
-"""Every robot has it, and it is refitted silently; see `hypotheses.Wheels`."""
+NO_CAUSE = ("friction.presliding", "imu.low_pass")
+"""Not a fault, and refitted silently where a robot has it; see `hypotheses.Wheels` and `rollout.Habits`."""
 SIDES_ONLY = ("drive.wheel_eccentricity",)
 
 

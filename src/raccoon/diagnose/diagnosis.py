@@ -18,6 +18,7 @@ from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
+from raccoon.diagnose.other_habits import LATE_GYRO, SLOW_BATTERY, SMOOTHS
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import (
@@ -31,7 +32,7 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.searching import SLOW_BATTERY, searched
+from raccoon.diagnose.searching import searched
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of
@@ -53,9 +54,6 @@ ADDS_UP = "the gaps lose where the wheels and the robot point, on which somethin
 PAST = (
     "each row's command is taken for what was in force until then, not from then on, as the readings answer"
 )
-GYRO_LAGS = {"imu.latency": "seconds", "drive.wheel_slip": "time"}
-GYRO_FILTERED = (0.0025, 0.0065)
-"""s: a first order at 41 Hz lags by 3.9 ms, the data sheet of the MPU-9250 says 5.9 ms of its DLPF 3."""
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on another recording: a battery, a floor and what
 a robot carries may be others there."""
@@ -201,7 +199,12 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         suggestions(search, causes, log),
         time.perf_counter() - begin,
         extended(search.problem, spread, causes, habits.chain),
-        (*log.notes, *_of_the_controller(habits, causes), *_not_in_model(search)),
+        (
+            *log.notes,
+            *_of_the_controller(habits, causes),
+            *_of_the_gyro(habits, causes, spread),
+            *_not_in_model(search),
+        ),
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
@@ -224,15 +227,25 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             f"a resistance of {unpaused:g} times robot.toml's is also what a controller looks like that does "
             "not pause for its samples, or a robot.toml whose value has the pause in it"
         )
-    low, high = GYRO_FILTERED
-    if any(
-        each.name in GYRO_LAGS and low < each.parameters[GYRO_LAGS[each.name]].value < high for each in causes
-    ):
-        notes.append(
-            "a gyro whose chip filters at 41 Hz, as the Wombat's firmware sets it, lags by 4 to 6 ms; "
-            "without a reference that looks like wheels that slip by this time, or like late readings"
-        )
     return tuple(notes)
+
+
+def _of_the_gyro(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
+    """That its chip smooths the turn rate, or may do so."""
+    if habits.low_pass:
+        delay = (
+            0.0
+            if LATE_GYRO in {each.name for each in causes}
+            else spread.number((LATE_GYRO, None, "seconds"))
+        )
+        milli = 1000.0 * (spread.number((SMOOTHS, None, "time_constant")) + delay)
+        return (
+            f"the gyro follows {milli:.2g} ms late: taken for its chip's filter, which the Wombat's firmware "
+            "sets to 41 Hz; without a reference of the pose, wheels that slip by as much look the same",
+        )
+    if any(SMOOTHS in each.confounded_with for each in causes):
+        return ("a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, lags by 4 to 6 ms",)
+    return ()
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -68,7 +68,7 @@ def drive_problem(
         PlantRollout(log, robot, habits, own=own),
         robot,
         settings,
-        base_coordinates(robot, wheels=habits.wheels),
+        base_coordinates(robot, wheels=habits.wheels, low_pass=habits.low_pass),
         {each.name: each for each in causes},
     )
 

@@ -45,6 +45,12 @@ millisecond, and differ from rigid ones by less than a reading's noise."""
 CREEP, CREEP_TAIL = 0.05, 0.5
 """rad/s, known to a factor of two as well, and the standard deviation of a number from 0 to 1: the speed at
 which friction that creeps is near its level, and how gradually."""
+LOW_PASS, LOW_PASS_WIDTH, LOW_PASS_MOST = 1.0 / (2.0 * math.pi * 41.0), 0.4, 1.2
+"""s of a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, the standard deviation of its
+logarithm, and how many of them it may be off. Wheels that slip by more stay wheels that slip."""
+LOW_PASS_DELAY = 0.001
+"""s, one standard deviation of what its filter delays by beside that: one of second order is nearly one of
+first order and a delay."""
 OWN = 0.25
 """Part of robot.toml's standard deviation of a number of both wheels by which each differs from it. With none
 a friction of one wheel that is 2 % higher was its stiction, or its K_E and radius. With 0.5 there were no
@@ -231,11 +237,12 @@ def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
 
 
 def base_coordinates(
-    robot: RobotConfig, inside: float = INSIDE, wheels: Wheels = Wheels.GIVING
+    robot: RobotConfig, inside: float = INSIDE, wheels: Wheels = Wheels.GIVING, low_pass: bool = False
 ) -> tuple[Coordinate, ...]:
     """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
 
-    inside: standard deviations that a number may move. wheels: how they slide, of which it says nothing.
+    inside: standard deviations that a number may move. wheels: how they slide, of which it
+    says nothing. low_pass: whether the gyro has one.
     """
     model = robot.model
     found: list[Coordinate] = []
@@ -269,6 +276,10 @@ def base_coordinates(
     found.append(added("actuation.latency", None, "seconds", LOOP_LATENCY, low=0.0, high=INSIDE))
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
     times("imu.gyro_scale", None, model.imu.gyro_scale)
+    if low_pass:
+        most = LOW_PASS_MOST
+        found.append(multiplied("imu.low_pass", None, LOW_PASS_WIDTH, -most, most, "time_constant", LOW_PASS))
+        found.append(added("imu.latency", None, "seconds", LOW_PASS_DELAY, low=0.0, high=2.5))
     times("drive.track_width", None, model.drive.track_width)
     for kind, number in (("straight", model.drive.inertia_straight), ("turn", model.drive.inertia_turn)):
         if number.std > 0.0:

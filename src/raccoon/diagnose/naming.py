@@ -76,7 +76,8 @@ def _told(problem: Problem, cause: Cause, values: dict[str, ParameterResult], ri
     if cause.own is not None:
         return cause.own.told({name: each.value for name, each in values.items()})
     said = explanation(cause.id, cause.where, values)
-    both = [each for each in rivals if delay_alike(cause.name, each) and not _has_number(problem, each)]
+    open_ones = [each for each in rivals if each not in problem.causes or not _has_number(problem, each)]
+    both = [each for each in open_ones if delay_alike(cause.name, each)]
     return f"{said} With {' or '.join(both)} beside it this is the sum of their times." if both else said
 
 
@@ -276,6 +277,7 @@ def _telling(search: Search, name: str, rivals: tuple[str, ...]) -> str | None:
         each.name
         for each in search.rivals.get(name, [])
         if each.name in rivals
+        and each.name in search.problem.causes
         and not each.together
         and not any({name, each.name} <= alike for alike in ONE_CLASS)
     )

@@ -95,13 +95,14 @@ COLUMNS = {
 @dataclass(frozen=True, slots=True)
 class Habits:
     """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
-    whether the command of a row was in force until then (past) instead of from then on, and how wheels
-    slide."""
+    whether the command of a row was in force until then (past) instead of from then on, how wheels slide, and
+    whether the gyro's chip smooths the turn rate (low_pass)."""
 
     chain: Chain
     brake: bool
     past: bool = False
     wheels: Wheels = Wheels.GIVING
+    low_pass: bool = False
 
 
 class PlantRollout:

@@ -240,6 +240,11 @@ _IMU = (
         "Gyro readings arrive late.",
         (Parameter("seconds", "s", 0.0, Bounds(0.0, 0.25), 0.01),),
     ),
+    Effect(
+        "imu.low_pass",
+        "The gyro's chip smooths the turn rate: a filter of first order.",
+        (Parameter("time_constant", "s", 0.0, Bounds(0.0, 0.05), 0.004),),
+    ),
 )
 
 _TOPHAT = (

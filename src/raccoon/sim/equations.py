@@ -154,6 +154,8 @@ def moved(
     current_left = c.wire_left * (u.left * bus - p.back_emf_left * middle_left) + c.held_left
     current_right = c.wire_right * (u.right * bus - p.back_emf_right * middle_right) + c.held_right
     yaw_rate = (rim_right - rim_left) * p.per_track
+    followed = yaw_rate
+    followed = passed(s, p, yaw_rate, h, per_h)  # effect: imu.low_pass
     looks = 1.0 + (u.to_go - p.gyro_lag) * per_h  # where in the step, if in this one
     looks = looks if looks <= 1.0 else 0.0
     return State(
@@ -161,7 +163,7 @@ def moved(
         slope_of(s.speed_left, left, per_h), slope_of(s.speed_right, right, per_h),
         play_left, play_right, wheel_left, wheel_right, rolling_left, rolling_right,
         0.5 * (rim_left + rim_right), yaw_rate,
-        sampled(s.yaw_rate, yaw_rate, looks, s.gyro_rate),
+        followed, sampled(s.gyro_followed, followed, looks, s.gyro_rate),
         cos_left, sin_left, cos_right, sin_right,
         s.x + chord * (s.heading_cos + heading_cos), s.y + chord * (s.heading_sin + heading_sin),
         s.heading + angle, heading_cos, heading_sin,
@@ -216,6 +218,19 @@ def rolled(
 def warmed(heat: float, current: float, share: float) -> float:
     """Squared current as the winding's temperature follows it; share: step over time constant."""
     return heat + share * (1.0 - 0.5 * share) * (current * current - heat)
+
+
+def passed(s: State, p: Plant, yaw_rate: float, h: float, per_h: float) -> float:
+    """What a low-pass of first order makes of a yaw rate that goes straight from `s.yaw_rate` to `yaw_rate`;
+    with no time constant the yaw rate itself.
+
+    Exact but for the exponential, of which four terms of the series do: no step is longer than two time
+    constants.
+    """
+    x = h * p.low_pass_rate
+    stays = 1.0 - x * (1.0 - x * (1.0 / 2.0 - x * (1.0 / 6.0 - x * (1.0 / 24.0))))
+    behind = p.low_pass * (yaw_rate - s.yaw_rate) * per_h
+    return yaw_rate - behind + stays * (s.gyro_followed - s.yaw_rate + behind)
 
 
 def sampled_both(

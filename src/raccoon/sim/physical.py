@@ -25,6 +25,8 @@ LEAST_COMPLIANCE = 1e-5
 """rad/(N m) below which nothing gives: no sensor sees it, and steps would have to be below 0.2 ms."""
 LEAST_CREEP = 0.002
 """rad/s below which nothing creeps: less than a count of back-EMF, and a step of 1 ms would ring."""
+LEAST_LOW_PASS = 0.00125
+"""s below which a gyro filters nothing: half of the longest step."""
 BRISTLE_STEP = 0.6
 """Longest step as a part of sqrt(compliance J), the time of the bristles' swing over 2 pi."""
 
@@ -138,7 +140,13 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         filter_rate(chain.battery_time_constant),
         1.0 if chain.median else 0.0,
         0.0,  # who knows the rows sets it; see `gyro_lag`
+        *_low_pass_numbers(parameters),
     )
+
+
+def _low_pass_numbers(parameters: Parameters) -> Numbers:
+    seconds = parameters.value("imu.low_pass", "time_constant")
+    return (seconds, 1.0 / seconds) if seconds >= LEAST_LOW_PASS else (0.0, 0.0)
 
 
 def filter_rate(time_constant: float) -> float:

@@ -21,7 +21,8 @@ class State(NamedTuple):
     rolling_right: float
     forward_speed: float  # m/s, of the robot
     yaw_rate: float  # rad/s
-    gyro_rate: float  # rad/s, the yaw rate when the gyro last looked
+    gyro_followed: float  # rad/s, the yaw rate as the gyro's low-pass follows it
+    gyro_rate: float  # rad/s, that when the gyro last looked
     wheel_cos_left: float  # of the wheel's angle since the start
     wheel_sin_left: float
     wheel_cos_right: float
@@ -125,6 +126,8 @@ class Plant(NamedTuple):
     battery_rate: float
     median: float
     gyro_lag: float  # s before the end of a row of commands, when the gyro looks
+    low_pass: float  # s, time constant of the gyro's, 0: none
+    low_pass_rate: float  # 1/s, of it
 
 
 class Command(NamedTuple):

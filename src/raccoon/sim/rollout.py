@@ -174,6 +174,8 @@ def initial_states(plant: Floats, initial: Initial | None) -> Floats:
             raise ConfigError(f"initial: there is no field {name}; allowed are {', '.join(State._fields)}")
     given = {name: _initial_value(name, value, len(states)) for name, value in given.items()}
     column = {name: index for index, name in enumerate(State._fields)}
+    if "yaw_rate" in given:
+        given.setdefault("gyro_followed", given["yaw_rate"])
     if "heading" in given:
         given.setdefault("heading_cos", np.cos(given["heading"]))
         given.setdefault("heading_sin", np.sin(given["heading"]))
@@ -227,14 +229,14 @@ def _fields_of(names: Sequence[str], ports: tuple[int, int]) -> tuple[str, ...]:
         if name not in known:
             raise ConfigError(f"channel {name!r}: there is none of that name; allowed are {', '.join(known)}")
         fields[_field(name, ports)] = None
-    if "yaw_rate" in fields:
+    if "gyro_followed" in fields:
         fields["gyro_rate"] = None
     return tuple(fields)
 
 
 def _field(name: str, ports: tuple[int, int]) -> str:
     if name == "imu.gyro.z":
-        return "yaw_rate"
+        return "gyro_followed"
     if name in _PLAIN_FIELDS:
         return _PLAIN_FIELDS[name]
     _, port, kind = name.split(".")
@@ -252,18 +254,18 @@ def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Float
     return values if sign > 0.0 else -values
 
 
-def _gyro(yaw_rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floats) -> Floats:
-    """What the gyro reads, in place: no other channel is made of the yaw rate."""
+def _gyro(rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floats) -> Floats:
+    """What the gyro reads, in place: no other channel is made of the rate that it follows."""
     scale, bias, drift, latency = (each[:, None] for each in numbers.T)
     for robot in np.flatnonzero(latency):
-        yaw_rate[robot] = _earlier(yaw_rate[robot], looked[robot], age, latency[robot, 0], lags[robot])
+        rate[robot] = _earlier(rate[robot], looked[robot], age, latency[robot, 0], lags[robot])
     if np.any(scale != 1.0):
-        yaw_rate *= scale
+        rate *= scale
     if np.any(bias):
-        yaw_rate += bias
+        rate += bias
     if np.any(drift):
-        yaw_rate += drift * age
-    return yaw_rate
+        rate += drift * age
+    return rate
 
 
 def _earlier(rate: Floats, looked: Floats, age: Floats, latency: float, lag: float) -> Floats:

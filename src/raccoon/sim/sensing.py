@@ -59,7 +59,7 @@ def sensed(
     return State(
         s.time, s.speed_left, s.speed_right, s.acceleration_left, s.acceleration_right,
         s.play_left, s.play_right, s.wheel_left, s.wheel_right, s.rolling_left, s.rolling_right,
-        s.forward_speed, s.yaw_rate, s.gyro_rate,
+        s.forward_speed, s.yaw_rate, s.gyro_followed, s.gyro_rate,
         s.wheel_cos_left, s.wheel_sin_left, s.wheel_cos_right, s.wheel_sin_right,
         s.x, s.y, s.heading, s.heading_cos, s.heading_sin,
         s.heat_left, s.heat_right, s.charge, s.current_left, s.current_right, s.bus,

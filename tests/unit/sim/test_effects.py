@@ -334,8 +334,26 @@ def test_a_late_gyro_is_late_by_what_is_said_where_time_stamps_jitter_and_rows_a
     assert error.max() < 0.1 * np.abs(rates(kept)).max()
 
 
+@pytest.mark.parametrize("seconds", [0.0015, 0.0039, 0.02])
+@pytest.mark.parametrize("latency", [0.0, 0.0074])
+def test_a_gyro_that_smooths_is_a_filter_of_first_order(seconds: float, latency: float) -> None:
+    """tau y' = rate - y, exact where the rate goes straight from one of very short rows to the next."""
+    fine = np.arange(20 * (len(TIME) - 1) + 1) * 0.00025
+    duty = np.where(np.floor(fine / 0.235 + 1e-9) % 2.0 < 1.0, 0.7, -0.7)
+    plain = with_effect("imu.latency", seconds=latency)
+    rate = rollout(plain, Commands.of_wheels(fine, -duty, duty), channels=["imu.gyro.z"])["imu.gyro.z"][0]
+    stays, expected = math.exp(-0.00025 / seconds), [0.0]
+    for before, after in pairwise(rate):
+        behind = seconds * (after - before) / 0.00025
+        expected.append(after - behind + stays * (expected[-1] - before + behind))
+    smooth = plain.with_effect("imu.low_pass", time_constant=seconds)
+    commands = Commands.of_wheels(TIME, -duty[::20], duty[::20])
+    run = rollout(smooth, commands, channels=["imu.gyro.z"], longest_step=0.00105)
+    np.testing.assert_allclose(run["imu.gyro.z"][0], expected[::20], atol=0.004 * np.abs(rate).max())
+
+
 def test_the_simulated_robot_s_gyro_is_late_in_the_same_way() -> None:
-    robot = with_effect("imu.latency", seconds=0.0074)
+    robot = with_effect("imu.latency", seconds=0.0074).with_effect("imu.low_pass", time_constant=0.004)
     duty = np.where(np.arange(300) // 47 % 2 == 0, 0.7, -0.7)
     port, read = SimPort(robot, noise=False), []
     for each in duty:

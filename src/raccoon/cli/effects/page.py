@@ -15,8 +15,8 @@ from raccoon.sim.effects import Effect, all_effects
 _HEAD = """# Effects
 
 What can make a robot differ from the textbook one, and what a diagnosis may name (all but
-`friction.presliding`, which every robot has and every diagnosis fits). Written by
-`raccoon effects --write docs`; edit `sim/catalogue.py` instead.
+`friction.presliding`, which every robot has, and `imu.low_pass`, which is no fault: a diagnosis fits both).
+Written by `raccoon effects --write docs`; edit `sim/catalogue.py` instead.
 
 Each picture shows one channel of the same drive (creeping, steps forward and back, turns; for tophats: over
 lines), grey without and red with the effect, in the channel in which it shows most. An effect that is off

@@ -188,7 +188,7 @@ def pruned(search: Search, harmful: str) -> Search:
 
 
 def grown(search: Search) -> Search:
-    """Causes added one by one, those that lose their place dropped again."""
+    """The first, quicker part of a search: causes added one by one, those that lose their place dropped."""
     dropped: set[str] = set()
     for _ in range(2 * MOST_CAUSES):
         tell(f"looking for causes; so far {_listed(search)}")
@@ -221,12 +221,7 @@ def known_after_all(search: Search) -> tuple[Search, bool]:
 
 def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
     """The whole search, from the nominal model to a set of causes that is stable in both directions."""
-    return finished(begun(problem, probes))
-
-
-def begun(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
-    """The first, quicker part of a search: causes one by one."""
-    return grown(start_search(problem, probes))
+    return finished(grown(start_search(problem, probes)))
 
 
 def finished(search: Search) -> Search:

@@ -1,0 +1,233 @@
+"""What a search found, looked at under other habits of the controller, the gears and the gyro.
+
+Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a habit
+does. So what was found is fitted under others too, and searched for again where one of them leads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.habits import usual_chain
+from raccoon.diagnose.hypotheses import LOW_PASS, Wheels
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.select.joint import explains_more
+from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around, start_search
+from raccoon.diagnose.select.refits import lag_as
+from raccoon.diagnose.select.rivals import net_lead
+from raccoon.diagnose.select.search import finished, grown
+from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.watch import tell
+
+Array = NDArray[np.float64]
+Under = Callable[[Habits], Problem]
+"""The problem of a drive under some habits."""
+Way = Callable[[Search], Search]
+"""How far to go on with a search: all the way, or the beginning."""
+
+LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
+SMOOTHS = "imu.low_pass"
+SAG = "battery.internal_resistance"
+SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
+"""s, of filters of the battery's reading that are tried."""
+DOUBT = 10.0
+"""Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
+SMOOTH = 3.0
+"""The same for a gyro that smooths. Wheels that slip by its time are the same to it, and lack their gate."""
+
+
+def started(problem: Problem) -> Search:
+    """A search of what robot.toml leaves open alone."""
+    return start_search(problem, probes_for(problem))
+
+
+def whole(start: Search) -> Search:
+    """A search gone on with to its end."""
+    return finished(grown(start))
+
+
+def ahead(
+    search: Search,
+    problem: Problem,
+    starts: Sequence[Point],
+    far: float = DOUBT,
+    wanted: float = DOUBT,
+    by: Way = whole,
+) -> Search | None:
+    """The search of another problem, where one of these starts is ahead by `far` once it is fitted there, and
+    then what was found by `wanted`. by: how far to search."""
+    whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
+    if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there) < far:
+        return None
+    tell("searching again as another controller or gear would have it")
+    second = by(started(problem))
+    return second if explains_more(second, search) > wanted else None
+
+
+def carried(point: Point, here: Problem, there: Problem) -> Point:
+    """A point in another problem, whose base coordinates may be fewer or more."""
+    known = dict(zip((each.settings for each in here.base), point.base, strict=True))
+    return replace(point, base=np.array([known.get(each.settings, 0.0) for each in there.base]))
+
+
+def first_ahead(
+    search: Search,
+    habits: Habits,
+    others: Sequence[Habits],
+    under: Under,
+    by: Way = whole,
+) -> tuple[Search, Habits]:
+    """The search under the nearest of other habits that explains more, or as it is."""
+    for other, problem in _nearer(search, others, under).items():
+        found = ahead(search, problem, _starts(search), by=by)
+        if found is not None:
+            return found, other
+    return search, habits
+
+
+def as_wheels_give(search: Search, habits: Habits, under: Under, by: Way = whole) -> tuple[Search, Habits]:
+    """The search with wheels that slide in another way, where that explains more.
+
+    Rigid wheels among those that give were a robot of five times the resistance, a fifth of the inertia and
+    little friction: the same drive, in which what gives is stiffer.
+    """
+    others = [replace(habits, wheels=each) for each in Wheels if each is not habits.wheels]
+    return first_ahead(search, habits, others, under, by)
+
+
+def with_a_slow_battery(
+    search: Search, habits: Habits, under: Under, by: Way = whole
+) -> tuple[Search, Habits]:
+    """The search with another filter of the battery's readings, where that explains more.
+
+    RaccoonOS adds one of 0.1 s; of a robot without a fault that made a battery of no resistance, and
+    something unknown.
+    """
+    if "battery" not in search.problem.features.roles:
+        return search, habits
+    chain = habits.chain
+    times = (usual_chain(chain).battery_time_constant, *SLOW_BATTERY)
+    chains = [replace(chain, battery_time_constant=each) for each in times]
+    near = _nearer(search, [replace(habits, chain=each) for each in chains if each != chain], under)
+    if near:
+        likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)))
+        found = ahead(search, near[likeliest], _starts(search), by=by)
+        search, habits = (search, habits) if found is None else (found, likeliest)
+    return search, habits
+
+
+def with_a_smooth_gyro(
+    search: Search, habits: Habits, under: Under, by: Way = whole
+) -> tuple[Search, Habits]:
+    """The search with a gyro whose chip smooths, or does not, where that explains more; asked where something
+    lags as such a gyro does."""
+    late = _late(search)
+    if not (late or habits.low_pass) or "gyro" not in search.problem.features.roles:
+        return search, habits
+    point = search.fit.point
+    if habits.low_pass:
+        others = [each for each in (LATE_GYRO, SLIP) if each in search.problem.causes]
+        starts = [point, *(_later_by(search, each, LOW_PASS) for each in others if apart(each, point.active))]
+    else:
+        starts = [point, *(_sooner_by(search, each, LOW_PASS) for each in late), _without(point, late)]
+    other = replace(habits, low_pass=not habits.low_pass)
+    problem = under(other)
+    fits = [fit_point(problem, search.whitener, carried(each, search.problem, problem)) for each in starts]
+    best = max(fits, key=lambda each: net_lead(search, each, search.fit))
+    if net_lead(search, best, search.fit) < SMOOTH:
+        return search, habits
+    tell("going on as another gyro would have it")
+    second = by(look_around(problem, probes_for(problem), best.point, search.whitener))
+    return (second, other) if explains_more(second, search) > -SMOOTH else (search, habits)
+
+
+def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
+    """Note beside a lag of the gyro that a chip which smooths may be all of it."""
+    late = [] if habits.low_pass else [each for each in _late(search) if each in (LATE_GYRO, SLIP)]
+    if not late or "gyro" not in search.problem.features.roles:
+        return
+    problem = under(replace(habits, low_pass=True))
+    problem = replace(problem, neutral={**problem.neutral, **search.problem.neutral})
+    for name in late:
+        start = carried(search.fit.point.without_cause(name), search.problem, problem)
+        fit = fit_point(problem, search.whitener, start)
+        rivals = search.rivals.setdefault(name, [])
+        rivals.append(Rival(SMOOTHS, lead(problem, search.fit, fit)))
+        rivals.sort(key=lambda each: each.lead)
+
+
+def _late(search: Search) -> list[str]:
+    """What was named that a gyro sees late."""
+    return [name for name in search.fit.point.active if name.startswith((LATE_GYRO, SLIP))]
+
+
+def lags_instead(search: Search, name: str, others: Sequence[str]) -> list[Point]:
+    """Where a search ended, each time with another of these lags instead of a named one."""
+    point = search.fit.point
+    if name not in point.active:
+        return []
+    less = point.without_cause(name)
+    asked = [each for each in others if each in search.problem.causes and apart(each, less.active)]
+    return [less.with_cause(each, lag_as(search, name, each)) for each in asked]
+
+
+def _sooner_by(search: Search, name: str, seconds: float) -> Point:
+    """Where a search ended, with a lag less by that much, or without it where that is all of it."""
+    point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
+    left = point.active[name] - seconds / coordinate.value(1.0)
+    return point.with_cause(name, left) if left[0] > 0.0 else point.without_cause(name)
+
+
+def _later_by(search: Search, name: str, seconds: float) -> Point:
+    """Where a search ended, with a lag beside it."""
+    (coordinate,) = search.problem.causes[name].coordinates
+    return search.fit.point.with_cause(name, np.array([seconds / coordinate.value(1.0)]))
+
+
+def _without(point: Point, names: Collection[str]) -> Point:
+    return replace(point, active={name: u for name, u in point.active.items() if name not in names})
+
+
+def _nearer(search: Search, others: Sequence[Habits], under: Under) -> dict[Habits, Problem]:
+    """The other habits, with their problems, by which robot.toml's robot, or what was found, is nearer to the
+    readings; the nearest first. Known causes are far worse with them than with theirs, and where nothing was
+    named nobody asks."""
+    if not (search.fit.point.active or search.unknown):
+        return {}
+    present = _misfits(search, search.problem)
+    problems = {each: under(each) for each in others}
+    misfits = {each: _misfits(search, its) for each, its in problems.items()}
+    near = [each for each in others if (misfits[each] < present).any()]
+    return {each: problems[each] for each in sorted(near, key=lambda each: misfits[each].min())}
+
+
+def _starts(search: Search) -> list[Point]:
+    """What was found, without what another logger is most likely to have been taken for, and robot.toml."""
+    point = search.fit.point
+    less = [point.without_cause(each) for each in (LATE, SAG) if each in point.active]
+    return [point, *less, search.problem.nominal()]
+
+
+def _misfits(search: Search, problem: Problem) -> Array:
+    """Of each start, (starts,)."""
+    starts = [carried(each, search.problem, problem) for each in _starts(search)]
+    white = search.whitener(problem.features.measured - problem.predict(starts))
+    return np.asarray(np.abs(white).sum(axis=-1), float)
+
+
+def _battery_off(problem: Problem, starts: Sequence[Point]) -> float:
+    """By how much the battery's reading is off at best, its resistance and voltage as suit it."""
+    index, sizes = problem.features.roles.index("battery"), []
+    measured = problem.features.measured[:, index]
+    for each in problem.predict(starts)[..., index]:
+        columns = np.stack([np.ones_like(each), each], axis=1)
+        factors, *_ = np.linalg.lstsq(columns, measured, rcond=None)
+        sizes.append(float(np.abs(measured - columns @ factors).mean()))
+    return min(sizes)
