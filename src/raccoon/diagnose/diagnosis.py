@@ -36,6 +36,7 @@ from raccoon.diagnose.searching import searched
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of
+from raccoon.diagnose.silence import asked_for
 from raccoon.diagnose.spread import Spread
 from raccoon.diagnose.unknown import PREFIX
 from raccoon.diagnose.watch import tell
@@ -88,7 +89,7 @@ def diagnose(
     ):  # the matrices are small: threads that wait for each other cost more than they do
         if not moves(log):
             return _nothing_to_see(log, begin)
-        tried = tuple(drive_causes() if causes is None else causes)
+        tried = asked_for(drive_causes() if causes is None else causes, log)
 
         def judged(part: Log, other: Log | None) -> Diagnosis:
             return _searched(part, other, robot, tried, model, begin)

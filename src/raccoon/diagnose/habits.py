@@ -29,6 +29,7 @@ from raccoon.diagnose.noise import white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.quality import brakes
 from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.diagnose.silence import told
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 
@@ -60,6 +61,7 @@ def drive_problem(
 ) -> Problem:
     """The problem of a drive under a controller's habits."""
     own = [each.own for each in causes if each.own is not None]
+    by_name = {each.name: each for each in causes}
     settings = starting_settings(robot, model)
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
@@ -69,7 +71,8 @@ def drive_problem(
         robot,
         settings,
         base_coordinates(robot, wheels=habits.wheels, low_pass=habits.low_pass),
-        {each.name: each for each in causes},
+        by_name,
+        told(by_name, log),
     )
 
 

@@ -106,7 +106,11 @@ class Whitening(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """Everything a fit needs: what was measured, how to simulate it, what may differ."""
+    """Everything a fit needs: what was measured, how to simulate it, what may differ.
+
+    told: causes that the readings show apart from any simulation, with the log evidence of that and the least
+    first coordinate with which they are it.
+    """
 
     features: Features
     rollout: Rollout
@@ -114,9 +118,15 @@ class Problem:
     neutral: Settings
     base: tuple[Coordinate, ...]
     causes: Mapping[str, Cause]
+    told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     _latest: OrderedDict[Key, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )
+
+    def told_of(self, point: Point) -> float:
+        """Log evidence that the readings have of a point's causes apart from any simulation."""
+        present = ((*self.told[name], u[0]) for name, u in point.active.items() if name in self.told)
+        return sum(evidence for evidence, least, u in present if u >= least)
 
     def settings(self, point: Point) -> Settings:
         """The simulator's settings at a point."""

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from blind.generator import Noise, make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.rollout import IMPOSSIBLE, flickering, heard
+from raccoon.diagnose.silence import asked_for, gap
 
 ROBOT = RobotConfig()
 
@@ -78,3 +83,43 @@ def _with_a_dead_zone(seed: int, size: float, noise: float) -> tuple[list[str], 
     zones = [each.parameters["counts"] for each in said.causes if each.name == hidden.name]
     off = (zones[0].value - hidden.values["counts"]) / zones[0].std if zones else np.nan
     return [each.name for each in said.causes], off
+
+
+ZONES = {"bemf.dead_zone", "bemf.dead_zone@left", "bemf.dead_zone@right"}
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "asked"),
+    [
+        (0.0, 0.0, ZONES),
+        (5.0, 5.0, {"bemf.dead_zone"}),
+        (5.0, 0.0, {"bemf.dead_zone@left"}),
+        (0.0, 12.0, {"bemf.dead_zone@right"}),
+        (30.0, 8.0, {"bemf.dead_zone@left", "bemf.dead_zone@right"}),
+    ],
+)
+@pytest.mark.parametrize("drive", ["exciting", "contest"])
+def test_the_readings_say_which_wheels_have_a_dead_zone(
+    left: float, right: float, asked: set[str], drive: str
+) -> None:
+    columns = dict(make(7, drive=drive, seconds=30.0).columns)
+    for name, zone in (("motor.0.bemf", left), ("motor.1.bemf", right)):
+        columns[name] = np.where(np.abs(columns[name]) > zone, columns[name], 0.0)
+    every = drive_causes()
+    kept = {each.name for each in asked_for(every, log_from_columns(columns, ROBOT))}
+    assert kept == {each.name for each in every} - ZONES | asked
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(2, 60))
+def test_a_gap_is_as_wide_as_the_readings_that_are_missing(seed: int, zone: int) -> None:
+    """Of readings that are as frequent below as above, a tenth of whose width is as many as chance needs."""
+    sizes = np.random.default_rng(seed).exponential(80.0, 20000).astype(int)
+    assert gap(np.bincount(sizes, minlength=400).astype(float)) == 0
+    heard_ones = np.where(sizes >= zone, sizes, 0)
+    assert zone <= gap(np.bincount(heard_ones, minlength=400).astype(float)) <= 1.15 * zone + 1.0
+
+
+def test_a_robot_that_hardly_drives_slowly_says_nothing_of_dead_zones() -> None:
+    """At 200 counts nearly all the time, and through what is below in some samples."""
+    sizes = np.concatenate([np.full(4000, 200), np.arange(0, 200, 9), np.arange(4, 200, 9)])
+    assert gap(np.bincount(sizes, minlength=400).astype(float)) == 0

@@ -193,7 +193,8 @@ def lead(problem: Problem, fit: Fit, other: Fit) -> float:
     A wheel that breaks loose a moment too late is a large error of one moment, and any parameter that shifts
     that moment would seem to explain much. What a cause really does, it does again and again.
     """
-    return fit.evidence - other.evidence - _excess(problem, fit.white, other.white)
+    told = problem.told_of(fit.point) - problem.told_of(other.point)
+    return told + fit.evidence - other.evidence - _excess(problem, fit.white, other.white)
 
 
 def _excess(problem: Problem, white: Array, other: Array) -> float:
