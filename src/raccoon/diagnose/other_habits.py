@@ -6,8 +6,8 @@ does. So what was found is fitted under others too, and searched for again where
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ from raccoon.diagnose.unknown import probes_for
 from raccoon.diagnose.watch import tell
 
 Array = NDArray[np.float64]
-Under = Callable[[Habits], Problem]
-"""The problem of a drive under some habits."""
+Asked = tuple[frozenset[str], frozenset[str], Habits, Habits]
 Way = Callable[[Search], Search]
 """How far to go on with a search: all the way, or the beginning."""
 
@@ -43,6 +42,33 @@ SMOOTH = 3.0
 """The same for a gyro that smooths. Wheels that slip by its time are the same to it, and lack their gate."""
 
 
+@dataclass(frozen=True, slots=True)
+class Under:
+    """The problem of a drive under some habits.
+
+    vain: what was named and unknown under which habits, when no fit under which others was ahead; they are
+    not asked for again with the same.
+    """
+
+    problem_of: Callable[[Habits], Problem]
+    vain: set[Asked] = field(default_factory=set)
+
+    def __call__(self, habits: Habits) -> Problem:
+        return self.problem_of(habits)
+
+    def new(self, search: Search, habits: Habits, others: Iterable[Habits]) -> list[Habits]:
+        """Those of other habits that were not asked for in vain with what is named."""
+        return [each for each in others if _asked(search, habits, each) not in self.vain]
+
+    def were_vain(self, search: Search, habits: Habits, others: Iterable[Habits]) -> None:
+        """Note that no fit under these others is ahead."""
+        self.vain.update(_asked(search, habits, each) for each in others)
+
+
+def _asked(search: Search, habits: Habits, other: Habits) -> Asked:
+    return frozenset(search.fit.point.active), frozenset(search.unknown), habits, other
+
+
 def started(problem: Problem) -> Search:
     """A search of what robot.toml leaves open alone."""
     return start_search(problem, probes_for(problem))
@@ -53,19 +79,16 @@ def whole(start: Search) -> Search:
     return finished(grown(start))
 
 
-def ahead(
-    search: Search,
-    problem: Problem,
-    starts: Sequence[Point],
-    far: float = DOUBT,
-    wanted: float = DOUBT,
-    by: Way = whole,
-) -> Search | None:
-    """The search of another problem, where one of these starts is ahead by `far` once it is fitted there, and
-    then what was found by `wanted`. by: how far to search."""
+def leads(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
+    """Log evidence, gates counted, by which the best of these starts is ahead once it is fitted in another
+    problem."""
     whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
-    if max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there) < far:
-        return None
+    return max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there)
+
+
+def again(search: Search, problem: Problem, wanted: float = DOUBT, by: Way = whole) -> Search | None:
+    """The search of another problem, where what was found there is ahead by `wanted`. by: how far to
+    search."""
     tell("searching again as another controller or gear would have it")
     second = by(started(problem))
     return second if explains_more(second, search) > wanted else None
@@ -85,8 +108,14 @@ def first_ahead(
     by: Way = whole,
 ) -> tuple[Search, Habits]:
     """The search under the nearest of other habits that explains more, or as it is."""
-    for other, problem in _nearer(search, others, under).items():
-        found = ahead(search, problem, _starts(search), by=by)
+    asked = under.new(search, habits, others)
+    near = _nearer(search, asked, under)
+    under.were_vain(search, habits, (each for each in asked if each not in near))
+    for other, problem in near.items():
+        if leads(search, problem, _starts(search)) < DOUBT:
+            under.were_vain(search, habits, [other])
+            continue
+        found = again(search, problem, by=by)
         if found is not None:
             return found, other
     return search, habits
@@ -115,12 +144,16 @@ def with_a_slow_battery(
     chain = habits.chain
     times = (usual_chain(chain).battery_time_constant, *SLOW_BATTERY)
     chains = [replace(chain, battery_time_constant=each) for each in times]
-    near = _nearer(search, [replace(habits, chain=each) for each in chains if each != chain], under)
-    if near:
-        likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)))
-        found = ahead(search, near[likeliest], _starts(search), by=by)
-        search, habits = (search, habits) if found is None else (found, likeliest)
-    return search, habits
+    others = [replace(habits, chain=each) for each in chains if each != chain]
+    if len(under.new(search, habits, others)) < len(others):
+        return search, habits
+    near = _nearer(search, others, under)
+    likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)), default=None)
+    if likeliest is None or leads(search, near[likeliest], _starts(search)) < DOUBT:
+        under.were_vain(search, habits, others)
+        return search, habits
+    found = again(search, near[likeliest], by=by)
+    return (search, habits) if found is None else (found, likeliest)
 
 
 def with_a_smooth_gyro(
@@ -138,10 +171,13 @@ def with_a_smooth_gyro(
     else:
         starts = [point, *(_sooner_by(search, each, LOW_PASS) for each in late), _without(point, late)]
     other = replace(habits, low_pass=not habits.low_pass)
+    if not under.new(search, habits, [other]):
+        return search, habits
     problem = under(other)
     fits = [fit_point(problem, search.whitener, carried(each, search.problem, problem)) for each in starts]
     best = max(fits, key=lambda each: net_lead(search, each, search.fit))
     if net_lead(search, best, search.fit) < SMOOTH:
+        under.were_vain(search, habits, [other])
         return search, habits
     tell("going on as another gyro would have it")
     second = by(look_around(problem, probes_for(problem), best.point, search.whitener))

@@ -28,21 +28,22 @@ from raccoon.diagnose.other_habits import (
     LATE_GYRO,
     SLIP,
     Under,
-    ahead,
+    Way,
+    again,
     as_wheels_give,
     first_ahead,
     lags_instead,
+    leads,
     or_a_smooth_gyro,
     started,
     whole,
     with_a_slow_battery,
     with_a_smooth_gyro,
 )
-from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import lag_as
-from raccoon.diagnose.select.search import finished, grown
+from raccoon.diagnose.select.search import begun
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.watch import tell
 from raccoon.sim.chain import Chain
@@ -64,24 +65,18 @@ def searched(
     tell("finding out what the controller does with its samples")
     restored, habits = controller_of(log, robot, causes, model)
 
-    def under(each: Habits) -> Problem:
-        return drive_problem(restored, robot, causes, each, model)
-
-    begin, habits = _sooner(grown(started(under(habits))), habits, under)
-    search = finished(begin)
+    under = Under(lambda each: drive_problem(restored, robot, causes, each, model))
+    search, habits = _sooner(begun(started(under(habits))), habits, under)
+    search = whole(search)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
         restored = better
+        under.vain.clear()
         search = whole(started(under(habits)))
-    for chain in other_chains(habits.chain):
-        other = replace(habits, chain=chain)
-        found = _under_another_filter(search, under(other), other)
-        search, habits = (search, habits) if found is None else (found, other)
+    search, habits = _under_another_filter(search, habits, under)
     search, habits = as_wheels_give(search, habits, under)
     if not restored.duty.all():
-        other = replace(habits, brake=not habits.brake)
-        found = ahead(search, under(other), [search.fit.point])
-        search, habits = (search, habits) if found is None else (found, other)
+        search, habits = _braking(search, habits, under)
     search, habits = _as_logged(search, habits, under)
     search, habits = _with_the_slip_that_fits(search, habits, under)
     or_a_smooth_gyro(search, habits, under)
@@ -89,25 +84,47 @@ def searched(
 
 
 def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
-    """A search that has only begun, begun again under what a whole one would find out about wheels and
-    battery: under wrong habits most of its time goes to sets of causes that are not there."""
-    search, habits = as_wheels_give(search, habits, under, grown)
-    search, habits = with_a_smooth_gyro(search, habits, under, grown)
-    return with_a_slow_battery(search, habits, under, grown)
+    """A search that has only begun, begun again under what a whole one would find out about wheels, filters
+    and gyro: under wrong habits most of its time goes to sets of causes that are not there."""
+    search, habits = as_wheels_give(search, habits, under, begun)
+    search, habits = _under_another_filter(search, habits, under, begun)
+    search, habits = as_wheels_give(search, habits, under, begun)
+    search, habits = with_a_smooth_gyro(search, habits, under, begun)
+    return with_a_slow_battery(search, habits, under, begun)
 
 
-def _under_another_filter(search: Search, problem: Problem, habits: Habits) -> Search | None:
+def _braking(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+    """The search with motors that do at duty 0 what they were not taken to do, where that explains more."""
+    other = replace(habits, brake=not habits.brake)
+    problem = under(other)
+    if leads(search, problem, [search.fit.point]) < DOUBT:
+        return search, habits
+    found = again(search, problem)
+    return (search, habits) if found is None else (found, other)
+
+
+def _under_another_filter(
+    search: Search, habits: Habits, under: Under, by: Way = whole
+) -> tuple[Search, Habits]:
     """The search under another filter, where that explains more.
 
     The firmware's may be the right one where a latency or a lag stands in for it, and need not be ahead
     before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
     as much less, and a latency of a sample the gyro alone under a median.
     """
-    firmware = usual_chain(habits.chain) == Chain.firmware()
-    imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
-    far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
-    late, gyro = lags_instead(search, LATE_GYRO, (LATE,)), lags_instead(search, LATE, (LATE_GYRO, SLIP))
-    return ahead(search, problem, [search.fit.point, *late, *gyro], far, wanted)
+    for other in under.new(
+        search, habits, (replace(habits, chain=each) for each in other_chains(habits.chain))
+    ):
+        firmware = usual_chain(other.chain) == Chain.firmware()
+        imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
+        late, gyro = lags_instead(search, LATE_GYRO, (LATE,)), lags_instead(search, LATE, (LATE_GYRO, SLIP))
+        problem = under(other)
+        if leads(search, problem, [search.fit.point, *late, *gyro]) < (-FAR_BEHIND if imitated else DOUBT):
+            under.were_vain(search, habits, [other])
+            continue
+        found = again(search, problem, -DOUBT if firmware else DOUBT, by)
+        search, habits = (search, habits) if found is None else (found, other)
+    return search, habits
 
 
 def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
@@ -144,7 +161,9 @@ def _with_the_slip_that_fits(search: Search, habits: Habits, under: Under) -> tu
             continue
         problem = under(other)
         problem = replace(problem, neutral=problem.neutral | at_once)
-        second = ahead(search, problem, [less.with_cause(SLIP, size)])
+        if leads(search, problem, [less.with_cause(SLIP, size)]) < DOUBT:
+            continue
+        second = again(search, problem)
         if second is not None and SLIP in second.fit.point.active:
             search, habits = second, other
     return search, habits

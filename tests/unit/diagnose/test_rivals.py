@@ -22,6 +22,7 @@ from raccoon.diagnose.naming import (
     probability,
     product_told,
 )
+from raccoon.diagnose.other_habits import Under
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout import Habits
@@ -204,11 +205,16 @@ def test_one_wheels_slip_is_not_counted_again_as_both_wheels(
     """The form of slip is asked for where it would stand beside no other slip."""
     late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
     asked: list[list[Point]] = []
-    monkeypatch.setattr("raccoon.diagnose.searching.ahead", lambda *it: asked.append(it[2]))
+
+    def never(search: Search, problem: Problem, starts: list[Point]) -> float:
+        asked.append(starts)
+        return 0.0
+
+    monkeypatch.setattr("raccoon.diagnose.searching.leads", never)
     both = late.with_cause("drive.wheel_slip@left", np.array([0.4]))
     for point, count in ((late, 2), (both, 2)):
         search, habits = searched(problem, point, point), Habits(Chain.firmware(), False)
-        assert _with_the_slip_that_fits(search, habits, lambda _: problem) == (search, habits)
+        assert _with_the_slip_that_fits(search, habits, Under(lambda _: problem)) == (search, habits)
         assert len(asked) == count
     for (start,) in asked:  # all of the lag, and that less what a gyro's chip may be
         assert list(start.active) == ["drive.wheel_slip"]

@@ -21,7 +21,7 @@ from raccoon.diagnose.select.outlook import (
     look_around,
     start_search,
 )
-from raccoon.diagnose.select.refits import doubtful, ranking, refit_candidates, refits_afresh
+from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.select.replacements import merged, rearranged, simplified
 from raccoon.diagnose.select.rivals import compared
 from raccoon.diagnose.watch import tell
@@ -187,12 +187,12 @@ def pruned(search: Search, harmful: str) -> Search:
     return following
 
 
-def grown(search: Search) -> Search:
-    """The first, quicker part of a search: causes added one by one, those that lose their place dropped."""
+def grown(search: Search, most: int = MOST_CAUSES) -> Search:
+    """The first part of a search: causes added one by one, those that lose their place dropped."""
     dropped: set[str] = set()
     for _ in range(2 * MOST_CAUSES):
         tell(f"looking for causes; so far {_listed(search)}")
-        if len(search.fit.point.active) >= MOST_CAUSES:
+        if len(search.fit.point.active) >= most:
             break
         search, added = forward(search)
         search = merged(search)
@@ -206,6 +206,11 @@ def grown(search: Search) -> Search:
                     break
                 dropped |= gone
     return search
+
+
+def begun(search: Search) -> Search:
+    """The beginning of that, as long as it is quick: beside several causes each further one takes as long."""
+    return grown(search, SEVERAL)
 
 
 def known_after_all(search: Search) -> tuple[Search, bool]:
