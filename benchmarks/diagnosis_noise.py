@@ -22,7 +22,7 @@ from diagnosis_trial import true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.gain import held_out
-from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate

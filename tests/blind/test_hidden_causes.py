@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.result import Diagnosis, Verdict

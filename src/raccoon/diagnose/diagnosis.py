@@ -13,12 +13,13 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.gain import HeldOut, held_out
-from raccoon.diagnose.habits import drive_problem, with_lost_changes
+from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
+from raccoon.diagnose.habits.others import LATE_GYRO, SLOW_BATTERY, SMOOTHS
+from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
-from raccoon.diagnose.other_habits import LATE_GYRO, SLOW_BATTERY, SMOOTHS
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import (
@@ -32,7 +33,6 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.searching import searched
 from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of

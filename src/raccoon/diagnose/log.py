@@ -25,7 +25,7 @@ OWN_RATE = 1.25
 """Of the controller's cycle: how long rows may be that are one cycle each."""
 GAP = 0.1
 """S between rows from which nobody knows what was commanded; what shorter losses hide is found out
-(`lost.py`)."""
+(`habits/lost.py`)."""
 SETTLED = 0.3
 """S of driving in which a robot forgets the speeds that it had."""
 STOPPED = 1.0

@@ -12,7 +12,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import BIN
 from raccoon.diagnose.gain import HeldOut, contributions, size_of
-from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point

@@ -16,14 +16,14 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import PAST, diagnose
 from raccoon.diagnose.experiment import planned_log
-from raccoon.diagnose.habits import drive_problem, problem_of
+from raccoon.diagnose.habits.controller import drive_problem, problem_of
+from raccoon.diagnose.habits.others import carried
+from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Wheels
 from raccoon.diagnose.log import log_from_columns
-from raccoon.diagnose.other_habits import carried
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout import Habits, _cycle
-from raccoon.diagnose.searching import searched
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
@@ -111,7 +111,7 @@ def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
 
 def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
     """Make what is found out before any cause is known these habits."""
-    monkeypatch.setattr("raccoon.diagnose.searching.controller_of", lambda log, *_: (log, habits))
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.controller_of", lambda log, *_: (log, habits))
 
 
 def test_the_filter_is_asked_again_once_a_cause_is_known(monkeypatch: pytest.MonkeyPatch) -> None:

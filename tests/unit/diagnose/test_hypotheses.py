@@ -7,7 +7,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.habits import starting_settings
+from raccoon.diagnose.habits.controller import starting_settings
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR, neutral_settings
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Variant, parameters_of

@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.habits import drive_problem
+from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.linear import FLOOR_SECONDS, GRID_PART, courses, linearise, slow_friction
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.habits import drive_problem
+from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits.lost import changed_at, lost_changes, restored
 from raccoon.diagnose.log import Log, log_from_columns
-from raccoon.diagnose.lost import changed_at, lost_changes, restored
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.sim.chain import Chain

@@ -22,7 +22,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.candidates import drive_causes, own_cause
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.habits import drive_problem
+from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.own import OwnEffect, Simulated, load_own
 from raccoon.diagnose.recordings.kinds import diagnose_recording

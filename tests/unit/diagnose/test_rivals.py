@@ -10,6 +10,8 @@ import pytest
 
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.habits.others import Under
+from raccoon.diagnose.habits.searching import _with_the_slip_that_fits
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.linear import coulomb_response, linearise
 from raccoon.diagnose.naming import (
@@ -22,11 +24,9 @@ from raccoon.diagnose.naming import (
     probability,
     product_told,
 )
-from raccoon.diagnose.other_habits import Under
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.searching import _with_the_slip_that_fits
 from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, compared
 from raccoon.diagnose.spread import LEARNT, Spread
@@ -210,7 +210,7 @@ def test_one_wheels_slip_is_not_counted_again_as_both_wheels(
         asked.append(starts)
         return 0.0
 
-    monkeypatch.setattr("raccoon.diagnose.searching.leads", never)
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.leads", never)
     both = late.with_cause("drive.wheel_slip@left", np.array([0.4]))
     for point, count in ((late, 2), (both, 2)):
         search, habits = searched(problem, point, point), Habits(Chain.firmware(), False)

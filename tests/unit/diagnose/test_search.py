@@ -15,7 +15,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_point
 from raccoon.diagnose.forms import form_error, form_weight
-from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR
 from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns

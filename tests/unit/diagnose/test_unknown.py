@@ -14,7 +14,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import BIN
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.habits import problem_of
+from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.linear import linearise
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Problem

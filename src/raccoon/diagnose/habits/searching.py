@@ -13,16 +13,14 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.habits import (
+from raccoon.diagnose.habits.controller import (
     controller_of,
     drive_problem,
     other_chains,
     usual_chain,
     with_lost_changes,
 )
-from raccoon.diagnose.hypotheses import FORMS, LOW_PASS, Cause
-from raccoon.diagnose.log import Log
-from raccoon.diagnose.other_habits import (
+from raccoon.diagnose.habits.others import (
     DOUBT,
     LATE,
     LATE_GYRO,
@@ -40,6 +38,8 @@ from raccoon.diagnose.other_habits import (
     with_a_slow_battery,
     with_a_smooth_gyro,
 )
+from raccoon.diagnose.hypotheses import FORMS, LOW_PASS, Cause
+from raccoon.diagnose.log import Log
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import lag_as

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.habits import usual_chain
+from raccoon.diagnose.habits.controller import usual_chain
 from raccoon.diagnose.hypotheses import LOW_PASS, Wheels
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits

@@ -14,6 +14,7 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses import (
     Cause,
     Settings,
@@ -24,7 +25,6 @@ from raccoon.diagnose.hypotheses import (
     neutral_settings,
 )
 from raccoon.diagnose.log import WHEELS, Log
-from raccoon.diagnose.lost import restored
 from raccoon.diagnose.noise import white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.quality import brakes
