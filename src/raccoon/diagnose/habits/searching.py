@@ -43,7 +43,7 @@ from raccoon.diagnose.log import Log
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import lag_as
-from raccoon.diagnose.select.search import begun
+from raccoon.diagnose.select.search import begun, gone_on
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.watch import tell
 from raccoon.sim.chain import Chain
@@ -67,7 +67,7 @@ def searched(
 
     under = Under(lambda each: drive_problem(restored, robot, causes, each, model))
     search, habits = _sooner(begun(started(under(habits))), habits, under)
-    search = whole(search)
+    search = gone_on(search)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
         restored = better

@@ -213,6 +213,11 @@ def begun(search: Search) -> Search:
     return grown(search, SEVERAL)
 
 
+def gone_on(search: Search) -> Search:
+    """The whole search from its beginning on, which has ended by itself where it has fewer causes."""
+    return finished(grown(search) if len(search.fit.point.active) >= SEVERAL else search)
+
+
 def known_after_all(search: Search) -> tuple[Search, bool]:
     """The search without what was called unknown, where it is not the next step beside the causes that were
     found since."""
