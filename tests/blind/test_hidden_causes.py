@@ -173,6 +173,8 @@ def test_a_robot_whose_gyro_smooths_has_nothing_wrong_for_that(cause: str | None
     hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
     said = diagnose(make(8, [CHIP, *hidden], seconds=16.0).columns, RobotConfig())
     assert [each.name for each in said.causes] == [each.name for each in hidden]
+    slip = next(each.reason for each in said.rejected if each.id == "drive.wheel_slip")
+    assert "imu.low_pass" in slip
 
 
 def test_in_a_short_drive_a_place_is_a_moment() -> None:

@@ -14,7 +14,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
-from raccoon.diagnose.habits.others import LATE_GYRO, SLOW_BATTERY, SMOOTHS
+from raccoon.diagnose.habits.others import LATE_GYRO, SLOW_BATTERY
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
@@ -34,6 +34,7 @@ from raccoon.diagnose.result import (
 )
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search, estimated
+from raccoon.diagnose.select.refits import SMOOTHS
 from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.silence import asked_for

@@ -15,7 +15,7 @@ from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.select.refits import SCALE, delay_alike
+from raccoon.diagnose.select.refits import LAGS, SCALE, SMOOTHS, delay_alike
 from raccoon.diagnose.select.rivals import CLOSE
 from raccoon.diagnose.select.search import NOTHING
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
@@ -195,8 +195,9 @@ def rejections(search: Search, log: Log) -> tuple[Rejected, ...]:
 
 
 def _stands_for(search: Search) -> dict[str, str]:
-    """Effects that are no cause, by the one that was named where they may be it."""
-    found: dict[str, str] = {}
+    """Effects that are no cause, by the one that was named where they may be it, or by the gyro's filter."""
+    smooths = any(key[0] == SMOOTHS for each in search.problem.base for key in each.settings)
+    found = {id_: SMOOTHS for id_ in LAGS[0] if smooths and id_ != SMOOTHS}
     for name in search.fit.point.active:
         for rival in confounded(search, search.problem.causes[name]):
             found.setdefault(rival.partition("@")[0], name)

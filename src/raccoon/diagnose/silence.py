@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ SILENT = 0.1
 """Part of the readings that are to be expected below a gap, up to which it is one."""
 HEARS = 0.5
 """The same from which a wheel has small readings like any other."""
+LIFTED = 0.05
+"""Part of them that noise lifts out of a zone."""
 FEWEST = 20.0
 """Readings that are to be expected there, below which a histogram says nothing."""
 ALIKE = 0.2
@@ -33,38 +36,70 @@ MOST = 40.0
 """Log evidence that a gap has at most: it is sure then, and need not help elsewhere."""
 
 
+@dataclass(frozen=True, slots=True)
+class Gaps:
+    """What the readings of both wheels say. histograms: how often each size comes; widths: of the gaps, 0
+    where there is none or nothing can be said."""
+
+    histograms: Mapping[str, Array]
+    widths: Mapping[str, int]
+
+    @classmethod
+    def of(cls, log: Log) -> Gaps:
+        """Those of a log."""
+        histograms = {side: _histogram(log, side) for side in SIDES}
+        return cls(histograms, {side: gap(each) for side, each in histograms.items()})
+
+    def places(self) -> tuple[str | None, ...]:
+        """Where a dead zone may be: on both wheels (None), or on one."""
+        wide = [side for side in SIDES if self.widths[side]]
+        if len(wide) == len(SIDES):
+            narrow, other = sorted(self.widths.values())
+            return (None,) if other - narrow <= 1.0 + ALIKE * narrow else SIDES
+        if not wide:
+            return (None, *SIDES)
+        other_hears = _heard_below(self.histograms[_other(wide[0])], self.widths[wide[0]]) > HEARS
+        return (wide[0],) if other_hears else (None, wide[0])
+
+    def evidence(self, place: str | None) -> float:
+        """Log evidence of a dead zone at one of the places, by what is missing there; the best has `MOST` at
+        most, and the others as much less as they have."""
+        best = max(self._missing(each) for each in self.places())
+        return self._missing(place) - max(best - MOST, 0.0)
+
+    def _missing(self, place: str | None) -> float:
+        widest = max(self.widths.values())
+        sides = {side: self.widths[side] or widest for side in (SIDES if place is None else (place,))}
+        return sum(_missing(self.histograms[side], each) for side, each in sides.items())
+
+    def least(self, place: str | None) -> float:
+        """Counts: half of what a zone there must have."""
+        sides = SIDES if place is None else (place,)
+        return 0.5 * min((self.widths[side] for side in sides if self.widths[side]), default=0)
+
+
 def asked_for(causes: Sequence[Cause], log: Log) -> tuple[Cause, ...]:
     """The causes without those dead zones that the readings themselves rule out: of one wheel where both miss
     the same small readings, and of a wheel that has them."""
-    histograms = {side: _histogram(log, side) for side in SIDES}
-    gaps = {side: gap(each) for side, each in histograms.items()}
-    wrong: set[str] = set()
-    if all(gaps.values()):
-        wrong |= {f"{ZONE}@{each}" for each in SIDES} if _alike(gaps) else {ZONE}
-    for side, other in (SIDES, SIDES[::-1]):
-        if gaps[side] and not gaps[other] and _heard_below(histograms[other], gaps[side]) > HEARS:
-            wrong |= {ZONE, f"{ZONE}@{other}"}
-    return tuple(each for each in causes if each.name not in wrong)
+    places = Gaps.of(log).places()
+    return tuple(each for each in causes if each.id != ZONE or each.where in places)
 
 
 def told(causes: Mapping[str, Cause], log: Log) -> dict[str, tuple[float, float]]:
     """The dead zones that the readings show, with the log evidence of that and half of their size in widths:
     as many readings are missing as are to be expected."""
-    histograms = {side: _histogram(log, side) for side in SIDES}
-    gaps = {side: gap(each) for side, each in histograms.items()}
-    places = [(ZONE, min(gaps.values()))] if all(gaps.values()) and _alike(gaps) else []
-    places += [(f"{ZONE}@{side}", width) for side, width in gaps.items() if width]
-    found = {}
-    for name, width in places:
-        if name in causes:
-            sides = [name.partition("@")[2]] if "@" in name else SIDES
-            evidence = sum(_missing(histograms[side], gaps[side]) for side in sides)
-            found[name] = min(evidence, MOST), 0.5 * width / causes[name].coordinates[0].value(1.0)
-    return found
+    gaps = Gaps.of(log)
+    if not any(gaps.widths.values()):
+        return {}
+    found = [each for each in causes.values() if each.id == ZONE and each.where in gaps.places()]
+    widths = {each.name: each.coordinates[0].value(1.0) for each in found}
+    return {
+        each.name: (gaps.evidence(each.where), gaps.least(each.where) / widths[each.name]) for each in found
+    }
 
 
-def _alike(gaps: Mapping[str, int]) -> bool:
-    return abs(gaps["left"] - gaps["right"]) <= 1.0 + ALIKE * min(gaps.values())
+def _other(side: str) -> str:
+    return SIDES[1 - SIDES.index(side)]
 
 
 def gap(histogram: Array) -> int:
@@ -102,6 +137,7 @@ def _heard_below(histogram: Array, width: int) -> float:
 
 
 def _missing(histogram: Array, width: int) -> float:
-    """Log evidence, of counts by Poisson, that there are as few as there are rather than as expected."""
+    """Log evidence, of counts by Poisson, that next to none of the readings below a size are there and not as
+    many as are to be expected."""
     expected, heard = _expected_below(histogram, width), float(histogram[1:width].sum())
-    return expected - heard - (heard * math.log(expected / heard) if heard else 0.0)
+    return (1.0 - LIFTED) * expected + heard * math.log(LIFTED)

@@ -14,7 +14,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.rollout import IMPOSSIBLE, flickering, heard
-from raccoon.diagnose.silence import asked_for, gap
+from raccoon.diagnose.silence import Gaps, asked_for, gap
 
 ROBOT = RobotConfig()
 
@@ -123,3 +123,14 @@ def test_a_robot_that_hardly_drives_slowly_says_nothing_of_dead_zones() -> None:
     """At 200 counts nearly all the time, and through what is below in some samples."""
     sizes = np.concatenate([np.full(4000, 200), np.arange(0, 200, 9), np.arange(4, 200, 9)])
     assert gap(np.bincount(sizes, minlength=400).astype(float)) == 0
+
+
+def test_a_wheel_of_which_little_is_known_has_the_zone_of_the_other() -> None:
+    clear, few = np.zeros(400), np.zeros(400)
+    clear[[0, 3, 4, 5, 6, 7]], few[[0, 3, 4, 5, 6, 7]] = 40.0, 8.0
+    gaps = Gaps({"left": clear, "right": few}, {"left": gap(clear), "right": gap(few)})
+    assert gaps.widths == {"left": 3, "right": 0}
+    assert gaps.places() == (None, "left")
+    assert gaps.evidence("left") < gaps.evidence(None)
+    few[1:3] = 8.0  # now it has what the other one lacks
+    assert gaps.evidence("left") > gaps.evidence(None)

@@ -19,7 +19,7 @@ from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around, start_search
-from raccoon.diagnose.select.refits import lag_as
+from raccoon.diagnose.select.refits import SMOOTHS, lag_as
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import finished, grown
 from raccoon.diagnose.select.sets import apart
@@ -32,7 +32,6 @@ Way = Callable[[Search], Search]
 """How far to go on with a search: all the way, or the beginning."""
 
 LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
-SMOOTHS = "imu.low_pass"
 SAG = "battery.internal_resistance"
 SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
 """s, of filters of the battery's reading that are tried."""

@@ -23,7 +23,9 @@ SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb", "fric
 TURN = ("imu.gyro_scale", "motor.back_emf_constant")
 """Turn rate over back-EMF = gyro scale r / (b K_E); the other twins are the gyro's."""
 FAMILIES = (SCALE, TURN)
-LAGS = (("imu.latency", "drive.wheel_slip", "imu.low_pass"), ("actuation.latency", "bemf.filter_lag"))
+SMOOTHS = "imu.low_pass"
+"""A gyro whose chip smooths: a habit of the controller, and no cause."""
+LAGS = (("imu.latency", "drive.wheel_slip", SMOOTHS), ("actuation.latency", "bemf.filter_lag"))
 """Causes that delay the same readings; the parameter of each is a time."""
 RELATIVES_STARTS = (-0.6, 0.6)
 STRAINED = 1.5
