@@ -50,8 +50,8 @@ READING = "bemf."
 
 
 def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[CauseResult, ...]:
-    """The causes of the final set: what matters first, and of that what changes most that robot.toml's
-    deviations cannot absorb."""
+    """The causes of the final set: what matters first, a lag that may be the gyro's own after what is no
+    such lag, and of that what changes most that robot.toml's deviations cannot absorb."""
     found = []
     for name, size in contributions(search).items():
         cause = search.problem.causes[name]
@@ -66,7 +66,7 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
                 told, size.change, size.unabsorbed,
             )
         )  # fmt: skip
-    found.sort(key=lambda each: (each.little, -each.unabsorbed))
+    found.sort(key=lambda each: (each.little, SMOOTHS in each.confounded_with, -each.unabsorbed))
     return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
 
 

@@ -250,6 +250,10 @@ def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Pro
     assert held_out_lead(problem, Foretold(worse, 2.0), Foretold(worse, 0.5)) == pytest.approx(-1.5)
 
 
+def _with_causes(*names: str) -> SimpleNamespace:
+    return SimpleNamespace(point=SimpleNamespace(active=dict.fromkeys(names)))
+
+
 @pytest.mark.parametrize(("lead", "kept"), [(-17.0, False), (-3.0, True), (4.0, True)])
 def test_what_another_outdoes_that_is_no_cause_itself_is_none_either(
     lead: float, kept: bool, monkeypatch: pytest.MonkeyPatch
@@ -265,13 +269,33 @@ def test_what_another_outdoes_that_is_no_cause_itself_is_none_either(
 
     def without(search: SimpleNamespace, name: str, fit: object) -> SimpleNamespace:
         rest = {key: value for key, value in search.rivals.items() if key != name}
-        return SimpleNamespace(rivals=rest, failed=search.failed)
+        return SimpleNamespace(rivals=rest, failed=search.failed, fit=_with_causes(*rest))
 
     for name in ("settled_fit", "_dropped", "compared"):
         monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
     monkeypatch.setattr(f"{module}.accepted_without", without)
     monkeypatch.setattr(f"{module}._stable", lambda search: search)
+    monkeypatch.setattr(f"{module}.grown", lambda search: search)
     found = _credible(start)
     assert ("drive.wheel_radius@left" in found.rivals) is kept
     assert "friction.stiction" in found.rivals
     assert len(found.failed) == (not kept)
+
+
+@pytest.mark.parametrize("again", ["bemf.scale@left", "friction.viscous@left"])
+def test_what_outdoes_a_cause_takes_its_place_where_it_may_be_named(
+    again: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not the cause itself, which was outdone. A friction of one wheel was lost for a scale 5 behind it."""
+    module = "raccoon.diagnose.select.search"
+    rivals = {"bemf.scale@left": [Rival("friction.viscous@left", -6.0)]}
+    start: Any = SimpleNamespace(rivals=rivals, failed={}, fit=_with_causes("bemf.scale@left"))
+    less = SimpleNamespace(rivals={}, failed={}, fit=_with_causes())
+    filled = SimpleNamespace(rivals={}, failed={}, fit=_with_causes(again))
+    for name in ("settled_fit", "_dropped", "compared"):
+        monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
+    monkeypatch.setattr(f"{module}.accepted_without", lambda *_: less)
+    monkeypatch.setattr(f"{module}.grown", lambda _: filled)
+    monkeypatch.setattr(f"{module}._stable", lambda search: search)
+    found: Any = _credible(start)
+    assert found is (less if again == "bemf.scale@left" else filled)

@@ -155,31 +155,27 @@ def with_a_slow_battery(
     return (search, habits) if found is None else (found, likeliest)
 
 
-def with_a_smooth_gyro(
-    search: Search, habits: Habits, under: Under, by: Way = whole
-) -> tuple[Search, Habits]:
-    """The search with a gyro whose chip smooths, or does not, where that explains more; asked where something
-    lags as such a gyro does."""
+def with_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+    """The search with a gyro whose chip smooths, where something lags as such a gyro does and that explains
+    it better.
+
+    Where a lag is all that was found, it is taken for the chip's if that is as likely. A robot of which more
+    is wrong may slip as well: there the chip must explain more by itself, or else is a rival of the lag.
+    """
     late = _late(search)
-    if not (late or habits.low_pass) or "gyro" not in search.problem.features.roles:
+    if habits.low_pass or not late or "gyro" not in search.problem.features.roles:
         return search, habits
-    point = search.fit.point
-    if habits.low_pass:
-        others = [each for each in (LATE_GYRO, SLIP) if each in search.problem.causes]
-        starts = [point, *(_later_by(search, each, LOW_PASS) for each in others if apart(each, point.active))]
-    else:
-        starts = [point, *(_sooner_by(search, each, LOW_PASS) for each in late), _without(point, late)]
-    other = replace(habits, low_pass=not habits.low_pass)
-    if not under.new(search, habits, [other]):
-        return search, habits
+    point, other = search.fit.point, replace(habits, low_pass=True)
     problem = under(other)
+    starts = [point, *(_sooner_by(search, each, LOW_PASS) for each in late), _without(point, late)]
     fits = [fit_point(problem, search.whitener, carried(each, search.problem, problem)) for each in starts]
     best = max(fits, key=lambda each: net_lead(search, each, search.fit))
-    if net_lead(search, best, search.fit) < SMOOTH:
-        under.were_vain(search, habits, [other])
+    alone = set(point.active) == set(late)
+    ahead = net_lead(search, best, search.fit) if alone else lead(problem, best, search.fit)
+    if ahead < (SMOOTH if alone else DOUBT):
         return search, habits
     tell("going on as another gyro would have it")
-    second = by(look_around(problem, probes_for(problem), best.point, search.whitener))
+    second = whole(look_around(problem, probes_for(problem), best.point, search.whitener))
     return (second, other) if explains_more(second, search) > -SMOOTH else (search, habits)
 
 
@@ -218,12 +214,6 @@ def _sooner_by(search: Search, name: str, seconds: float) -> Point:
     point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
     left = point.active[name] - seconds / coordinate.value(1.0)
     return point.with_cause(name, left) if left[0] > 0.0 else point.without_cause(name)
-
-
-def _later_by(search: Search, name: str, seconds: float) -> Point:
-    """Where a search ended, with a lag beside it."""
-    (coordinate,) = search.problem.causes[name].coordinates
-    return search.fit.point.with_cause(name, np.array([seconds / coordinate.value(1.0)]))
 
 
 def _without(point: Point, names: Collection[str]) -> Point:

@@ -84,12 +84,11 @@ def searched(
 
 
 def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
-    """A search that has only begun, begun again under what a whole one would find out about wheels, filters
-    and gyro: under wrong habits most of its time goes to sets of causes that are not there."""
+    """A search that has only begun, begun again under what a whole one would find out about wheels and
+    filters: under wrong habits most of its time goes to sets of causes that are not there."""
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
-    search, habits = with_a_smooth_gyro(search, habits, under, begun)
     return with_a_slow_battery(search, habits, under, begun)
 
 

@@ -260,8 +260,8 @@ def _listed(search: Search) -> str:
 
 
 def _credible(search: Search) -> Search:
-    """Without a cause whose place something else would fill better, that has too little to be named there
-    itself: friction of one wheel, say, which a floor imitates. It is nearer to what is there than the cause.
+    """Without a cause whose place something else would fill better: what needs more to be named, as friction
+    of one wheel does, which a floor imitates. It is nearer to what is there than the cause, named or not.
     """
     while True:
         best = {name: min(each.lead for each in its) for name, its in search.rivals.items() if its}
@@ -269,8 +269,9 @@ def _credible(search: Search) -> Search:
         if worst is None or best[worst] > -OUTDONE:
             return search
         search.failed[worst] = "something that explains too little itself explains it better"
-        search = accepted_without(search, worst, _dropped(search, settled_fit(search), worst))
-        search = _stable(search)
+        less = accepted_without(search, worst, _dropped(search, settled_fit(search), worst))
+        filled = grown(less)
+        search = _stable(less if worst in filled.fit.point.active else filled)
         compared(search)
 
 
