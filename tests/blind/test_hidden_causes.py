@@ -177,6 +177,16 @@ def test_a_robot_whose_gyro_smooths_has_nothing_wrong_for_that(cause: str | None
     assert "imu.low_pass" in slip
 
 
+def test_beside_another_cause_a_gyro_that_smooths_is_what_a_lag_may_be_instead() -> None:
+    hidden = draw("friction.viscous", np.random.default_rng(8))
+    said = diagnose(make(8, [CHIP, hidden], seconds=16.0).columns, RobotConfig())
+    assert said.causes[0].name == hidden.name
+    for each in said.causes[1:]:
+        assert each.name in ("drive.wheel_slip", "imu.latency")
+        assert "imu.low_pass" in each.confounded_with
+        assert "41 Hz" in each.explanation
+
+
 def test_in_a_short_drive_a_place_is_a_moment() -> None:
     """Friction that is a little more everywhere, on a robot that was nowhere twice, is none of the place."""
     more = Hidden("friction.coulomb", None, {"torque": 0.2145}, {"coulomb": 0.2145})

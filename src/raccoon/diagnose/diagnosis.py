@@ -233,21 +233,16 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
 
 
 def _of_the_gyro(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
-    """That its chip smooths the turn rate, or may do so."""
-    if habits.low_pass:
-        delay = (
-            0.0
-            if LATE_GYRO in {each.name for each in causes}
-            else spread.number((LATE_GYRO, None, "seconds"))
-        )
-        milli = 1000.0 * (spread.number((SMOOTHS, None, "time_constant")) + delay)
-        return (
-            f"the gyro follows {milli:.2g} ms late: taken for its chip's filter, which the Wombat's firmware "
-            "sets to 41 Hz; without a reference of the pose, wheels that slip by as much look the same",
-        )
-    if any(SMOOTHS in each.confounded_with for each in causes):
-        return ("a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, lags by 4 to 6 ms",)
-    return ()
+    """That its chip smooths the turn rate."""
+    if not habits.low_pass:
+        return ()
+    late = spread.number((SMOOTHS, None, "time_constant"))
+    if LATE_GYRO not in {each.name for each in causes}:
+        late += spread.number((LATE_GYRO, None, "seconds"))
+    return (
+        f"the gyro follows {1000.0 * late:.2g} ms late: taken for its chip's filter, which the Wombat's "
+        "firmware sets to 41 Hz; without a reference of the pose, wheels that slip by as much look the same",
+    )
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -33,6 +33,9 @@ ONE_CLASS = (*TWINS, frozenset(SCALE))
 """Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
 same as less inertia and friction together."""
 NOT_IDENTIFIABLE = "not identifiable"
+OF_THE_CHIP = (
+    "A gyro whose chip filters at 41 Hz, as the Wombat's firmware sets it, looks the same, and is no fault."
+)
 BY_FORM = 5.0
 """Lead over a rival that makes a cause e times as likely as that: on blind robots the better of two was right
 12 times of 17 where it led by 3 to 12."""
@@ -76,9 +79,11 @@ def _told(problem: Problem, cause: Cause, values: dict[str, ParameterResult], ri
     if cause.own is not None:
         return cause.own.told({name: each.value for name, each in values.items()})
     said = explanation(cause.id, cause.where, values)
-    open_ones = [each for each in rivals if each not in problem.causes or not _has_number(problem, each)]
-    both = [each for each in open_ones if delay_alike(cause.name, each)]
-    return f"{said} With {' or '.join(both)} beside it this is the sum of their times." if both else said
+    tried = [each for each in rivals if each in problem.causes]
+    both = [each for each in tried if delay_alike(cause.name, each) and not _has_number(problem, each)]
+    if both:
+        said += f" With {' or '.join(both)} beside it this is the sum of their times."
+    return f"{said} {OF_THE_CHIP}" if SMOOTHS in rivals else said
 
 
 def _has_number(problem: Problem, name: str) -> bool:
