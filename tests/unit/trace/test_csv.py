@@ -133,7 +133,7 @@ def test_a_file_that_is_no_recording_is_refused(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (gzip.compress(b"t,x\n0,1\n"), "the file is packed: unpack it first"),
+        (gzip.compress(b"t,x\n0,1\n", mtime=0), "the file is packed: unpack it first"),
         (b"PK\x03\x04" + bytes(100), "the file is packed"),
         ("t,x\n0,1\n".encode("utf-16"), "UTF-16: save it as UTF-8"),
         ("t,motor.0.bemf,motor.1.bemf\n".encode("utf-16-le"), "UTF-16: save it as UTF-8"),
