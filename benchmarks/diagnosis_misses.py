@@ -44,9 +44,9 @@ from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search, lead
+from raccoon.diagnose.select.outlook import Search, lead, start_search
 from raccoon.diagnose.select.rivals import BETTER, net_lead
-from raccoon.diagnose.select.search import search_causes
+from raccoon.diagnose.select.search import whole
 from raccoon.diagnose.unknown import probes_for
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def _searched(key: str, seed: int) -> tuple[Blind, Search]:
     case = Case.of(key)
     blind = drawn(case, seed)
     problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
-    return blind, search_causes(problem, probes_for(problem))
+    return blind, whole(start_search(problem, probes_for(problem)))
 
 
 def _weakest(search: Search, fit: Fit, iterations: int) -> tuple[str, float, Fit]:

@@ -109,9 +109,7 @@ def gap(histogram: Array) -> int:
     widths = np.arange(2, len(histogram) // 2)
     # At least three quarters of numbers are their lower quartile or more: few widths need a closer look.
     most = (widths - 1) * (total[2 * widths + 2] - total[widths]) / (widths + 2) / 0.75
-    near = (
-        widths[(total[widths] - total[1] <= SILENT * most) & (most >= FEWEST)] if len(histogram) else widths
-    )
+    near = widths[(total[widths] - total[1] <= SILENT * most) & (most >= FEWEST)]
     return max((int(width) for width in near if _heard_below(histogram, int(width)) <= SILENT), default=0)
 
 
@@ -119,15 +117,14 @@ def _histogram(log: Log, side: str) -> Array:
     """How often each size of a reading comes, from 0 counts on."""
     channel = log.channel(f"bemf_{side}")
     if channel is None:
-        return np.zeros(0)
+        return np.zeros(2 * WIDEST)
     sizes = np.abs(channel.values[np.isfinite(channel.values)])
     return np.asarray(np.bincount(np.minimum(sizes, 2.0 * WIDEST).astype(int), minlength=2 * WIDEST), float)
 
 
 def _expected_below(histogram: Array, width: int) -> float:
     """Readings below a size that are not 0, as many as the rarer ones just above it let expect."""
-    above = histogram[width : 2 * width + 2]
-    return (width - 1) * float(np.quantile(above, 0.25)) if len(above) else 0.0
+    return (width - 1) * float(np.quantile(histogram[width : 2 * width + 2], 0.25))
 
 
 def _heard_below(histogram: Array, width: int) -> float:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from raccoon.sim.friction import expected, frictions, gripped, settled
 from raccoon.sim.quantities import Circuit, Command, Plant, Rubbing, State
-from raccoon.sim.series import lagging, rotated, slack, staying
+from raccoon.sim.series import lagging, rotated, slack, staying, trailing
 
 
 def substep(s: State, p: Plant, u: Command, h: float, per_h: float) -> State:
@@ -229,8 +229,7 @@ def passed(s: State, p: Plant, yaw_rate: float, h: float, per_h: float) -> float
     """
     x = h * p.low_pass_rate
     stays = 1.0 - x * (1.0 - x * (1.0 / 2.0 - x * (1.0 / 6.0 - x * (1.0 / 24.0))))
-    behind = p.low_pass * (yaw_rate - s.yaw_rate) * per_h
-    return yaw_rate - behind + stays * (s.gyro_followed - s.yaw_rate + behind)
+    return trailing(s.gyro_followed, s.yaw_rate, yaw_rate, p.low_pass, stays, per_h)
 
 
 def sampled_both(

@@ -66,8 +66,13 @@ def slack(play: float, ahead: float, faster: float, half_play: float, h: float, 
 def lagging(rolling: float, before: float, after: float, lag: float, h: float, per_h: float) -> float:
     """Where lag * rolling' = speed - rolling leads in a step in which the speed goes straight from `before`
     to `after`; exact but for the part that stays."""
+    return trailing(rolling, before, after, lag, staying(lag, h), per_h)
+
+
+def trailing(rolling: float, before: float, after: float, lag: float, stays: float, per_h: float) -> float:
+    """The same, given the part that stays."""
     behind = lag * (after - before) * per_h
-    return after - behind + staying(lag, h) * (rolling - before + behind)
+    return after - behind + stays * (rolling - before + behind)
 
 
 def staying(lag: float, h: float) -> float:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.habits.controller import usual_chain
 from raccoon.diagnose.hypotheses import LOW_PASS, Wheels
 from raccoon.diagnose.problem import Point, Problem
@@ -21,7 +21,7 @@ from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around, start_search
 from raccoon.diagnose.select.refits import SMOOTHS, lag_as
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import finished, grown
+from raccoon.diagnose.select.search import whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown import probes_for
 from raccoon.diagnose.watch import tell
@@ -73,16 +73,16 @@ def started(problem: Problem) -> Search:
     return start_search(problem, probes_for(problem))
 
 
-def whole(start: Search) -> Search:
-    """A search gone on with to its end."""
-    return finished(grown(start))
+def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
+    """The likeliest, gates counted, of these starts once they are fitted in another problem."""
+    whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
+    fits = [fit_point(problem, whitener, each) for each in there]
+    return max(fits, key=lambda each: net_lead(search, each, search.fit))
 
 
 def leads(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
-    """Log evidence, gates counted, by which the best of these starts is ahead once it is fitted in another
-    problem."""
-    whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
-    return max(net_lead(search, fit_point(problem, whitener, each), search.fit) for each in there)
+    """Log evidence, gates counted, by which that one is ahead."""
+    return net_lead(search, best_of(search, problem, starts), search.fit)
 
 
 def again(search: Search, problem: Problem, wanted: float = DOUBT, by: Way = whole) -> Search | None:
@@ -91,6 +91,26 @@ def again(search: Search, problem: Problem, wanted: float = DOUBT, by: Way = who
     tell("searching again as another controller or gear would have it")
     second = by(started(problem))
     return second if explains_more(second, search) > wanted else None
+
+
+def if_ahead(
+    search: Search,
+    habits: Habits,
+    under: Under,
+    other: Habits,
+    problem: Problem,
+    starts: Sequence[Point],
+    far: float = DOUBT,
+    wanted: float = DOUBT,
+    by: Way = whole,
+) -> tuple[Search, Habits]:
+    """The search under other habits, whose problem this is, where one of these starts is ahead by `far` there
+    and then what was found by `wanted`; else the search as it is."""
+    if leads(search, problem, starts) < far:
+        under.were_vain(search, habits, [other])
+        return search, habits
+    found = again(search, problem, wanted, by)
+    return (search, habits) if found is None else (found, other)
 
 
 def carried(point: Point, here: Problem, there: Problem) -> Point:
@@ -111,12 +131,9 @@ def first_ahead(
     near = _nearer(search, asked, under)
     under.were_vain(search, habits, (each for each in asked if each not in near))
     for other, problem in near.items():
-        if leads(search, problem, _starts(search)) < DOUBT:
-            under.were_vain(search, habits, [other])
-            continue
-        found = again(search, problem, by=by)
-        if found is not None:
-            return found, other
+        found, now = if_ahead(search, habits, under, other, problem, _starts(search), by=by)
+        if now != habits:
+            return found, now
     return search, habits
 
 
@@ -148,11 +165,10 @@ def with_a_slow_battery(
         return search, habits
     near = _nearer(search, others, under)
     likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)), default=None)
-    if likeliest is None or leads(search, near[likeliest], _starts(search)) < DOUBT:
+    if likeliest is None:
         under.were_vain(search, habits, others)
         return search, habits
-    found = again(search, near[likeliest], by=by)
-    return (search, habits) if found is None else (found, likeliest)
+    return if_ahead(search, habits, under, likeliest, near[likeliest], _starts(search), by=by)
 
 
 def with_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
@@ -167,9 +183,8 @@ def with_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Se
         return search, habits
     point, other = search.fit.point, replace(habits, low_pass=True)
     problem = under(other)
-    starts = [point, *(_sooner_by(search, each, LOW_PASS) for each in late), _without(point, late)]
-    fits = [fit_point(problem, search.whitener, carried(each, search.problem, problem)) for each in starts]
-    best = max(fits, key=lambda each: net_lead(search, each, search.fit))
+    starts = [point, *(_sooner_by(search, each, LOW_PASS) for each in late), without(point, late)]
+    best = best_of(search, problem, starts)
     alone = set(point.active) == set(late)
     ahead = net_lead(search, best, search.fit) if alone else lead(problem, best, search.fit)
     if ahead < (SMOOTH if alone else DOUBT):
@@ -187,8 +202,7 @@ def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
     problem = under(replace(habits, low_pass=True))
     problem = replace(problem, neutral={**problem.neutral, **search.problem.neutral})
     for name in late:
-        start = carried(search.fit.point.without_cause(name), search.problem, problem)
-        fit = fit_point(problem, search.whitener, start)
+        fit = best_of(search, problem, [search.fit.point.without_cause(name)])
         rivals = search.rivals.setdefault(name, [])
         rivals.append(Rival(SMOOTHS, lead(problem, search.fit, fit)))
         rivals.sort(key=lambda each: each.lead)
@@ -216,7 +230,8 @@ def _sooner_by(search: Search, name: str, seconds: float) -> Point:
     return point.with_cause(name, left) if left[0] > 0.0 else point.without_cause(name)
 
 
-def _without(point: Point, names: Collection[str]) -> Point:
+def without(point: Point, names: Collection[str]) -> Point:
+    """A point without these causes."""
     return replace(point, active={name: u for name, u in point.active.items() if name not in names})
 
 

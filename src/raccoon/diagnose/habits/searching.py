@@ -30,20 +30,21 @@ from raccoon.diagnose.habits.others import (
     again,
     as_wheels_give,
     first_ahead,
+    if_ahead,
     lags_instead,
     leads,
     or_a_smooth_gyro,
     started,
-    whole,
     with_a_slow_battery,
     with_a_smooth_gyro,
+    without,
 )
 from raccoon.diagnose.hypotheses import FORMS, LOW_PASS, Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import lag_as
-from raccoon.diagnose.select.search import begun, gone_on
+from raccoon.diagnose.select.search import begun, gone_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.watch import tell
 from raccoon.sim.chain import Chain
@@ -95,11 +96,7 @@ def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habit
 def _braking(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
     """The search with motors that do at duty 0 what they were not taken to do, where that explains more."""
     other = replace(habits, brake=not habits.brake)
-    problem = under(other)
-    if leads(search, problem, [search.fit.point]) < DOUBT:
-        return search, habits
-    found = again(search, problem)
-    return (search, habits) if found is None else (found, other)
+    return if_ahead(search, habits, under, other, under(other), [search.fit.point])
 
 
 def _under_another_filter(
@@ -117,12 +114,9 @@ def _under_another_filter(
         firmware = usual_chain(other.chain) == Chain.firmware()
         imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
         late, gyro = lags_instead(search, LATE_GYRO, (LATE,)), lags_instead(search, LATE, (LATE_GYRO, SLIP))
-        problem = under(other)
-        if leads(search, problem, [search.fit.point, *late, *gyro]) < (-FAR_BEHIND if imitated else DOUBT):
-            under.were_vain(search, habits, [other])
-            continue
-        found = again(search, problem, -DOUBT if firmware else DOUBT, by)
-        search, habits = (search, habits) if found is None else (found, other)
+        starts = [search.fit.point, *late, *gyro]
+        far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
+        search, habits = if_ahead(search, habits, under, other, under(other), starts, far, wanted, by)
     return search, habits
 
 
@@ -147,9 +141,7 @@ def _with_the_slip_that_fits(search: Search, habits: Habits, under: Under) -> tu
     late = [name for name in (LATE_GYRO, SLIP) if name in point.active]
     if not late or SLIP not in causes:
         return search, habits
-    less = point
-    for name in late:
-        less = less.without_cause(name)
+    less = without(point, late)
     if not apart(SLIP, less.active):  # one wheel's slip was named
         return search, habits
     at_once = {key: 1.0 for key in search.problem.neutral if key[::2] == (SLIP, FORMS[SLIP])}

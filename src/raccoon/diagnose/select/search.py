@@ -3,11 +3,10 @@ blocks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from raccoon.diagnose.fit import Fit, fit_many, fit_point
-from raccoon.diagnose.linear import Group, Linear
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
 from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit
 from raccoon.diagnose.select.outlook import (
@@ -19,7 +18,6 @@ from raccoon.diagnose.select.outlook import (
     held_out_lead,
     lead,
     look_around,
-    start_search,
 )
 from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.select.replacements import merged, rearranged, simplified
@@ -229,9 +227,9 @@ def known_after_all(search: Search) -> tuple[Search, bool]:
     return (search, False) if following.unknown else (following, True)
 
 
-def search_causes(problem: Problem, probes: Callable[[Linear], Sequence[Group]]) -> Search:
-    """The whole search, from the nominal model to a set of causes that is stable in both directions."""
-    return finished(grown(start_search(problem, probes)))
+def whole(start: Search) -> Search:
+    """The whole search, from its start to a set of causes that is stable in both directions."""
+    return finished(grown(start))
 
 
 def finished(search: Search) -> Search:
