@@ -23,17 +23,11 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import advise
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import (
-    INSIDE,
-    WIDTH_FACTOR,
-    Coordinate,
-    Settings,
-    base_coordinates,
-    neutral_settings,
-)
+from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
 from raccoon.diagnose.log import Log, log_from_columns
 from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.noise import EVENT
+from raccoon.diagnose.open_numbers import INSIDE, base_coordinates
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.sim.chain import Chain

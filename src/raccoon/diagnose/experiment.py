@@ -25,12 +25,13 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import Cause, neutral_settings
 from raccoon.diagnose.linear import Group, linearise, slow_friction
 from raccoon.diagnose.log import Channel, Log
 from raccoon.diagnose.manoeuvres import MANOEUVRES, RATE
 from raccoon.diagnose.naming import ONE_CLASS
 from raccoon.diagnose.noise import CHANGING, EVENT, white_noise
+from raccoon.diagnose.open_numbers import base_coordinates
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.diagnose.select.gates import gate

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.features import HALF_A_COUNT
-from raccoon.diagnose.hypotheses import Settings, Wheels, neutral_settings
+from raccoon.diagnose.hypotheses import Settings, neutral_settings
 from raccoon.diagnose.log import Log
+from raccoon.diagnose.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands

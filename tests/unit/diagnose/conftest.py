@@ -10,7 +10,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import Cause, base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import Cause, neutral_settings
+from raccoon.diagnose.open_numbers import base_coordinates
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.sim.chain import Chain

@@ -15,7 +15,8 @@ from raccoon.diagnose import diagnosis
 from raccoon.diagnose.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet import common_causes, fleet_report
-from raccoon.diagnose.hypotheses import PRESLIDING, base_coordinates, neutral_settings
+from raccoon.diagnose.hypotheses import neutral_settings
+from raccoon.diagnose.open_numbers import PRESLIDING, base_coordinates
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict

@@ -19,8 +19,8 @@ from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits.controller import drive_problem, problem_of
 from raccoon.diagnose.habits.others import carried
 from raccoon.diagnose.habits.searching import searched
-from raccoon.diagnose.hypotheses import Wheels
 from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.open_numbers import Wheels
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout import Habits, _cycle

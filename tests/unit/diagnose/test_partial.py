@@ -7,7 +7,7 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.hypotheses import with_usual_stds
+from raccoon.diagnose.open_numbers import with_usual_stds
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
 from raccoon.diagnose.result import Verdict
 

@@ -15,17 +15,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits.lost import restored
-from raccoon.diagnose.hypotheses import (
-    Cause,
-    Settings,
-    Wheels,
-    added,
-    base_coordinates,
-    multiplied,
-    neutral_settings,
-)
+from raccoon.diagnose.hypotheses import Cause, Settings, added, multiplied, neutral_settings
 from raccoon.diagnose.log import WHEELS, Log
 from raccoon.diagnose.noise import white_noise
+from raccoon.diagnose.open_numbers import Wheels, base_coordinates
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.quality import brakes
 from raccoon.diagnose.rollout import Habits, PlantRollout

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_point
 from raccoon.diagnose.habits.controller import usual_chain
-from raccoon.diagnose.hypotheses import LOW_PASS, Wheels
+from raccoon.diagnose.open_numbers import LOW_PASS, Wheels
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more

@@ -39,8 +39,9 @@ from raccoon.diagnose.habits.others import (
     with_a_smooth_gyro,
     without,
 )
-from raccoon.diagnose.hypotheses import FORMS, LOW_PASS, Cause
+from raccoon.diagnose.hypotheses import FORMS, Cause
 from raccoon.diagnose.log import Log
+from raccoon.diagnose.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import lag_as

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.diagnose.hypotheses import INSIDE, Cause
+from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference import Factor, Reference, reference_of
 from raccoon.diagnose.recordings.stretches import Columns
 from raccoon.sim.parameters import Parameters

@@ -10,8 +10,8 @@ import numpy as np
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.extend import named_origin, rebased
-from raccoon.diagnose.hypotheses import INSIDE
 from raccoon.diagnose.naming import TURN_READS
+from raccoon.diagnose.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference import Factor, Reference
 from raccoon.diagnose.recordings.reference_start import GYRO, RADIUS, Start
 from raccoon.diagnose.recordings.rescaled import GYRO_COLUMN, Rescaled
