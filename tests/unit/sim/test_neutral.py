@@ -1,6 +1,7 @@
 """An effect at its neutral value changes nothing, not even the last bit."""
 
 import re
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -127,18 +128,36 @@ def drive(port: SimPort) -> list[Any]:
     return words
 
 
-def test_compiled_and_not_give_the_same() -> None:
-    pytest.importorskip("numba")
-    parameters = everything_but("none", seed=11)
+def compiled_arguments(parameters: Parameters, out: np.ndarray) -> tuple[Any, ...]:
     plant = plant_numbers(parameters)
     duty = np.array([0.9 if row < 30 else -0.7 if row < 60 else 0.0 for row in range(ROWS)])
     commands = (duty, 0.4 * duty, np.ones(ROWS), np.ones(ROWS))
-    fields = np.arange(len(State._fields))
     noise = (np.array([0.5, -1.0, 2.0]), np.array([1.0, 0.25, -0.5]))
-    out = np.zeros((len(fields), ROWS))
-    advance_one()(
-        state_at_rest(plant), plant, commands, np.array(TIME), 0, ROWS, 0.005, 0.0025, (0.25, 0.5),
-        noise, fields, out,
+    times, fields = np.array(TIME), np.arange(len(out))
+    return (
+        state_at_rest(plant), plant, commands, times, 0, ROWS, 0.005, 0.0025, (0.25, 0.5), noise, fields, out,
     )  # fmt: skip
+
+
+def test_compiled_and_not_give_the_same() -> None:
+    pytest.importorskip("numba")
+    parameters = everything_but("none", seed=11)
+    out = np.zeros((len(State._fields), ROWS))
+    advance_one()(*compiled_arguments(parameters, out))
     plain = np.array(run(driver.advance, parameters)).T
     np.testing.assert_allclose(out, plain, rtol=1e-12, atol=1e-12)
+
+
+def test_no_python_runs_inside_the_compiled_call() -> None:
+    # A signal handler could raise in there, and numba does not look whether one did: it crashes.
+    pytest.importorskip("numba")
+    arguments = compiled_arguments(everything_but("none", seed=11), np.zeros((len(State._fields), ROWS)))
+    advance = advance_one()
+    advance(*arguments)  # loads what is compiled, which runs much of it
+    called: set[str] = set()
+    sys.setprofile(lambda frame, event, _: called.add(frame.f_code.co_name) if event == "call" else None)
+    try:
+        advance(*arguments)
+    finally:
+        sys.setprofile(None)
+    assert called <= {"advance"}
