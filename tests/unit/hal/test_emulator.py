@@ -1,6 +1,9 @@
 """The emulated co-processor against what is known of the real one's firmware."""
 
 import struct
+import sys
+from collections.abc import Callable
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -343,3 +346,53 @@ def test_a_closed_link_is_closed() -> None:
     emulator.close()
     with pytest.raises(HardwareError, match="closed"):
         emulator.transfer(READ)
+
+
+def interrupted(work: Callable[[], object], line: int) -> bool:
+    """Do something, with a KeyboardInterrupt before such a line of the emulator's; whether it got so far."""
+    left = line
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        nonlocal left
+        if "emulator" not in frame.f_code.co_filename:
+            return None
+        left -= event == "line"
+        if left < 0:
+            raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        work()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+def test_it_works_on_after_an_interruption_at_any_line(firmware: Firmware) -> None:
+    robot = BenchRobot()
+    chip = Chip(robot, firmware)
+    outputs = Outputs((0.5, 0.5, 0.0, 0.0))
+    drive = (
+        stock_command.encode(outputs, 0) if firmware == "stock" else raccoon_command.encode(outputs, firmware)
+    )
+
+    def transfer() -> None:
+        chip.clock.advance(0.005)
+        chip.ask(drive)
+
+    for work, step in ((chip.emulator.reset, 1), (transfer, 13)):
+        line = 0
+        while interrupted(work, line):
+            line += step
+        chip.wait(0.03)  # it boots
+    assert line > 100
+    for _ in range(20):
+        transfer()
+    assert min(robot.speeds[:2]) > 1.0
+    told = chip.registers() if firmware == "stock" else chip.telemetry()
+    assert min(map(abs, told.position[:2])) > 10.0  # it measures, too

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable
 
 from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS
 from raccoon.hal.wombat.devices import GRAVITY, RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY
@@ -55,8 +55,9 @@ class RaccoonChip:
         self._battery = 0
         self._imu = _IMU.pack(*(0,) * 33)
         self._measured = [0.0] * MOTOR_PORTS
-        self._program = self._timer()
-        self._remaining = next(self._program)
+        self._turn = 0  # whose turn it is to be measured
+        self._next: Callable[[], float] = self._begin
+        self._remaining = self._next()
         self._motor_words = self._read_motors()
 
     def image(self) -> bytes:
@@ -89,19 +90,34 @@ class RaccoonChip:
         """Run interrupts, and the main loop unless it hangs."""
         self._remaining -= seconds
         while self._remaining <= 0.0:
-            self._remaining += next(self._program)
+            self._remaining += self._next()
 
-    def _timer(self) -> Iterator[float]:
-        while True:
-            for port in range(MOTOR_PORTS):
-                blind = self.motors.bemf_disabled or self.motors.stopped
-                if not blind:
-                    yield self._pass(COAST_SECONDS, coasting=port)
-                    self._measure(port)
-                self._control(port)
-                yield self._pass(self._slot - (0.0 if blind else COAST_SECONDS), coasting=None)
-                if not self._faults.frozen:
-                    self._main_loop()
+    # The timer's turn of one motor, part by part: each returns how long it takes, and then another is next.
+    # What raises out of one (Ctrl-C in the middle of it) leaves it to be done again.
+
+    def _begin(self) -> float:
+        if self.motors.bemf_disabled or self.motors.stopped:
+            return self._drive_on(self._slot)
+        seconds = self._pass(COAST_SECONDS, coasting=self._turn)
+        self._next = self._measuring
+        return seconds
+
+    def _measuring(self) -> float:
+        self._measure(self._turn)
+        return self._drive_on(self._slot - COAST_SECONDS)
+
+    def _drive_on(self, seconds: float) -> float:
+        self._control(self._turn)
+        self._pass(seconds, coasting=None)
+        self._next = self._end
+        return seconds
+
+    def _end(self) -> float:
+        if not self._faults.frozen:
+            self._main_loop()
+        self._next = self._begin
+        self._turn = (self._turn + 1) % MOTOR_PORTS
+        return self._begin()
 
     def _pass(self, seconds: float, *, coasting: int | None) -> float:
         self._clock += seconds

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 
 from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS
 from raccoon.hal.wombat import stock, stock_command
@@ -38,18 +38,19 @@ class StockChip:
 
     def reset(self) -> None:
         """What power-on leaves behind: all registers at their boot values, motors off."""
-        self.registers = bytearray(stock.REGISTERS)
+        registers = bytearray(stock.REGISTERS)
+        self.registers, self.motors = registers, StockMotors(registers)
         self.registers[:3] = stock.MAGIC
         self.registers[stock.ALLSTOP] = stock_command.SERVOS_OFF
         for port in range(SERVO_PORTS):
             self.store(stock.SERVO + 2 * port, stock_command.SERVO_BOOT_US)
         self.store(stock.BATTERY, BATTERY_BOOT)
-        self.motors = StockMotors(self.registers)
         self.crashed = False
         self._drives: tuple[Drive, ...] = COAST
         self._coasting = False
-        self._program = self._main_loop()
-        self._remaining = next(self._program)
+        self._passes = 0
+        self._next: Callable[[], float] = self._sampling
+        self._remaining = self._next()
 
     @property
     def powered(self) -> bool:
@@ -105,24 +106,38 @@ class StockChip:
             return
         self._remaining -= seconds
         while self._remaining <= 0.0:
-            self._remaining += next(self._program)
+            self._remaining += self._next()
 
-    def _main_loop(self) -> Iterator[float]:
-        count = 0
-        while True:
-            count += 1
-            measuring = count % 4 == 1
-            reads_imu = count % self._imu_every == 0
-            self._sample()
-            yield self._pass(IMU_PASS_SECONDS if reads_imu else PASS_SECONDS, coast=measuring)
-            if reads_imu:
-                self._read_imu()
-            if not measuring:
-                yield self._pass(IDLE_SECONDS, coast=False)
-                continue
-            yield self._pass(CONVERSION_SECONDS, coast=True)
-            self._control()
-            yield self._pass(IDLE_SECONDS - CONVERSION_SECONDS, coast=False)
+    # The main loop, part by part: each returns how long it takes, and then another is next. What raises out
+    # of one (Ctrl-C in the middle of it) leaves it to be done again.
+
+    def _sampling(self) -> float:
+        count = self._passes + 1
+        measuring = count % 4 == 1
+        reads_imu = count % self._imu_every == 0
+        self._sample()
+        seconds = self._pass(IMU_PASS_SECONDS if reads_imu else PASS_SECONDS, coast=measuring)
+        self._passes = count
+        self._next = self._measuring if measuring else self._idling
+        return seconds
+
+    def _idling(self) -> float:
+        self._look_at_imu()
+        seconds = self._pass(IDLE_SECONDS, coast=False)
+        self._next = self._sampling
+        return seconds
+
+    def _measuring(self) -> float:
+        self._look_at_imu()
+        seconds = self._pass(CONVERSION_SECONDS, coast=True)
+        self._next = self._controlling
+        return seconds
+
+    def _controlling(self) -> float:
+        self._control()
+        seconds = self._pass(IDLE_SECONDS - CONVERSION_SECONDS, coast=False)
+        self._next = self._sampling
+        return seconds
 
     def _pass(self, seconds: float, *, coast: bool) -> float:
         self._coasting = coast
@@ -144,6 +159,10 @@ class StockChip:
             register = stock.ADC_0 + 2 * port
             self.store(register, int(0.9 * self.load(register) + 0.1 * board.analog(port)))
         self.store(stock.BATTERY, int(0.95 * self.load(stock.BATTERY) + 0.05 * board.battery()))
+
+    def _look_at_imu(self) -> None:
+        if self._passes % self._imu_every == 0:
+            self._read_imu()
 
     def _read_imu(self) -> None:
         missing = self._faults.imu_missing
