@@ -12,6 +12,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.extras import install
 from raccoon.sweep.execute import Crew
 
 AHEAD = 2
@@ -43,7 +44,7 @@ def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Itera
     try:
         from distributed import Client, LocalCluster
     except ImportError:
-        raise ConfigError("--executor dask needs Dask: pip install 'raccoon[cluster]'") from None
+        raise ConfigError(f"--executor dask needs Dask: {install('cluster')}") from None
     if scheduler is None:
         count = _checked(workers, len(os.sched_getaffinity(0)))
         with (

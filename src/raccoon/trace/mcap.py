@@ -21,6 +21,7 @@ from typing import IO, TYPE_CHECKING, Any
 import numpy as np
 
 from raccoon.core.errors import ConfigError, TraceError
+from raccoon.core.extras import install
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace.format import Event
 from raccoon.trace.recording import Column, Recording
@@ -63,9 +64,7 @@ def _installed() -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        raise ConfigError(
-            f"MCAP files need the package mcap: pip install 'raccoon[view]' ({error})"
-        ) from None
+        raise ConfigError(f"MCAP files need the package mcap: {install('view')} ({error})") from None
 
 
 def _schema(writer: Writer, kind: str) -> int:

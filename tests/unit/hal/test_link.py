@@ -103,7 +103,7 @@ def test_a_bus_that_cannot_be_opened_says_what_to_do(
 
 def test_a_missing_package_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "spidev", None)
-    with pytest.raises(HardwareError, match=r"pip install 'raccoon\[wombat\]'"):
+    with pytest.raises(HardwareError, match=r"pip install '\.\[wombat\]'"):
         SpiLink()
 
 

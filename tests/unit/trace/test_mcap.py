@@ -139,5 +139,5 @@ def test_without_the_package_the_message_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    with pytest.raises(ConfigError, match=r"pip install 'raccoon\[view\]'"):
+    with pytest.raises(ConfigError, match=r"pip install '\.\[view\]'"):
         write_mcap(Recording({"t": np.zeros(1)}), tmp_path / "x.mcap")

@@ -26,6 +26,7 @@ from raccoon.cli.demo.robots import (
 from raccoon.cli.demo.tophats import REFUSED_CONTRAST, TophatResult, tophat_results
 from raccoon.cli.numbers import check_seed
 from raccoon.core.errors import ConfigError
+from raccoon.core.extras import install
 from raccoon.model.paper import MOTORS, battery_speed_ratio, extreme_motor_speeds
 from raccoon.trace.format import read_trace
 
@@ -142,7 +143,7 @@ def _print_files(folder: Path, results: Results) -> None:
     try:
         from raccoon.cli.demo.picture import draw
     except ImportError:
-        print("picture  none: matplotlib is missing (pip install 'raccoon[report]')")
+        print(f"picture  none: matplotlib is missing: {install('report')}")
         return
     picture = folder / "demo.png"
     partial = folder / f".demo.{os.getpid()}.png"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.cli.replay.drive import Drive
 from raccoon.core.errors import ConfigError
+from raccoon.core.extras import install
 from raccoon.trace.pose_error import field_truth
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ def draw(drives: list[Drive], path: Path) -> None:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ConfigError(f"pictures need matplotlib: pip install 'raccoon[report]' ({error})") from None
+        raise ConfigError(f"pictures need matplotlib: {install('report')} ({error})") from None
 
     shown = drives[:MOST]
     columns = math.ceil(math.sqrt(len(shown)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from raccoon.core.errors import HardwareError
+from raccoon.core.extras import install
 
 SPI_DEVICE = "/dev/spidev0.0"
 SPEED_HZ = 16_000_000
@@ -34,7 +35,7 @@ class ResetLine(Protocol):
 
 
 class SpiLink:
-    """The Wombat's SPI bus through spidev (`pip install raccoon[wombat]`), for this program alone.
+    """The Wombat's SPI bus through spidev (`pip install '.[wombat]'` in the clone), for this program alone.
 
     Raises HardwareError where spidev or the device is missing or not permitted or another program owns the
     bus, and says what to do.
@@ -45,7 +46,7 @@ class SpiLink:
             import spidev
         except ImportError as error:
             raise HardwareError(
-                "the package spidev is missing: pip install 'raccoon[wombat]', or apt install python3-spidev"
+                f"the package spidev is missing: {install('wombat')}, or apt install python3-spidev"
             ) from error
         from raccoon.hal.wombat.lock import BusLock  # Linux alone; the emulator runs anywhere
 
