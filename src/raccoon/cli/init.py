@@ -33,5 +33,5 @@ def run(args: argparse.Namespace) -> int:
     partial.write_text(template(), encoding="utf-8")
     os.link(partial, path)  # unlike a rename this fails where somebody else was quicker
     partial.unlink()
-    print(f"wrote {path}: take the # away from what you change")
+    print(f"wrote {path}: take the # away from what your robot has and what you change")
     return 0

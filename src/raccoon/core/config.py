@@ -194,7 +194,10 @@ def _motor_port(key: str) -> int:
 
 
 def template() -> str:
-    """A `robot.toml` with every key, its default, unit, bounds and meaning; all commented out."""
+    """A `robot.toml` with every key, its default, unit, bounds and meaning; all commented out.
+
+    So are the headers of what not every robot has: a section is a tophat, a servo or a mechanism.
+    """
     sections: tuple[tuple[str, type[Any]], ...] = (
         ("controller", ControllerConfig),
         ("battery", BatteryConfig),
@@ -208,6 +211,8 @@ def template() -> str:
     )
     lines = ['# name = "robot"']
     for name, kind in sections:
-        lines += ["", f"[{name}]{_SECTION_NOTES.get(name, '')}"]
+        header = f"[{name}]{_SECTION_NOTES.get(name, '')}"
+        owned = kind in (TophatConfig, ServoConfig, MechanismConfig)
+        lines += ["", f"# {header}; uncomment this with its keys" if owned else header]
         lines += [template_line(each) for each in fields(kind)]
     return "\n".join(lines) + "\n"

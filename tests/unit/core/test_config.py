@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from raccoon.core.config import (
+    DriveConfig,
     Measured,
     MechanismConfig,
     MotorConfig,
@@ -169,19 +170,21 @@ def test_a_measured_number_is_finite_with_a_real_std(value: float, std: float) -
 
 def test_the_template_is_the_default_robot_and_names_every_key(tmp_path: Path) -> None:
     text = template()
-    assert load_robot(write(tmp_path, text)) == RobotConfig(
+    assert load_robot(write(tmp_path, text)) == RobotConfig(motors={0: MotorConfig()})
+    switched_on = "\n".join(
+        line[2:] if line.startswith("# ") and "=  #" not in line else line for line in text.splitlines()
+    )
+    assert load_robot(write(tmp_path, switched_on)) == RobotConfig(
         motors={0: MotorConfig()},
         tophats={"front": TophatConfig()},
         servos={"claw": ServoConfig()},
         mechanisms={"arm": MechanismConfig()},
     )
-    switched_on = "\n".join(
-        line[2:] if line.startswith("# ") and "= " in line and "=  #" not in line else line
-        for line in text.splitlines()
-    )
-    robot = load_robot(write(tmp_path, switched_on))
-    assert robot.model == RobotConfig().model
-    assert robot.motion == RobotConfig().motion
+
+
+def test_the_template_goes_with_a_drive_on_any_ports(tmp_path: Path) -> None:
+    text = template().replace("# left = 0 ", "left = 2 ").replace("# right = 1 ", "right = 3 ")
+    assert load_robot(write(tmp_path, text)).drive == DriveConfig(left=2, right=3)
 
 
 def test_the_page_shows_the_template() -> None:

@@ -71,7 +71,6 @@ def test_an_effect_that_is_changed_loses_its_origin() -> None:
 
 
 def test_a_model_of_every_section_that_a_robot_may_have_survives(tmp_path: Path) -> None:
-    """`raccoon init` writes a section of each kind, and teams keep what they do not use."""
     servos = """
         [servo."left claw"]
         port = 1
@@ -79,7 +78,7 @@ def test_a_model_of_every_section_that_a_robot_may_have_survives(tmp_path: Path)
         [mechanism.lift]
         motor = 3
     """
-    for text in (template(), servos):
+    for text in (template().replace("# [", "["), servos):
         model = Parameters(parse_robot(tomllib.loads(text)), chain=Chain.firmware())
         model.save(tmp_path / "model.toml")
         assert Parameters.from_model_file(tmp_path / "model.toml") == model
