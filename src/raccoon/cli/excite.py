@@ -32,7 +32,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=float,
         help=f"s, longest drive (default {LONGEST:g} with --cause; the checkup always takes 40)",
     )
-    parser.add_argument("--simulate", action="store_true", help="drive the simulated robot")
+    parser.add_argument(
+        "--simulate", action="store_true", help="drive the simulated robot, on an empty floor"
+    )
     parser.add_argument(
         "--model", type=Path, help="with --simulate: model.toml of the robot to drive, effects and all"
     )
@@ -131,9 +133,13 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     port = None
     if args.simulate:
         robot = replace(robot, controller=replace(robot.controller, port="sim"))
-    if args.model is not None:
+    if robot.controller.port == "sim":
         from raccoon.sim.model_file import load_model
+        from raccoon.sim.parameters import Parameters
         from raccoon.sim.port import SimPort
+        from raccoon.sim.world import World
 
-        port = SimPort(load_model(args.model), robot=robot, rate_hz=robot.controller.rate_hz)
+        driven = Parameters.from_robot(robot) if args.model is None else load_model(args.model)
+        # The free space that was asked for: the usual table has a wall nearer than that.
+        port = SimPort(driven, World.empty(), robot=robot, rate_hz=robot.controller.rate_hz)
     drive_and_record(robot, manoeuvre(name), args.record, port)

@@ -57,6 +57,15 @@ def test_a_robot_with_tophats_drives_a_model_that_names_none(robot_toml: Path, t
     assert run.exists()
 
 
+def test_a_simulated_robot_has_the_free_space_that_the_drive_needs(tmp_path: Path) -> None:
+    robot_toml, run = tmp_path / "robot.toml", tmp_path / "run.jsonl.gz"
+    robot_toml.write_text('[controller]\nport = "sim"\nrate_hz = 50.0\n')
+    command = ["excite", "--robot", str(robot_toml), "--manoeuvre", "circles", "--record", str(run)]
+    assert main(command) == 0
+    # A wall of the usual table would hold it at -0.51.
+    assert load_run(run).recording.columns["truth.y"].min() < -0.52
+
+
 def test_a_model_of_a_real_robot_is_refused(
     robot_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
