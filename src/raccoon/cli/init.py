@@ -34,4 +34,5 @@ def run(args: argparse.Namespace) -> int:
     os.link(partial, path)  # unlike a rename this fails where somebody else was quicker
     partial.unlink()
     print(f"wrote {path}: take the # away from what your robot has and what you change")
+    print('on a computer without a controller, port = "sim" under [controller] is the simulator')
     return 0

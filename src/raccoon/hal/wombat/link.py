@@ -12,6 +12,7 @@ SPEED_HZ = 16_000_000
 """Within what both firmwares accept."""
 GAP_US = 50
 """The co-processor needs a pause after each frame."""
+NO_WOMBAT = 'on a computer that is no Wombat, write port = "sim" under [controller] in robot.toml'
 
 
 class Link(Protocol):
@@ -46,7 +47,8 @@ class SpiLink:
             import spidev
         except ImportError as error:
             raise HardwareError(
-                f"the package spidev is missing: {install('wombat')}, or apt install python3-spidev"
+                f"the package spidev is missing: {install('wombat')}, or apt install python3-spidev;"
+                f" {NO_WOMBAT}"
             ) from error
         from raccoon.hal.wombat.lock import BusLock  # Linux alone; the emulator runs anywhere
 
@@ -71,7 +73,7 @@ class SpiLink:
             self._spi.max_speed_hz = speed_hz
         except FileNotFoundError as error:
             raise HardwareError(
-                f"{device} does not exist: enable SPI (dtparam=spi=on in config.txt)"
+                f"{device} does not exist: enable SPI (dtparam=spi=on in config.txt); {NO_WOMBAT}"
             ) from error
         except PermissionError as error:
             raise HardwareError(f"{device} is not permitted: add your user to the group spi") from error
