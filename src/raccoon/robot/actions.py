@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.conditions import JOIN, Condition
-from raccoon.robot.limits import check_kind, check_number
+from raccoon.robot.limits import check_function, check_kind, check_number
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -22,6 +22,7 @@ T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 U = TypeVar("U")
 Steps = Generator[None, None, T]
+NOTHING_RUN = "the program ran nothing on the robot: an action is done with robot.run(...)"
 
 
 class Action(Generic[T_co]):
@@ -96,10 +97,7 @@ class Action(Generic[T_co]):
 
     def then(self, following: Callable[[T_co], Action[U]]) -> Action[U]:
         """This action, then the one that `following` makes of its result."""
-        if not callable(following):
-            raise TypeError(
-                f"{self.name}: then() takes a function, not {following!r}: then(lambda result: ...)"
-            )
+        check_function(following, f"{self.name}: then()", "result")
 
         def steps(robot: Robot) -> Steps[U]:
             result = yield from self.start(robot)
@@ -109,8 +107,20 @@ class Action(Generic[T_co]):
 
         return Action(f"{self.name}, then", steps)
 
+    def __bool__(self) -> bool:
+        raise TypeError(f"action '{self.name}' is neither true nor false: it is done with robot.run(...)")
+
     def __repr__(self) -> str:
         return f"<Action {self.name}>"
+
+
+def perform(robot: Robot, program: Action[T] | Callable[[Robot], Action[T] | T]) -> T:
+    """Do a whole program, and give its result: an action, or a function of the robot.
+
+    An action that the function gives back is done, too: nobody makes one to leave it undone.
+    """
+    made = program if isinstance(program, Action) else program(robot)
+    return robot.run(made) if isinstance(made, Action) else made
 
 
 def seq(*actions: Action[Any]) -> Action[list[Any]]:
@@ -205,14 +215,21 @@ def background(action: Action[Any]) -> Action[None]:
     return Action(f"background {action.name}", steps)
 
 
-def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]:
-    """Call a function of the robot once; takes no time."""
-    if not callable(function):
-        raise TypeError(f"do() takes a function of the robot, not {function!r}: do(lambda robot: ...)")
+@overload
+def do(function: Callable[[Robot], Action[T]], name: str = "do") -> Action[T]: ...
 
-    def steps(robot: Robot) -> Steps[T]:
-        yield from ()
-        return function(robot)
+
+@overload
+def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]: ...
+
+
+def do(function: Callable[[Robot], Any], name: str = "do") -> Action[Any]:
+    """Call a function of the robot once; takes no time. An action that it gives back is done then."""
+    check_function(function, "do()")
+
+    def steps(robot: Robot) -> Steps[Any]:
+        made = function(robot)
+        return (yield from made.start(robot)) if isinstance(made, Action) else made
 
     return Action(name, steps)
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS
-from raccoon.robot.limits import check_angle, check_kind, check_number, check_port, check_way
+from raccoon.robot.limits import check_angle, check_function, check_kind, check_number, check_port, check_way
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -70,8 +70,7 @@ def _both(
 
 def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
     """Any predicate of the robot, asked once a tick."""
-    if not callable(test):
-        raise TypeError(f"when() takes a function of the robot, not {test!r}: when(lambda robot: ...)")
+    check_function(test, "when()")
     return Condition(name, lambda robot: lambda: test(robot))
 
 

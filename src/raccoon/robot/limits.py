@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from numbers import Real
 from typing import Any
@@ -79,6 +80,26 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
     called = f": call it, {name}(...)" if callable(value) and name and name != "<lambda>" else ""
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
     raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")
+
+
+def check_function(function: object, where: str, of: str = "robot") -> None:
+    """Raise TypeError where `function` is none that takes one argument. of: what it is called with."""
+    if callable(function) and takes_one(function):
+        return
+    name = getattr(function, "__name__", None) if callable(function) else None
+    what = f"{name}, which does not take it" if name else repr(function)
+    raise TypeError(f"{where} takes a function of the {of}, not {what}: write lambda {of}: ...")
+
+
+def takes_one(function: Any) -> bool:
+    """Whether `function` can be called with one argument, as far as it tells."""
+    try:
+        inspect.signature(function).bind(None)
+    except TypeError:
+        return False
+    except ValueError:  # some functions written in C do not tell
+        return True
+    return True
 
 
 def _refuse(name: str, value: float, allowed: str) -> None:

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
-from raccoon.robot.actions import Action, Steps
+from raccoon.robot.actions import NOTHING_RUN, Action, Steps, perform
 from raccoon.robot.deadline import MatchOver, real_deadline
 from raccoon.robot.light import tell_light
-from raccoon.robot.limits import check_number, check_port
-from raccoon.robot.remarks import tell
+from raccoon.robot.limits import check_function, check_number, check_port
+from raccoon.robot.remarks import say, tell
 
 if TYPE_CHECKING:
     from raccoon.estimate.start_light import StartLightCalibration
@@ -141,14 +141,17 @@ def run_match(
 ) -> MatchReport:
     """Do `start` (such as `wait_for_light`), then `program`, for at most `seconds` s; then everything is off.
 
-    program: an action, or a function that runs what it likes on the robot. The robot's clock ends it at its
-    next reading, whatever it is doing or catching; an alarm of the wall clock also ends code that never comes
-    back to the robot (alarm: None sets it on a real controller alone). When the program has ended, by itself
-    or not, the match is over: the servos are off too, the background has ended, and the robot runs nothing
-    more. Errors of the program come through, with the motors off; what rescues it then ends with the match.
+    program: an action, or a function that runs what it likes on the robot; an action that it gives back is
+    done as well. The robot's clock ends it at its next reading, whatever it is doing or catching; an alarm of
+    the wall clock also ends code that never comes back to the robot (alarm: None sets it on a real controller
+    alone). When the program has ended, by itself or not, the match is over: the servos are off too, the
+    background has ended, and the robot runs nothing more. Errors of the program come through, with the motors
+    off; what rescues it then ends with the match.
 
     Raises RuntimeError for a second match: open the robot again for each.
     """
+    if not isinstance(program, Action):
+        check_function(program, "run_match()")
     check_number("seconds", seconds, "of a match, above 0")
     if not 0.0 < seconds < math.inf:
         raise ValueError(f"seconds is {seconds}: it must be above 0")
@@ -159,13 +162,13 @@ def run_match(
         robot.run(start)
     if robot.inputs is None:
         robot.tick()
-    begin, known = robot.time, len(robot.steps)
+    begin, known, before = robot.time, len(robot.steps), robot.ticks
     robot.deadline = begin + seconds
     robot.note(f"match begins: {seconds:g} s")
     result, finished = None, False
     try:
         with real_deadline(seconds) if _real(robot, alarm) else nullcontext():
-            result = robot.run(program) if isinstance(program, Action) else program(robot)
+            result = perform(robot, program)
         finished = True
     except MatchOver:
         robot.note("match over: everything off")
@@ -181,6 +184,8 @@ def run_match(
         StepTime(each.name, each.begin - begin, each.end - begin, each.ended) for each in robot.steps[known:]
     )
     robot.note(f"match ends after {took:.2f} s")
+    if finished and robot.ticks == before:
+        say(robot, NOTHING_RUN)
     tell(robot)
     return MatchReport(took, finished, steps, result, tuple(robot.drive.remarks.values()))
 

@@ -132,6 +132,27 @@ def test_the_clock_ends_it_whatever_the_program_does(program: Action[None] | Cal
         assert port.last == STOP
 
 
+@pytest.mark.parametrize(
+    "program",
+    [lambda _: straight(0.05), do(lambda _: straight(0.05)), seq(wait(0.0), do(lambda _: straight(0.05)))],
+    ids=["a function", "do", "do in a seq"],
+)
+def test_an_action_that_a_function_gives_back_is_done(
+    program: Action[object] | Callable[[Robot], object],
+) -> None:
+    with open_robot(CONFIG, port=Lamp()) as robot:
+        report = run_match(robot, program)
+        assert robot.pose.x == pytest.approx(0.05, abs=0.002)
+    assert report.seconds > 0.5
+    assert report.remarks == ()
+
+
+def test_a_program_that_runs_nothing_is_remarked() -> None:
+    with open_robot(CONFIG, port=Lamp()) as robot:
+        report = run_match(robot, lambda _: print(straight(0.05)))
+    assert "remark: the program ran nothing on the robot: an action is done with robot.run" in report.table()
+
+
 def test_an_error_of_the_program_comes_through_with_the_motors_off() -> None:
     def broken(_robot: Robot) -> None:
         raise KeyError("pom")

@@ -28,6 +28,7 @@ from raccoon import (
     pressed,
     race,
     repeat,
+    run_match,
     seq,
     spin,
     straight,
@@ -117,7 +118,19 @@ def test_a_wrong_number_or_unit_is_refused_when_it_is_written(make: Callable[[],
             lambda: do(loose(straight(0.1))),
             r"do\(\) takes a function of the robot, not <Action straight 0.1 m>",
         ),
-        (lambda: wait(1.0).then(loose(wait(1.0))), r"then\(\) takes a function, .*then\(lambda result"),
+        (
+            lambda: wait(1.0).then(loose(wait(1.0))),
+            r"wait 1 s: then\(\) takes a function of the result, not <Action wait 1 s>: write lambda result",
+        ),
+        (
+            lambda: do(loose(lambda: 3)),
+            r"do\(\) takes a function of the robot, not <lambda>, which does not take it: write lambda",
+        ),
+        (lambda: when(loose(lambda: True)), r"when\(\) takes a function of the robot, not <lambda>, which"),
+        (
+            lambda: wait(1.0).then(loose(lambda: wait(1.0))),
+            r"then\(\) takes a function of the result, not <lam",
+        ),
         (
             lambda: drive(0.1).until(loose(on_black)),
             "takes a Condition, not the function on_black: call it, on_black",
@@ -180,6 +193,11 @@ def test_running_what_is_no_action_is_refused() -> None:
             robot.run(loose(None))
         with pytest.raises(TypeError, match=r"what then\(\) is given must make takes an Action, not None"):
             robot.run(wait(0.1).then(loose(lambda _: None)))
+        with pytest.raises(TypeError, match=r"action 'straight 1 m' is neither true nor false"):
+            robot.run(wait_for(when(loose(lambda _: straight(1.0)))))
+        for program in (None, lambda: None):
+            with pytest.raises(TypeError, match=r"run_match\(\) takes a function of the robot, not "):
+                run_match(robot, loose(program))
 
 
 @pytest.mark.parametrize(
