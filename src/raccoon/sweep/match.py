@@ -183,17 +183,20 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
 
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
     """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
-    from raccoon.robot.actions import wait
+    from raccoon.robot.actions import NOTHING_RUN, perform, wait
     from raccoon.robot.opening import open_robot
 
     with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
         try:
-            done = mission(robot)
+            done = perform(robot, mission)
+            ran = robot.ticks > 0
         finally:
             port.limit = math.inf
             robot.stop()
             robot.run(wait(SETTLE))
-    return "mission returned False" if done is False else ""
+    if done is False:
+        return "mission returned False"
+    return "" if ran else NOTHING_RUN
 
 
 def _row(match: Match, port: WatchedPort, reason: str) -> Row:

@@ -11,8 +11,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import raccoon
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions import Action
+from raccoon.robot.limits import takes_one
 from raccoon.robot.robot import Robot
 
 Mission = Callable[[Robot], Any]
@@ -44,7 +46,8 @@ class Program:
     def mission(self) -> Mission:
         """Run the program's text and give its `mission(robot)`, or a function that runs its action `mission`.
 
-        Whatever the text raises comes through. Raises ConfigError where it defines no mission.
+        Whatever the text raises comes through. Raises ConfigError where it defines no mission; the library's
+        own `mission`, which `from raccoon import *` brings along, is none.
         """
         module = ModuleType(self.name.removesuffix(".py"))
         module.__file__ = str(Path(self.folder) / self.name)
@@ -54,7 +57,9 @@ class Program:
         mission = getattr(module, "mission", None)
         if isinstance(mission, Action):
             return lambda robot: robot.run(mission)
-        if not callable(mission):
+        if not callable(mission) or mission is raccoon.mission:
             raise ConfigError(f"{self.name}: it must define mission(robot), or an action named mission")
+        if not takes_one(mission):
+            raise ConfigError(f"{self.name}: its mission must take the robot: mission(robot)")
         found: Mission = mission
         return found

@@ -123,7 +123,7 @@ def test_a_limit_that_is_not_reached_leaves_nothing_behind() -> None:
 
 
 def test_what_a_program_prints_does_not_show(capsys: pytest.CaptureFixture[str]) -> None:
-    assert played("def mission(robot): print('hello')")["status"] == "ok"
+    assert played("def mission(robot): print('hello', robot.tick())")["status"] == "ok"
     assert capsys.readouterr().out == ""
 
 
@@ -137,6 +137,28 @@ def test_a_program_may_import_what_lies_beside_it(tmp_path: Path) -> None:
     assert play(match, 0, 1)["reason"] == "mission returned False"
     sys.path.remove(str(tmp_path))
     del sys.modules["beside_the_program"]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("from raccoon import *", "p.py: it must define mission(robot), or an action named mission"),
+        ("from raccoon import *\ndef main(): pass", "p.py: it must define mission(robot), or an action"),
+        ("def mission(): pass", "p.py: its mission must take the robot: mission(robot)"),
+        (
+            "from raccoon import *\ndef mission(robot): straight(0.3)",
+            "the program ran nothing on the robot: an action is done with robot.run(...)",
+        ),
+    ],
+)
+def test_a_program_that_drives_nothing_fails(text: str, reason: str) -> None:
+    assert reason in played(text)["reason"]
+
+
+def test_an_action_that_a_mission_gives_back_is_done() -> None:
+    row = played("from raccoon import *\ndef mission(robot): return straight(0.05)")
+    assert row["status"] == "ok"
+    assert row["x"] == pytest.approx(0.05, abs=0.005)
 
 
 def test_a_program_that_fails_on_the_nominal_robot_is_not_swept() -> None:
@@ -169,7 +191,8 @@ def test_a_missing_program_is_named() -> None:
 def test_everything_that_varies_by_default_can_be_simulated() -> None:
     robot = RobotConfig(tophats={"front": TophatConfig(analog=2)})
     factors = (*default_factors(robot), *fault_factors(1.0))
-    row = play(Match(Program("p.py", "mission = lambda robot: None", "/"), robot, factors), 0, 5)
+    text = "mission = lambda robot: robot.tick() and None"
+    row = play(Match(Program("p.py", text, "/"), robot, factors), 0, 5)
     assert row["status"] == "ok"
     assert row["light.ambient"] > 0.0
     assert all(row[kind] == 1.0 for kind in KINDS)
