@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.port import Port
+from raccoon.robot.actions import Action, perform
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.robot import Robot
 
@@ -98,16 +99,17 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
 
 def replay(
     trace: Trace | str | Path,
-    program: Callable[[Robot], T],
+    program: Action[T] | Callable[[Robot], Action[T] | T],
     *,
     config: RobotConfig | None = None,
     tolerance: float = 0.0,
     check: bool = True,
 ) -> T:
-    """Run `program` on a recording of itself and return its result.
+    """Run `program`, an action or a function of the robot, on a recording of itself and return its result.
 
     Every command and estimate is compared with the recorded ones: ReplayDiverged names the tick and the field
     of the first that differs (tolerance: relative; 0 is exact, 1e-9 suits a recording of another machine).
+    When the program has ended nothing moves any more, so it differs where something does in the recording.
     check=False ignores them. config: the recording's own where None. The program must use the robot alone,
     no clock and no random numbers.
     """
@@ -118,4 +120,6 @@ def replay(
     if settings is None:
         raise TraceError("the recording does not say its robot.toml: pass config=")
     with Robot(port, settings) as robot:
-        return program(robot)
+        result = perform(robot, program)
+        port.finish()
+        return result

@@ -9,7 +9,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from raccoon.core.errors import ReplayDiverged
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.trace.format import Tick, Trace, read_trace
 
 _FIELD_NAMES = {"duty": "motor.{}.duty", "brake": "motor.{}.brake", "servo_us": "servo.{}.pulse_us"}
@@ -33,6 +33,7 @@ class ReplayPort:
         self._tick = -1
         self._written = 0
         self._recorded: Tick | None = None
+        self._last = STOP
 
     def read(self) -> Inputs:
         """Next recorded cycle. Raises EOFError after the last, ReplayDiverged where a command is missing."""
@@ -55,7 +56,21 @@ class ReplayPort:
             if self._tick == len(self.trace.ticks) - 1 and not commands:
                 return  # the recording was stopped between reading and writing
             raise ReplayDiverged(self._tick, "command", None, outputs)
+        self._last = outputs
         self._compare(commands[number], outputs)
+
+    def finish(self) -> None:
+        """The program has ended: raise ReplayDiverged where something moves in the rest of the recording.
+
+        A recording may well go on after its program: what stands still then, or lets go, is no difference.
+        """
+        if not self._check:
+            return
+        following = (tick.commands for tick in self.trace.ticks[self._tick + 1 :])
+        for number, commands in enumerate((self._commands()[self._written :], *following), self._tick):
+            self._tick = number
+            for recorded in commands:
+                self._compare(recorded, _ended(recorded, self._last))
 
     def annotate(self, name: str, values: Sequence[float]) -> None:
         """What a recording port records, this one checks: see `check_annotation`."""
@@ -105,3 +120,9 @@ class ReplayPort:
         if self.trace.damage is None:
             return f"the recording has ended after {count} cycles"
         return f"the recording is damaged after {count} cycles ({self.trace.damage})"
+
+
+def _ended(recorded: Outputs, last: Outputs) -> Outputs:
+    """What a recorded command is where nothing moves since the `last` one: servos hold or are off."""
+    held = zip(recorded.servo_us, last.servo_us, strict=True)
+    return Outputs(brake=recorded.brake, servo_us=tuple(now and before for now, before in held))

@@ -1,5 +1,6 @@
 import argparse
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,7 @@ def test_without_truth_there_is_no_error_and_the_robot_is_named(
         ("seq(wait(0.2), straight(0.05))", 0, "the same in all of"),
         ("seq(wait(0.2), straight(0.06))", 1, r"motor.0.duty was"),
         ("seq(wait(0.2), straight(0.05), wait(1.0))", 0, "the program still ran when"),
+        ("wait(0.1)", 1, r"tick 41: motor.0.duty was"),
     ],
 )
 def test_a_program_must_command_the_same(
@@ -112,6 +114,31 @@ def test_a_program_must_command_the_same(
     (tmp_path / "team.py").write_text(PROGRAM.format(body))
     assert run(recorded, "--program", tmp_path / "team.py") == status
     assert message in capsys.readouterr().out
+
+
+def test_a_program_that_does_nothing_is_not_the_same(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "team.py").write_text("def mission(robot): pass\n")
+    assert run(recorded, "--program", tmp_path / "team.py") == 1
+    assert "tick 41: motor.0.duty was" in capsys.readouterr().out
+    assert run(recorded, "--program", tmp_path / "team.py", "--ignore-commands") == 0
+    assert re.search(r"ran in 0 of \d+ cycles; its commands were not compared", capsys.readouterr().out)
+
+
+def test_a_recording_may_rest_after_its_program(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    port = SimPort(Parameters.from_robot(RobotConfig()))
+    with open_robot(RobotConfig(), port=port, record=tmp_path / "run") as robot:
+        mission(robot)
+        robot.stop()
+        ticks = robot.ticks
+        robot.run(wait(0.1))
+    text = (
+        "from raccoon import seq, straight, wait\ndef mission(robot): return seq(wait(0.2), straight(0.05))\n"
+    )
+    (tmp_path / "team.py").write_text(text)
+    assert run(tmp_path / "run.jsonl.gz", "--program", tmp_path / "team.py") == 0
+    assert f"the same in the first {ticks} of {robot.ticks} cycles, and ended" in capsys.readouterr().out
 
 
 def test_an_action_is_a_program_too(recorded: Path, tmp_path: Path) -> None:

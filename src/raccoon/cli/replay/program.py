@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from traceback import extract_tb
-from typing import Any
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
+from raccoon.robot.actions import perform
 from raccoon.robot.opening import replay
-from raccoon.sweep.program import Program
+from raccoon.robot.robot import Robot
+from raccoon.sweep.program import Mission, Program
 from raccoon.trace.loading import Run
 
 
@@ -28,8 +29,8 @@ def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig
             raise ConfigError(f"{run.name}: a program needs a trace with its commands (.jsonl.gz)")
         try:
             with _told(args.program):
-                _replay(run, mission, args, robot)
-            print(f"{run.name}: the same in all of {len(run.trace.ticks)} cycles")
+                ran = _replay(run, mission, args, robot)
+            print(f"{run.name}: {_verdict(ran, len(run.trace.ticks), compared=not args.ignore_commands)}")
         except ReplayDiverged as difference:
             diverged += 1
             print(f"{run.name}: {difference}")
@@ -38,14 +39,26 @@ def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig
     return 1 if diverged else 0
 
 
-def _replay(
-    run: Run, mission: Callable[[Any], Any], args: argparse.Namespace, robot: RobotConfig | None
-) -> None:
+def _replay(run: Run, mission: Mission, args: argparse.Namespace, robot: RobotConfig | None) -> int:
+    """In how many cycles the program ran."""
     assert run.trace is not None
-    replay(run.trace, mission, config=robot, tolerance=args.tolerance, check=not args.ignore_commands)
+
+    def cycles(opened: Robot) -> int:
+        perform(opened, mission)
+        return opened.ticks
+
+    return replay(run.trace, cycles, config=robot, tolerance=args.tolerance, check=not args.ignore_commands)
 
 
-def load_mission(path: Path) -> Callable[[Any], Any]:
+def _verdict(ran: int, recorded: int, *, compared: bool) -> str:
+    if not compared:
+        return f"ran in {ran} of {recorded} cycles; its commands were not compared"
+    if ran == recorded:
+        return f"the same in all of {recorded} cycles"
+    return f"the same in the first {ran} of {recorded} cycles, and ended; nothing moves in the others"
+
+
+def load_mission(path: Path) -> Mission:
     """The function `mission` of a program file, or one that runs the action of that name.
 
     Raises ConfigError where there is none, and whatever the file raises.
