@@ -141,6 +141,9 @@ class MechanismConfig:
     acceleration: float = number(20.0, "rad/s2", "of moves", ACCELERATION)
     inertia: float = number(0.01, "kg m2", "that the motor feels", Bounds(1e-6, 100.0))
     tolerance: float = number(0.03, "rad", "a move ends this near its goal", TOLERANCE)
+    turns: float = number(
+        1.0, "turns", "full turns either way that a program may ask for; more for a winch", Bounds(0.01, 1e4)
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,9 +98,12 @@ def after_distance(distance: float) -> Condition:
     return Condition(f"after {distance:g} m", start)
 
 
-def after_angle(angle: float) -> Condition:
-    """After turning by `angle` rad, either way, since the start of the action."""
-    check_angle(angle=angle)
+def after_angle(angle: float, *, turns: float = 1.0) -> Condition:
+    """After turning by `angle` rad, either way, since the start of the action.
+
+    turns: the most full turns that are meant.
+    """
+    check_angle(turns, angle=angle)
 
     def start(robot: Robot) -> Test:
         begin = robot.estimate.heading

@@ -12,7 +12,9 @@ LONGEST = 10.0
 FASTEST = 3.0
 """m/s; more is a speed in cm/s."""
 MOST_TURNS = 4.0
-"""Full turns; more is an angle in degrees."""
+"""Full turns of a heading, which counts those that were made; more is an angle in degrees."""
+ROUNDING = 1e-9
+"""Share by which a sum of degrees may miss a full turn."""
 FASTEST_TURN = 20.0
 """rad/s; more is a rate in degrees."""
 
@@ -32,15 +34,28 @@ def check_way(**ways: float) -> None:
             _refuse(name, value, allowed)
 
 
-def check_angle(**angles: float) -> None:
-    """Raise ValueError naming the first that is no angle in rad."""
+def check_angle(turns: float = 1.0, more: str = "turns= allows more", /, **angles: float) -> None:
+    """Raise ValueError naming the first that is no angle in rad, up to so many full `turns`.
+
+    more: what to do where more is meant.
+    """
+    check_number("turns", turns, "above 0")
+    if not 0.0 < turns < math.inf:
+        raise ValueError(f"turns is {turns}: it must be above 0")
+    most = f"up to {turns:g} turn{'' if turns == 1.0 else 's'} in rad either way"
     for name, value in angles.items():
-        check_number(name, value, f"up to {MOST_TURNS:g} turns in rad either way (write deg(90) for degrees)")
-        if not abs(value) <= MOST_TURNS * math.tau:
-            degrees = f"deg({value:g})" if math.isfinite(value) else "deg(90)"
-            _refuse(
-                name, value, f"up to {MOST_TURNS:g} turns in rad either way (write {degrees} for degrees)"
-            )
+        check_number(name, value, f"{most} (write deg(90) for degrees)")
+        if abs(value) <= turns * math.tau * (1.0 + ROUNDING):
+            continue
+        # Nobody means a broken number of degrees.
+        whole = value % 0.5 == 0.0
+        meant = f"write deg({value:g}) for degrees" if whole else f"it is {math.degrees(value):g} degrees"
+        _refuse(name, value, f"{most} ({'; '.join(filter(None, (meant, more)))})")
+
+
+def check_heading(**headings: float) -> None:
+    """Raise ValueError naming the first that is no heading in rad."""
+    check_angle(MOST_TURNS, "", **headings)
 
 
 def check_speed(**speeds: float | None) -> None:

@@ -21,6 +21,7 @@ from raccoon.core.readings import Device, Inputs
 from raccoon.estimate.drive.wheels import radians_per_count, resting_counts
 from raccoon.robot.actions import Action, Steps, do
 from raccoon.robot.drive import DEAD_TIME
+from raccoon.robot.limits import check_angle, check_rate
 from raccoon.robot.pacing import check_finite, check_limits
 
 if TYPE_CHECKING:
@@ -136,12 +137,15 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
     """Turn the mechanism `name` to the angle `to` (rad from its zero) and hold it there.
 
     speed: rad/s, its `speed` of robot.toml when None. timeout: s. The result is the angle it came to. Raises
-    MotionTimeout, naming the motor port, where it is blocked or too slow; it is released then.
+    ValueError before it moves for more full turns than its `turns` of robot.toml; MotionTimeout, naming the
+    motor port, where it is blocked or too slow; it is released then.
     """
     check_finite(to=to)
+    check_rate(speed=speed)
     check_limits(speed=speed, timeout=timeout)
 
     def steps(robot: Robot) -> Steps[float]:
+        _check_turns(robot, name, to=to)
         return (yield from _move(robot, name, lambda here: to - here, speed, timeout))
 
     return Action(f"move {name} to {math.degrees(to):g} deg", steps)
@@ -152,9 +156,12 @@ def move_by(
 ) -> Action[float]:
     """Turn the mechanism `name` by `angle` rad from where it is, and hold it there. See `move`."""
     check_finite(angle=angle)
-    check_limits(speed=speed, timeout=timeout)
+    check_rate(speed=speed)
+    check_limits("the sign belongs to the angle", speed=speed)
+    check_limits(timeout=timeout)
 
     def steps(robot: Robot) -> Steps[float]:
+        _check_turns(robot, name, angle=angle)
         return (yield from _move(robot, name, lambda _: angle, speed, timeout))
 
     return Action(f"move {name} by {math.degrees(angle):g} deg", steps)
@@ -165,7 +172,7 @@ def spin(name: str, speed: float) -> Action[None]:
 
     Then it is released. `spin("arm", -2.0).until(blocked("arm"))` drives it against its end stop.
     """
-    check_finite(speed=speed)
+    check_rate(speed=speed)
 
     def steps(robot: Robot) -> Steps[None]:
         turned = robot.mechanism(name)
@@ -194,9 +201,16 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
 
     def set_angle(robot: Robot) -> None:
         here = robot.mechanism(name)
+        _check_turns(robot, name, angle=angle)
         here.goal, here.angle = None, angle
 
     return do(set_angle, f"zero {name}")
+
+
+def _check_turns(robot: Robot, name: str, **angles: float) -> None:
+    """Raise ValueError for an angle that this mechanism is not said to turn by."""
+    turns = robot.mechanism(name).config.turns
+    check_angle(turns, f"mechanism.{name}.turns of robot.toml allows more", **angles)
 
 
 def _move(

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from raccoon.control.motion import line_command, turn_command
 from raccoon.control.profile import profile
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.limits import check_angle, check_rate, check_speed, check_way
+from raccoon.robot.limits import check_angle, check_heading, check_rate, check_speed, check_way
 from raccoon.robot.pacing import (
     GAINS,
     LAG_LIMIT,
@@ -52,7 +52,8 @@ def straight(
     """
     check_way(distance=distance)
     check_speed(speed=speed)
-    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+    check_limits("the sign belongs to the distance", speed=speed)
+    check_limits(tolerance=tolerance, timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         motion = robot.config.motion
@@ -79,16 +80,19 @@ def turn(
     angle: float,
     rate: float | None = None,
     *,
+    turns: float = 1.0,
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
     """Turn on the spot by `angle` rad (left is positive), ending at rest.
 
-    rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. tolerance: rad.
+    rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
+    most full turns that are meant. tolerance: rad.
     """
-    check_angle(angle=angle)
+    check_limits(tolerance=tolerance, timeout=timeout)
+    check_angle(turns, angle=angle)
     check_rate(rate=rate)
-    check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
+    check_limits("the sign belongs to the angle", rate=rate)
     return Action(
         f"turn {math.degrees(angle):g} deg", lambda robot: turning(robot, angle, rate, tolerance, timeout)
     )
@@ -102,7 +106,7 @@ def turn_to(
     timeout: float | None = None,
 ) -> Action[MotionResult]:
     """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started."""
-    check_angle(heading=heading)
+    check_heading(heading=heading)
     check_rate(rate=rate)
     check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
 
@@ -143,17 +147,19 @@ def arc(
     speed: float | None = None,
     *,
     backwards: bool = False,
+    turns: float = 1.0,
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
     """Drive along a circle of `radius` m through `angle` rad (left is positive), ending at rest.
 
     The centre is on the side it turns to (on the other one where it drives backwards). speed: m/s of the
-    outer wheel, the highest on the way. tolerance: m of the way.
+    outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of the way.
     """
-    check_angle(angle=angle)
+    check_limits(tolerance=tolerance, timeout=timeout)
+    check_angle(turns, angle=angle)
     check_speed(speed=speed)
-    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+    check_limits("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
     if not 0.0 < radius < math.inf:
         raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
     check_way(radius=radius)
@@ -169,16 +175,19 @@ def pivot(
     wheel: str,
     speed: float | None = None,
     *,
+    turns: float = 1.0,
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
     """Turn by `angle` rad (left is positive) about one wheel, which stands still: "left" or "right".
 
-    speed: m/s of the other wheel, the highest on the way. tolerance: m of the robot's middle.
+    speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
+    tolerance: m of the robot's middle.
     """
-    check_angle(angle=angle)
+    check_limits(tolerance=tolerance, timeout=timeout)
+    check_angle(turns, angle=angle)
     check_speed(speed=speed)
-    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+    check_limits("the sign belongs to the angle", speed=speed)
     if wheel not in ("left", "right"):
         raise ValueError(f"wheel is {wheel!r}: allowed are 'left' and 'right'")
     side = 1.0 if wheel == "left" else -1.0

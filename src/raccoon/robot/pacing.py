@@ -168,11 +168,14 @@ def check_finite(**values: float) -> None:
             raise ValueError(f"{name} is {value}: it must be a finite number")
 
 
-def check_limits(**values: float | None) -> None:
-    """Raise ValueError naming the first limit that is not None and not above 0, TypeError for no number."""
+def check_limits(hint: str = "", /, **values: float | None) -> None:
+    """Raise ValueError naming the first limit that is not None and not above 0, TypeError for no number.
+
+    hint: what to write instead.
+    """
     for name, value in values.items():
         if value is None:
             continue
         check_number(name, value, "above 0")
         if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} is {value}: it must be above 0 (the sign belongs to the distance)")
+            raise ValueError(f"{name} is {value}: it must be above 0" + (f" ({hint})" if hint else ""))

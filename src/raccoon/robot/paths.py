@@ -15,7 +15,7 @@ from raccoon.control.path import Path, Point
 from raccoon.control.profile import profile
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.limits import check_angle, check_number, check_speed, check_way
+from raccoon.robot.limits import check_heading, check_number, check_speed, check_way
 from raccoon.robot.motions import straight, turning
 from raccoon.robot.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, at_rest, check_limits, finish
 
@@ -43,9 +43,10 @@ def drive_to(
     that was asked for.
     """
     check_way(x=x, y=y)
-    check_angle(heading=0.0 if heading is None else heading)
+    check_heading(heading=0.0 if heading is None else heading)
     check_speed(speed=speed)
-    check_limits(speed=speed, tolerance=tolerance, timeout=timeout)
+    check_limits("backwards=True drives backwards", speed=speed)
+    check_limits(tolerance=tolerance, timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin = robot.time

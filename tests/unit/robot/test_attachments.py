@@ -1,13 +1,17 @@
 """Servos and mechanisms: they get there, hold, say why not, and are off at the end."""
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
 from raccoon import (
+    Action,
     ConfigError,
     MotionTimeout,
     RobotConfig,
+    after_time,
     blocked,
     deg,
     do,
@@ -25,7 +29,7 @@ from raccoon import (
     zero,
 )
 from raccoon.core.config import MechanismConfig, MotorConfig, ServoConfig
-from raccoon.core.readings import Outputs
+from raccoon.core.readings import STOP, Outputs
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import open_emulated
 from raccoon.sim.free_motor import FreeMotor
@@ -52,6 +56,24 @@ class Spy(SimPort):
     @property
     def arm(self) -> FreeMotor:
         return self.free_motors[3]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda name: move(name, 90.0), lambda name: move_by(name, -90.0), lambda name: zero(name, 90.0)],
+    ids=["move", "move_by", "zero"],
+)
+def test_an_angle_in_degrees_is_refused_before_an_arm_moves(make: Callable[[str], Action[object]]) -> None:
+    winch = replace(CONFIG, mechanisms={"arm": MechanismConfig(2), "winch": MechanismConfig(3, turns=15.0)})
+    port = Spy(winch)
+    with open_robot(winch, port=port) as robot:
+        with pytest.raises(
+            ValueError,
+            match=r" is -?90: .*up to 1 turn in rad .*deg\(-?90\).*; mechanism\.arm\.turns of robot",
+        ):
+            robot.run(make("arm"))
+        assert all(each.duty == STOP.duty for each in port.written)
+        robot.run(make("winch").until(after_time(0.05)))
 
 
 def test_a_servo_gets_the_time_it_needs_and_holds() -> None:

@@ -21,6 +21,8 @@ from raccoon import (
     follow_line,
     follow_path,
     motors,
+    move,
+    move_by,
     on_black,
     open_robot,
     parallel,
@@ -30,6 +32,7 @@ from raccoon import (
     repeat,
     run_match,
     seq,
+    servo,
     spin,
     straight,
     turn,
@@ -62,9 +65,25 @@ def loose(value: object) -> Any:
             lambda: straight(0.3, speed=-0.1),
             r"speed is -0.1: it must be above 0 .*sign belongs to the distance",
         ),
-        (lambda: straight(0.3, tolerance=0.0), "tolerance is 0.0: it must be above 0"),
-        (lambda: straight(0.3, timeout=NAN), "timeout is nan: it must be above 0"),
-        (lambda: turn(90), r"angle is 90: allowed are numbers up to 4 turns in rad .*write deg\(90\)"),
+        (lambda: turn(1.0, rate=-1.0), "rate is -1.0: it must be above 0 .*sign belongs to the angle"),
+        (lambda: arc(0.3, 1.0, -0.1), "speed is -0.1: it must be above 0 .*backwards=True drives backwards"),
+        (lambda: straight(0.3, tolerance=0.0), "tolerance is 0.0: it must be above 0$"),
+        (lambda: straight(0.3, timeout=NAN), "timeout is nan: it must be above 0$"),
+        (lambda: servo("claw", "open", seconds=-1), "seconds is -1: it must be above 0$"),
+        (
+            lambda: turn(90),
+            r"angle is 90: allowed are numbers up to 1 turn in rad .*write deg\(90\).*turns= allows more",
+        ),
+        (lambda: turn(15), r"angle is 15: .*write deg\(15\)"),
+        (lambda: turn(22.5), r"angle is 22.5: .*write deg\(22.5\)"),
+        (
+            lambda: turn(deg(1441), turns=4),
+            r"angle is 25.1502: .*up to 4 turns .*\(it is 1441 degrees; turns= ",
+        ),
+        (lambda: turn(1.0, turns=0), "turns is 0: it must be above 0"),
+        (lambda: spin("arm", 500), r"speed is 500: allowed are numbers up to 20 rad/s \(write deg\(90\)"),
+        (lambda: move("arm", 1.0, 90), "speed is 90: allowed are numbers up to 20 rad/s"),
+        (lambda: move_by("arm", 1.0, -1.0), "speed is -1.0: it must be above 0 .*sign belongs to the angle"),
         (lambda: turn(float("inf")), "angle is inf: it must be a finite number"),
         (lambda: turn(1.0, rate=90), r"rate is 90: allowed are numbers up to 20 rad/s"),
         (lambda: turn_to(-90), r"heading is -90: .*write deg\(-90\)"),
@@ -93,6 +112,19 @@ def loose(value: object) -> Any:
 )
 def test_a_wrong_number_or_unit_is_refused_when_it_is_written(make: Callable[[], object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
+        make()
+
+
+def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
+    for make in (
+        lambda: turn(deg(360)),
+        lambda: turn(-deg(90) - deg(270)),
+        lambda: turn(deg(720), turns=2),
+        lambda: arc(0.3, deg(720), turns=2),
+        lambda: pivot(deg(720), "left", turns=2),
+        lambda: after_angle(deg(720), turns=2),
+        lambda: turn_to(deg(720)),
+    ):
         make()
 
 
@@ -147,10 +179,10 @@ def test_a_wrong_number_or_unit_is_refused_when_it_is_written(make: Callable[[],
         (lambda: straight(loose(None)), "distance is None: it must be a number"),
         (lambda: straight(0.3, loose("fast")), r"speed is 'fast': it must be a number, up to 3 m/s"),
         (lambda: straight(0.3, timeout=loose("5")), "timeout is '5': it must be a number, above 0"),
-        (lambda: turn(loose("90")), r"angle is '90': it must be a number, up to 4 turns .*deg\(90\)"),
+        (lambda: turn(loose("90")), r"angle is '90': it must be a number, up to 1 turn .*deg\(90\)"),
         (lambda: drive(0.1, loose("1")), "turn_rate is '1': it must be a number, up to 20 rad/s"),
         (lambda: motors(loose("a"), 0.0), "left duty is 'a': it must be a number, from -1 to 1"),
-        (lambda: spin("arm", loose("2")), "speed is '2': it must be a number, and finite"),
+        (lambda: spin("arm", loose("2")), "speed is '2': it must be a number, up to 20 rad/s"),
         (lambda: wait(loose("1")), "seconds is '1': it must be a number, from 0"),
         (lambda: wait(1.0).timeout(loose("1")), "seconds is '1': it must be a number, above 0"),
         (lambda: after_time(loose([1.0])), r"seconds is \[1\.0\]: it must be a number, from 0"),
