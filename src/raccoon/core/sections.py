@@ -25,7 +25,10 @@ REAL_CONTROLLERS = ("wombat", "wombat-raccoon", "create")
 CONTROLLERS = (*REAL_CONTROLLERS, "sim", "emulator", "emulator-raccoon")
 
 # What any robot of this size stays within by far, so that no slip of the pen is planned or simulated with.
-RATE = Bounds(0.001, 1000.0)
+SPEED = Bounds(0.001, 3.0)
+"""m/s, of the robot; more is a speed in cm/s."""
+RATE = Bounds(0.001, 20.0)
+"""rad/s, of the robot or of a mechanism; more is a rate in degrees."""
 ACCELERATION = Bounds(0.001, 10_000.0)
 JERK = Bounds(0.001, 1e6, or_zero=True)
 TOLERANCE = Bounds(1e-6, 10.0)
@@ -128,7 +131,7 @@ class ServoConfig:
             if not self.lowest_us <= pulse <= self.highest_us:
                 raise ConfigError(
                     f"positions_us.{name} = {pulse:g}: allowed are numbers from {self.lowest_us:g} to"
-                    f" {self.highest_us:g}"
+                    f" {self.highest_us:g} us"
                 )
 
 
@@ -150,7 +153,7 @@ class MechanismConfig:
 class MotionConfig:
     """`[motion]`: how fast the robot moves unless a motion says otherwise, and how closely it ends."""
 
-    speed: float = number(0.15, "m/s", "of straight motions", Bounds(0.001, 10.0))
+    speed: float = number(0.15, "m/s", "of straight motions", SPEED)
     acceleration: float = number(0.4, "m/s2", "of straight motions", ACCELERATION)
     turn_rate: float = number(1.5, "rad/s", "of turns", RATE)
     turn_acceleration: float = number(6.0, "rad/s2", "of turns", ACCELERATION)

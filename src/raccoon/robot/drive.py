@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 
 # S from a reading to its effect: half a control period of hold plus one sample of the firmware.
 DEAD_TIME = 0.0075
-# A motion is never planned slower than this share of its usual speed, however weak the battery is said to be.
+# A wheel is never planned slower than this share of its speed without load, however little is said to be left
+# for it by the battery and the wished acceleration.
 LEAST_SHARE = 0.3
 
 
@@ -157,9 +158,14 @@ class Drive:
         whole match, so that a run is the same on a fresh battery.
         """
         gain = acceleration * outer / self._radius
-        top = min(self.budget.top_wheel_speed(wheel, gain) for wheel in self.wheels.models)
-        least = LEAST_SHARE * min(wanted, self._config.motion.speed)
-        return min(wanted, max(least, top * self._radius / outer))
+        top = min(
+            max(
+                LEAST_SHARE * self.budget.weakest / wheel.back_emf_constant,
+                self.budget.top_wheel_speed(wheel, gain),
+            )
+            for wheel in self.wheels.models
+        )
+        return min(wanted, top * self._radius / outer)
 
     def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
         """Rad/s on the spot, at most `wanted`, that the weakest battery of the match can still give."""

@@ -7,16 +7,18 @@ import math
 from numbers import Real
 from typing import Any
 
+from raccoon.core.sections import RATE, SPEED
+
 LONGEST = 10.0
 """m; a table has 2.4 m, so more is a distance in centimetres."""
-FASTEST = 3.0
-"""m/s; more is a speed in cm/s."""
+FASTEST = SPEED.high
+"""m/s, of robot.toml and of arguments."""
 MOST_TURNS = 4.0
 """Full turns of a heading, which counts those that were made; more is an angle in degrees."""
 ROUNDING = 1e-9
 """Share by which a sum of degrees may miss a full turn."""
-FASTEST_TURN = 20.0
-"""rad/s; more is a rate in degrees."""
+FASTEST_TURN = RATE.high
+"""rad/s, of robot.toml and of arguments."""
 
 
 def check_number(name: str, value: object, allowed: str) -> None:

@@ -6,7 +6,19 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon import MotionTimeout, Robot, after_time, calibrate_drive, deg, motors, seq, straight, turn, wait
+from raccoon import (
+    MotionTimeout,
+    Robot,
+    after_time,
+    arc,
+    calibrate_drive,
+    deg,
+    motors,
+    seq,
+    straight,
+    turn,
+    wait,
+)
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.sim.chain import Chain
@@ -120,6 +132,14 @@ def test_a_speed_beyond_the_weakest_battery_is_planned_down_and_said(speed: floa
     again, _, _ = run(straight(0.4, speed=speed), weak)
     assert not again.saturated
     assert again.duration == pytest.approx(result.duration, abs=0.05)
+
+
+def test_a_speed_of_robot_toml_is_planned_down_as_one_of_a_motion_is() -> None:
+    fast = replace(CONFIG, motion=replace(CONFIG.motion, speed=1.0))
+    results = [run(arc(0.1, deg(90)), config=fast)[0], run(arc(0.1, deg(90), speed=1.0))[0]]
+    assert results[0] == results[1]
+    assert results[0].planned < 0.2
+    assert not results[0].saturated
 
 
 class Notes:
