@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from datetime import date, datetime
+from difflib import get_close_matches
 from typing import Any, cast, get_args, get_origin, get_type_hints
 
 from raccoon.core.errors import ConfigError
@@ -144,6 +145,7 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
             raise ConfigError(f"{where} = {shown(value)}: allowed is {' | '.join(allowed) or 'a text'}")
         return value
     bounds: Bounds = spec.metadata["bounds"]
+    unit: str = spec.metadata["unit"]
     if hint is int:
         if isinstance(value, bool) or not isinstance(value, int) or not bounds.allows(value):
             raise ConfigError(
@@ -153,27 +155,28 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
     if get_origin(hint) is Mapping:
         if not isinstance(value, Mapping):
             raise ConfigError(f"{where} = {shown(value)}: it must be a table of numbers")
-        return {key: _number(entry, bounds, f"{where}.{key}") for key, entry in value.items()}
+        return {key: _number(entry, bounds, unit, f"{where}.{key}") for key, entry in value.items()}
     if hint is Measured or Measured in get_args(hint):
-        return _measured(value, bounds, where)
-    return _number(value, bounds, where)
+        return _measured(value, bounds, unit, where)
+    return _number(value, bounds, unit, where)
 
 
-def _number(value: object, bounds: Bounds, where: str) -> float:
+def _number(value: object, bounds: Bounds, unit: str, where: str) -> float:
+    refused = f"{where} = {shown(value)}: allowed are {bounds} {unit}".rstrip()
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
+        raise ConfigError(refused)
     try:
         found = float(value)
     except OverflowError:  # a whole number beyond every float
         found = math.inf
     if not math.isfinite(found) or not bounds.allows(found):
-        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
+        raise ConfigError(refused)
     return found
 
 
-def _measured(value: object, bounds: Bounds, where: str) -> Measured:
+def _measured(value: object, bounds: Bounds, unit: str, where: str) -> Measured:
     if not isinstance(value, Mapping):
-        return Measured(_number(value, bounds, where))
+        return Measured(_number(value, bounds, unit, where))
     refuse_unknown(value, ("value", "std", "date", "battery_voltage"), where)
     if "value" not in value:
         raise ConfigError(f"{where} has no value: write {{ value = ..., std = ... }}")
@@ -184,10 +187,12 @@ def _measured(value: object, bounds: Bounds, where: str) -> Measured:
         raise ConfigError(f"{where}.date = {shown(day)}: it must be a date such as 2026-03-01")
     voltage = value.get("battery_voltage")
     return Measured(
-        value=_number(value["value"], bounds, f"{where}.value"),
-        std=_number(value.get("std", 0.0), NOT_NEGATIVE, f"{where}.std"),
+        value=_number(value["value"], bounds, unit, f"{where}.value"),
+        std=_number(value.get("std", 0.0), NOT_NEGATIVE, unit, f"{where}.std"),
         date=day,
-        battery_voltage=None if voltage is None else _number(voltage, POSITIVE, f"{where}.battery_voltage"),
+        battery_voltage=None
+        if voltage is None
+        else _number(voltage, POSITIVE, "V", f"{where}.battery_voltage"),
     )
 
 
@@ -204,7 +209,9 @@ def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str)
     for key in table:
         if key not in known:
             prefix = f"{where}." if where else ""
-            raise ConfigError(f"{prefix}{key}: there is no such key; allowed are {', '.join(known)}")
+            near = get_close_matches(key, known, 1)
+            meant = f"did you mean {near[0]}?; " if near else ""
+            raise ConfigError(f"{prefix}{key}: there is no such key; {meant}allowed are {', '.join(known)}")
 
 
 def template_line(spec: Field[Any]) -> str:

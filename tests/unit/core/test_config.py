@@ -68,15 +68,29 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("nam = 'x'", r"robot.toml: nam: there is no such key; allowed are name, controller"),
+        (
+            "nam = 'x'",
+            r"robot.toml: nam: there is no such key; did you mean name\?; allowed are name, controller",
+        ),
         ("name = 3", r"name = 3: it must be a text"),
         ("drive = 3", r"drive = 3: it must be a table"),
+        (
+            "[controler]",
+            r"controler: there is no such key; did you mean controller\?; allowed are name, contr",
+        ),
+        (
+            "[motion]\nspead = 1",
+            r"motion.spead: there is no such key; did you mean speed\?; allowed are speed,",
+        ),
         ("[drive]\nleft = 4", r"drive.left = 4: allowed are the ports 0 to 3"),
         ("[drive]\nleft = true", r"drive.left = True: allowed are the ports"),
         ("[drive]\nleft = 1", r"drive.left and drive.right are both motor port 1"),
         ("[motor.4]\ninverted = true", r"motor.4: allowed are the ports 0 to 3"),
         ("[motor.0]\ninverted = 1", r"motor.0.inverted = 1: allowed are true and false"),
-        ("[motor.0]\nradians_per_tick = 0", r"motor.0.radians_per_tick = 0: allowed are numbers from 1e-08"),
+        (
+            "[motor.0]\nradians_per_tick = 0",
+            r"motor.0.radians_per_tick = 0: allowed are numbers from 1e-08 to 10 rad$",
+        ),
         ("[motor.0]\nradians_per_tick = {std = 1}", r"motor.0.radians_per_tick has no value"),
         (
             "[motor.0]\nradians_per_tick = {value = 1, date = 3}",
@@ -124,7 +138,13 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ),
         (
             f"[motion]\nspeed = {'9' * 400}",
-            r"motion.speed = 9{60}\.\.\.: allowed are numbers from 0.001 to 10$",
+            r"motion.speed = 9{60}\.\.\.: allowed are numbers from 0.001 to 3 m/s$",
+        ),
+        ("[motion]\nspeed = 15", r"motion.speed = 15: allowed are numbers from 0.001 to 3 m/s$"),
+        ("[motion]\nturn_rate = 90", r"motion.turn_rate = 90: allowed are numbers from 0.001 to 20 rad/s$"),
+        (
+            "[mechanism.arm]\nspeed = 90",
+            r"mechanism.arm.speed = 90: allowed are numbers from 0.001 to 20 rad/s$",
         ),
         (f"[motion]\nspeed = 0x{'f' * 5000}", r"motion.speed = a number of thousands of digits: allowed are"),
         (f"[drive]\nleft = {'9' * 400}", r"drive.left = 9{60}\.\.\.: allowed are the ports 0 to 3"),

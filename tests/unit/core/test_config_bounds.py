@@ -26,12 +26,12 @@ SECTIONS: dict[str, type[Any]] = {
 }
 
 
-def numbers() -> Iterator[tuple[str, Bounds]]:
-    """Each key that takes a number, and its bounds."""
+def numbers() -> Iterator[tuple[str, Bounds, str]]:
+    """Each key that takes a number, its bounds and its unit."""
     for section, kind in SECTIONS.items():
         for each in fields(kind):
             if "bounds" in each.metadata and each.metadata["unit"] != "port":
-                yield f"{section}.{each.name}", each.metadata["bounds"]
+                yield f"{section}.{each.name}", each.metadata["bounds"], each.metadata["unit"]
 
 
 def table(key: str, value: float) -> dict[str, Any]:
@@ -44,8 +44,8 @@ def table(key: str, value: float) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(("key", "bounds"), list(numbers()), ids=str)
-def test_a_robot_is_made_at_both_bounds_and_refused_beyond(key: str, bounds: Bounds) -> None:
+@pytest.mark.parametrize(("key", "bounds", "unit"), list(numbers()), ids=str)
+def test_a_robot_is_made_at_both_bounds_and_refused_beyond(key: str, bounds: Bounds, unit: str) -> None:
     assert math.isfinite(bounds.low)
     assert math.isfinite(bounds.high)
     for value in (bounds.low, bounds.high):
@@ -57,5 +57,7 @@ def test_a_robot_is_made_at_both_bounds_and_refused_beyond(key: str, bounds: Bou
         except ConfigError as error:  # no simulated robot is so light or has such magnets
             assert "mechanical time constant" in str(error)  # noqa: PT017
     for value in (math.nextafter(bounds.low, -math.inf), math.nextafter(bounds.high, math.inf), 10**400):
-        with pytest.raises(ConfigError, match=f"^{key} = .*: allowed are {re.escape(str(bounds))}$"):
+        with pytest.raises(
+            ConfigError, match=f"^{key} = .*: allowed are {re.escape(f'{bounds} {unit}'.rstrip())}$"
+        ):
             parse_robot(table(key, value))
