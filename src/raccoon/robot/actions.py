@@ -225,7 +225,7 @@ def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]: ...
 
 def do(function: Callable[[Robot], Any], name: str = "do") -> Action[Any]:
     """Call a function of the robot once; takes no time. An action that it gives back is done then."""
-    check_function(function, "do()")
+    check_function(function, "do()", "robot")
 
     def steps(robot: Robot) -> Steps[Any]:
         made = function(robot)

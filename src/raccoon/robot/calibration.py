@@ -13,8 +13,9 @@ from raccoon.core.errors import CalibrationError, ConfigError, MotionTimeout
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions import Action, Steps, seq, wait
 from raccoon.robot.driving import search
-from raccoon.robot.limits import check_way
+from raccoon.robot.limits import check_function, check_way
 from raccoon.robot.motions import straight
+from raccoon.robot.pacing import check_limits
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -55,13 +56,18 @@ def calibrate_drive(
     tape gives the common scale of the wheels, the gyro's turn their ratio. Returns the configuration with
     the calibration in it: open the robot with it, or store it (`raccoon calibrate drive` does).
 
-    Raises CalibrationError where the drive cannot support a calibration, saying what to do.
+    Raises CalibrationError where the drive cannot support a calibration, saying what to do; TypeError before
+    anything moves where `taped` is no function, and TypeError or ValueError where it gives no such distance.
     """
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
+    check_function(taped, "calibrate_drive()")
+    check_limits(tape_std=tape_std)
     readings: list[Inputs] = []
     _drive(robot, watched(seq(wait(REST), straight(distance), wait(REST)), readings))
-    found = calibrate_straight(robot.config, readings, taped(), distance_std=tape_std)
+    way = taped()
+    check_way(**{"the taped way": way})
+    found = calibrate_straight(robot.config, readings, way, distance_std=tape_std)
     return found.applied(robot.config)
 
 

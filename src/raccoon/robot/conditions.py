@@ -70,7 +70,7 @@ def _both(
 
 def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
     """Any predicate of the robot, asked once a tick."""
-    check_function(test, "when()")
+    check_function(test, "when()", "robot")
     return Condition(name, lambda robot: lambda: test(robot))
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions import Action, Steps, wait
 from raccoon.robot.calibration import watched
-from raccoon.robot.limits import check_port
+from raccoon.robot.limits import check_function, check_port
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -24,9 +24,10 @@ def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) 
     Call it with the lamp off. switched_on: asked once, comes back when somebody has switched it on (such as
     `lambda: input("lamp on, then Enter")`). The result is noted in the recording. Raises CalibrationError
     where the lamp makes too little difference or the port reads nothing, ValueError where there is no such
-    port.
+    port, TypeError where `switched_on` is no function.
     """
     check_port("analog", port, ANALOG_PORTS)
+    check_function(switched_on, "calibrate_light()")
     from raccoon.estimate.start_light import calibrate_start_light
 
     off = _counts(robot, port)

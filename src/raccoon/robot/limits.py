@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Callable
 from numbers import Real
 from typing import Any
 
@@ -99,19 +100,20 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
     raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")
 
 
-def check_function(function: object, where: str, of: str = "robot") -> None:
-    """Raise TypeError where `function` is none that takes one argument. of: what it is called with."""
-    if callable(function) and takes_one(function):
+def check_function(function: object, where: str, *of: str) -> None:
+    """Raise TypeError where `function` is none that takes so many arguments. of: what they are called."""
+    if callable(function) and takes(function, *of):
         return
     name = getattr(function, "__name__", None) if callable(function) else None
-    what = f"{name}, which does not take it" if name else repr(function)
-    raise TypeError(f"{where} takes a function of the {of}, not {what}: write lambda {of}: ...")
+    what = f"{name}{inspect.signature(function)}" if name and callable(function) else repr(function)
+    given = f"of the {' and '.join(of)}" if of else "without arguments"
+    raise TypeError(f"{where} takes a function {given}, not {what}: write {' '.join(('lambda', *of))}: ...")
 
 
-def takes_one(function: Any) -> bool:
-    """Whether `function` can be called with one argument, as far as it tells."""
+def takes(function: Callable[..., Any], *arguments: object) -> bool:
+    """Whether `function` can be called with these arguments, as far as it tells."""
     try:
-        inspect.signature(function).bind(None)
+        inspect.signature(function).bind(*arguments)
     except TypeError:
         return False
     except ValueError:  # some functions written in C do not tell

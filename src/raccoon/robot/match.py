@@ -151,7 +151,7 @@ def run_match(
     Raises RuntimeError for a second match: open the robot again for each.
     """
     if not isinstance(program, Action):
-        check_function(program, "run_match()")
+        check_function(program, "run_match()", "robot")
     check_number("seconds", seconds, "of a match, above 0")
     if not 0.0 < seconds < math.inf:
         raise ValueError(f"seconds is {seconds}: it must be above 0")

@@ -14,7 +14,7 @@ from typing import Any
 import raccoon
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions import Action
-from raccoon.robot.limits import takes_one
+from raccoon.robot.limits import takes
 from raccoon.robot.robot import Robot
 
 Mission = Callable[[Robot], Any]
@@ -59,7 +59,7 @@ class Program:
             return lambda robot: robot.run(mission)
         if not callable(mission) or mission is raccoon.mission:
             raise ConfigError(f"{self.name}: it must define mission(robot), or an action named mission")
-        if not takes_one(mission):
+        if not takes(mission, "robot"):
             raise ConfigError(f"{self.name}: its mission must take the robot: mission(robot)")
         found: Mission = mission
         return found

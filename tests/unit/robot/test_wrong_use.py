@@ -14,6 +14,8 @@ from raccoon import (
     analog_below,
     arc,
     background,
+    calibrate_drive,
+    calibrate_light,
     deg,
     do,
     drive,
@@ -156,12 +158,12 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         ),
         (
             lambda: do(loose(lambda: 3)),
-            r"do\(\) takes a function of the robot, not <lambda>, which does not take it: write lambda",
+            r"do\(\) takes a function of the robot, not <lambda>\(\): write lambda robot: ",
         ),
-        (lambda: when(loose(lambda: True)), r"when\(\) takes a function of the robot, not <lambda>, which"),
+        (lambda: when(loose(lambda: True)), r"when\(\) takes a function of the robot, not <lambda>\(\): "),
         (
             lambda: wait(1.0).then(loose(lambda: wait(1.0))),
-            r"then\(\) takes a function of the result, not <lam",
+            r"then\(\) takes a function of the result, not <lambda>\(\): write l",
         ),
         (
             lambda: drive(0.1).until(loose(on_black)),
@@ -215,6 +217,33 @@ def test_reading_a_port_that_is_not_there_is_refused() -> None:
         robot.tick()
         assert robot.analog(5) is not None
         assert robot.digital(9) is False
+
+
+@pytest.mark.parametrize("taped", [0.601, lambda metres: metres], ids=["a number", "a function of something"])
+def test_a_calibration_that_cannot_ask_is_refused_before_it_drives(taped: object) -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        said = r"calibrate_drive\(\) takes a function without arguments, not (0\.601|<lambda>\(metres\))"
+        with pytest.raises(TypeError, match=said):
+            calibrate_drive(robot, loose(taped))
+        with pytest.raises(ValueError, match="tape_std is 0: it must be above 0"):
+            calibrate_drive(robot, lambda: 0.6, tape_std=0)
+        with pytest.raises(
+            TypeError, match=r"calibrate_light\(\) takes a function without arguments, not None"
+        ):
+            calibrate_light(robot, 5, loose(None))
+        assert robot.ticks == 0
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        ("0.6", r"the taped way is '0\.6': it must be a number, up to 10 m either way"),
+        (60.0, r"the taped way is 60: allowed are numbers up to 10 m either way \(30 cm are 0\.30\)"),
+    ],
+)
+def test_a_wrong_answer_of_the_tape_is_named(answer: object, said: str) -> None:
+    with open_robot(CONFIG, port=simulated()) as robot, pytest.raises((TypeError, ValueError), match=said):
+        calibrate_drive(robot, loose(lambda: answer), distance=0.05)
 
 
 def test_running_what_is_no_action_is_refused() -> None:
