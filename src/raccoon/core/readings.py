@@ -18,6 +18,8 @@ SERVO_PULSE_US = (600, 2400)
 """Shortest and longest pulse a controller makes."""
 ANALOG_PORTS = 6
 DIGITAL_PORTS = 10
+ANALOG_FULL_SCALE = 4095
+"""Counts; the most that any controller's analog port gives."""
 
 Words = tuple[float | None, ...]
 """One word a port; None where the port has nothing (new) to say."""
@@ -85,7 +87,7 @@ class Device:
     gyro_rad_s: float
     accel_m_s2: float
     battery_volts: float
-    analog_full_scale: int = 4095
+    analog_full_scale: int = ANALOG_FULL_SCALE
     bemf_lag: float | None = None
     bemf_dead_zone: float = 0.0
 

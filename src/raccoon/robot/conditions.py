@@ -9,8 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS
-from raccoon.robot.limits import check_angle, check_function, check_kind, check_number, check_port, check_way
+from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
+from raccoon.robot.limits import (
+    check_angle,
+    check_counts,
+    check_function,
+    check_kind,
+    check_number,
+    check_port,
+    check_way,
+)
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -150,16 +158,16 @@ def _surface(tophat: str, black: bool) -> Condition:
 
 
 def analog_above(port: int, counts: float) -> Condition:
-    """The analog port reads more than `counts`."""
+    """The analog port reads more than `counts` (from 0 to 4095)."""
     check_port("analog", port, ANALOG_PORTS)
-    check_number("counts", counts, "of raw counts")
+    check_counts(counts, ANALOG_FULL_SCALE)
     return when(lambda robot: _is_above(robot.analog(port), counts), f"analog {port} above {counts:g}")
 
 
 def analog_below(port: int, counts: float) -> Condition:
-    """The analog port reads less than `counts`."""
+    """The analog port reads less than `counts` (from 0 to 4095)."""
     check_port("analog", port, ANALOG_PORTS)
-    check_number("counts", counts, "of raw counts")
+    check_counts(counts, 0)
     return when(lambda robot: _is_below(robot.analog(port), counts), f"analog {port} below {counts:g}")
 
 

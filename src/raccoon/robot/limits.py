@@ -8,6 +8,7 @@ from collections.abc import Callable
 from numbers import Real
 from typing import Any
 
+from raccoon.core.readings import ANALOG_FULL_SCALE
 from raccoon.core.sections import RATE, SPEED
 
 LONGEST = 10.0
@@ -87,6 +88,14 @@ def check_port(kind: str, port: int, count: int) -> None:
     """Raise ValueError where there is no such port."""
     if port not in range(count) or not hasattr(port, "__index__"):
         raise ValueError(f"{kind} port {port!r}: there are 0 to {count - 1}")
+
+
+def check_counts(counts: float, beyond: float) -> None:
+    """Raise ValueError for counts that an analog port never gives. beyond: the end with nothing beyond it."""
+    allowed = f"from 0 to {ANALOG_FULL_SCALE}, other than {beyond:g}"
+    check_number("counts", counts, allowed)
+    if not 0.0 <= counts <= ANALOG_FULL_SCALE or counts == beyond:
+        _refuse("counts", counts, allowed)
 
 
 def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:

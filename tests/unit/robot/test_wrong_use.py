@@ -107,6 +107,15 @@ def loose(value: object) -> Any:
         (lambda: after_time(-1.0), "seconds is -1.0: allowed are numbers from 0"),
         (lambda: analog_above(6, 1000), "analog port 6: there are 0 to 5"),
         (lambda: analog_below(-1, 1000), "analog port -1: there are 0 to 5"),
+        (
+            lambda: analog_above(0, 5000),
+            "counts is 5000: allowed are numbers from 0 to 4095, other than 4095",
+        ),
+        (
+            lambda: analog_above(0, 4095),
+            "counts is 4095: allowed are numbers from 0 to 4095, other than 4095",
+        ),
+        (lambda: analog_below(0, 0), "counts is 0: allowed are numbers from 0 to 4095, other than 0"),
         (lambda: pressed(10), "digital port 10: there are 0 to 9"),
         (lambda: pressed(loose(5.0)), r"digital port 5\.0: there are 0 to 9"),
         (lambda: repeat(wait(1.0), loose(2.5)), r"times is 2\.5: allowed are whole numbers from 0"),
@@ -188,7 +197,7 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: wait(loose("1")), "seconds is '1': it must be a number, from 0"),
         (lambda: wait(1.0).timeout(loose("1")), "seconds is '1': it must be a number, above 0"),
         (lambda: after_time(loose([1.0])), r"seconds is \[1\.0\]: it must be a number, from 0"),
-        (lambda: analog_above(0, loose("3")), "counts is '3': it must be a number, of raw counts"),
+        (lambda: analog_above(0, loose("3")), "counts is '3': it must be a number, from 0 to 4095"),
         (lambda: repeat(wait(1.0), loose("3")), "times is '3': it must be a number"),
         (
             lambda: follow_path([loose((0.1, 0.0, 0.0))]),
