@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
@@ -20,14 +21,36 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-@contextmanager
+class Opening:
+    """What `open_robot` gives: the robot of a `with` block, opened when the block is entered."""
+
+    def __init__(self, opened: AbstractContextManager[Robot]) -> None:
+        self._opened = opened
+
+    def __enter__(self) -> Robot:
+        return self._opened.__enter__()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        return self._opened.__exit__(kind, error, trace)
+
+    if not TYPE_CHECKING:  # a type checker knows that it has nothing else
+
+        def __getattr__(self, name: str) -> object:
+            raise AttributeError(
+                f"there is no robot yet, so no {name}: write `with open_robot(...) as robot:` "
+                "and use it in that block, whose end stops its motors"
+            )
+
+
 def open_robot(
     config: RobotConfig | str | Path = "robot.toml",
     *,
     port: Port | None = None,
     record: str | Path | None = None,
     seed: int | None = None,
-) -> Iterator[Robot]:
+) -> Opening:
     """A robot for a `with` block; its motors stop however the block is left, SIGTERM and Ctrl-C included.
 
     config: a robot.toml or a configuration. port: handed in by tests; otherwise robot.toml's
@@ -36,6 +59,13 @@ def open_robot(
     written there is a RuntimeWarning and the robot runs without. seed: of the simulator. Raises ConfigError,
     HardwareError, FileNotFoundError.
     """
+    return Opening(_opened(config, port, record, seed))
+
+
+@contextmanager
+def _opened(
+    config: RobotConfig | str | Path, port: Port | None, record: str | Path | None, seed: int | None
+) -> Iterator[Robot]:
     settings = config if isinstance(config, RobotConfig) else load_robot(config)
     opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
     # A port that is handed in knows itself whether it is a controller, or wraps one, that waits for nobody.

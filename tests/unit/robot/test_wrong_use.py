@@ -255,6 +255,14 @@ def test_a_wrong_answer_of_the_tape_is_named(answer: object, said: str) -> None:
         calibrate_drive(robot, loose(lambda: answer), distance=0.05)
 
 
+def test_a_robot_that_was_not_opened_by_a_block_says_how() -> None:
+    opened = open_robot(CONFIG, port=simulated())
+    with pytest.raises(AttributeError, match="no run: write `with open_robot"):
+        loose(opened).run(wait(0.1))
+    with opened as robot:
+        robot.tick()
+
+
 def test_running_what_is_no_action_is_refused() -> None:
     with open_robot(CONFIG, port=simulated()) as robot:
         with pytest.raises(TypeError, match=r"run\(\) takes an Action, not the function straight: call it"):
