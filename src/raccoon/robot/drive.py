@@ -49,6 +49,9 @@ class Drive:
         )
         self.remarks: dict[str, str] = {}
         """What was said to be strange so far, the first of each kind."""
+        self.followed = True
+        """Whether the readings follow the commands. Those of a recording do not follow others, and tell
+        nothing of the motors."""
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
         self._given = (0.0, 0.0)
@@ -184,6 +187,8 @@ class Drive:
 
     def oddities(self) -> tuple[str, ...]:
         """What is strange about the motors, each with its port: a weak magnet, a high resistance."""
+        if not self.followed:
+            return ()
         found = []
         odd = oddities(*self.wheels.states)
         wheels = zip(("left", "right"), self._ports, self.wheels.models, odd, strict=True)
@@ -198,6 +203,8 @@ class Drive:
 
     def complaint(self) -> str:
         """Why the wheels may not do what is asked, in words."""
+        if not self.followed:
+            return "the readings are recorded, and do not follow these commands"
         if stalled := self.wheels.stalled:
             ports = dict(zip(("left", "right"), self._ports, strict=True))
             named = " and ".join(f"{side} (motor port {ports[side]})" for side in stalled)

@@ -65,6 +65,7 @@ class Robot:
         self.port = port
         self.odometry = Odometry(self.config)
         self.drive = Drive(self.config)
+        self.drive.followed = getattr(port, "follows_commands", True)
         self.battery = BatteryVoltage()
         battery = self.config.model.battery.internal_resistance
         self.pack = PackState(

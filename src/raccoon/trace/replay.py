@@ -35,6 +35,11 @@ class ReplayPort:
         self._recorded: Tick | None = None
         self._last = STOP
 
+    @property
+    def follows_commands(self) -> bool:
+        """Whether the readings are those that came of the commands: they are where these are checked."""
+        return self._check
+
     def read(self) -> Inputs:
         """Next recorded cycle. Raises EOFError after the last, ReplayDiverged where a command is missing."""
         self._check_count()

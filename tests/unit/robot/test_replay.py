@@ -4,7 +4,19 @@ from pathlib import Path
 
 import pytest
 
-from raccoon import ReplayDiverged, Robot, RobotConfig, deg, open_robot, replay, seq, straight, turn, wait
+from raccoon import (
+    MotionTimeout,
+    ReplayDiverged,
+    Robot,
+    RobotConfig,
+    deg,
+    open_robot,
+    replay,
+    seq,
+    straight,
+    turn,
+    wait,
+)
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
@@ -48,6 +60,19 @@ def test_a_changed_program_may_run_on_old_readings_where_asked(
 ) -> None:
     with pytest.raises(EOFError, match="the recording has ended"):
         replay(recorded[0], changed, check=False)
+
+
+def test_recorded_readings_say_nothing_of_the_motors_under_other_commands(
+    recorded: tuple[Path, tuple[float, float, float]],
+) -> None:
+    def other(robot: Robot) -> Robot:
+        with pytest.raises(
+            MotionTimeout, match=r"the readings are recorded, and do not follow these commands$"
+        ):
+            robot.run(straight(1.0, timeout=1.0))
+        return robot
+
+    assert replay(recorded[0], other, check=False).drive.remarks == {}
 
 
 def test_two_simulated_runs_from_one_seed_are_the_same() -> None:
