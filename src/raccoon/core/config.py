@@ -6,6 +6,8 @@ dataclasses below; reading, checking and the reference page follow from them.
 
 from __future__ import annotations
 
+import logging
+import re
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -64,6 +66,7 @@ __all__ = [
 ]
 
 
+_log = logging.getLogger("raccoon")
 BYTE_ORDER_MARK = "\ufeff"
 
 
@@ -100,13 +103,24 @@ class RobotConfig:
 def load_robot(path: str | Path) -> RobotConfig:
     """Read a `robot.toml`.
 
-    Raises ConfigError naming file, key, value and what is allowed; FileNotFoundError where there is no file.
+    Values that are allowed and do not fit together are said in the log "raccoon". Raises ConfigError naming
+    file, key, value and what is allowed; FileNotFoundError where there is no file.
     """
     path = Path(path)
     try:
-        return parse_robot(parse_toml(path.read_bytes()))
+        robot = parse_robot(parse_toml(path.read_bytes()))
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
+    full = robot.model.battery.open_circuit_voltage.value
+    if robot.battery.weakest > full:
+        _log.warning(
+            "%s: battery.weakest = %g V is above model.battery.open_circuit_voltage = %g V: motions are"
+            " planned faster than such a battery drives; correct what is wrong of the two",
+            path,
+            robot.battery.weakest,
+            full,
+        )
+    return robot
 
 
 def parse_toml(content: str | bytes) -> dict[str, Any]:
@@ -116,11 +130,19 @@ def parse_toml(content: str | bytes) -> dict[str, Any]:
     """
     try:
         text = content if isinstance(content, str) else content.decode("utf-8")
-        return tomllib.loads(text.removeprefix(BYTE_ORDER_MARK))
     except UnicodeDecodeError as error:
         raise ConfigError(f"not a TOML file: {error}; save it as UTF-8") from None
+    text = text.removeprefix(BYTE_ORDER_MARK)
+    try:
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of thousands of digits, a thousand brackets
-        raise ConfigError(f"not a TOML file: {error}") from None
+        raise ConfigError(f"not a TOML file: {error}{_quoted(text, str(error))}") from None
+
+
+def _quoted(text: str, error: str) -> str:
+    """The line that an error of the TOML reader names."""
+    found = re.search(r"\(at line (\d+), ", error)
+    return "" if found is None else f": {shown(text.split(chr(10))[int(found[1]) - 1].strip())}"
 
 
 def parse_robot(table: Mapping[str, Any]) -> RobotConfig:

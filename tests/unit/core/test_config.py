@@ -133,6 +133,10 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[mechanism.a]\n[mechanism.b]", r"mechanism.b.motor = 2: the port is taken by mechanism.a"),
         ("name = ", r"not a TOML file"),
         (
+            "[battery]\ntuned_at =  # V, resting voltage\n",
+            r"not a TOML file: Invalid value \(at line 2, column \d+\): 'tuned_at =  # V, resting voltage'$",
+        ),
+        (
             "[model.battery]\nopen_circuit_voltage = 2.0",
             r"model.battery.open_circuit_voltage = 2.0: allowed are numbers from 3.1 to 30",
         ),
@@ -162,6 +166,16 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
 def test_every_bad_value_is_named(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         load_robot(write(tmp_path, text))
+
+
+def test_a_weakest_battery_above_the_battery_of_the_model_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    load_robot(write(tmp_path, "[battery]\nweakest = 6.8\n"))
+    assert caplog.messages == []
+    load_robot(write(tmp_path, "[battery]\nweakest = 8\n"))
+    [said] = caplog.messages
+    assert "robot.toml: battery.weakest = 8 V is above model.battery.open_circuit_voltage = 6.8 V" in said
 
 
 def test_a_file_of_another_encoding_is_refused(tmp_path: Path) -> None:
