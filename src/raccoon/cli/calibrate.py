@@ -38,7 +38,7 @@ def _add_drive(kinds: Any) -> None:
     text = "the wheels' way a tick, track width and back-EMF offsets, of a manoeuvre with known lengths"
     parser = kinds.add_parser("drive", help=text, description=text)
     parser.add_argument("recording", nargs="+", type=Path, help="traces or CSV files, or folders of them")
-    parser.add_argument("--robot", type=Path, required=True, help="the robot.toml to start from")
+    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot.toml to start from")
     parser.add_argument(
         "--straight",
         type=float,
@@ -139,7 +139,9 @@ def _add_tophats(kinds: Any) -> None:
     text = "white and black of each tophat, of a drive over a line; or show what is stored"
     parser = kinds.add_parser("tophats", help=text, description=text)
     parser.add_argument("recording", nargs="*", type=Path, help="traces or CSV files of a drive over a line")
-    parser.add_argument("--robot", type=Path, help="the robot.toml that names the sensors and their ports")
+    parser.add_argument(
+        "--robot", type=Path, default=Path("robot.toml"), help="names the sensors and their ports"
+    )
     parser.add_argument("--store", type=Path, default=Path("tophats.json"), help="file of the calibrations")
     parser.add_argument("--set", default="default", help="name of the surface, such as practice-table")
     parser.add_argument("--show", action="store_true", help="show the stored calibrations and their history")
@@ -151,8 +153,6 @@ def _calibrate_tophats(args: argparse.Namespace) -> int:
     from raccoon.cli.tophat_sets import calibrate_recordings, show_store
 
     if args.recording:
-        if args.robot is None:
-            raise ConfigError("a recording needs --robot: robot.toml names the sensors and their ports")
         return calibrate_recordings(args.recording, args.robot, args.store, args.set, write=args.write)
     if not args.show:
         raise ConfigError("name a recording of a drive over a line, or say --show")

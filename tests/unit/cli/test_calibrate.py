@@ -64,6 +64,15 @@ def test_straight_drive_is_shown_and_written_only_when_told(
     assert robot.read_text(encoding="utf-8").startswith('name = "drumbot"  # ours\n')
 
 
+def test_the_robot_toml_of_the_folder_is_taken(
+    tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording(tmp_path / "straight.csv", [*WAIT, (1.6, 0.2, 0.0), *WAIT], truth=False)
+    monkeypatch.chdir(robot.parent)
+    assert main(["calibrate", "drive", "straight.csv", "--straight", "0.32", "--write"]) == 0
+    assert load_robot(robot).motor(0).radians_per_tick is not None
+
+
 def test_manoeuvre_with_a_reference_gives_the_track_too(tmp_path: Path, robot: Path) -> None:
     file = tmp_path / "squares.csv"
     recording(file, [*WAIT, *SQUARE, *BACK, *WAIT], truth=True)

@@ -66,4 +66,4 @@ def test_what_is_missing_is_named(folder: Path, capsys: pytest.CaptureFixture[st
     assert command(folder) == 2
     assert "--show" in capsys.readouterr().err
     assert command(folder, str(folder / "drive.csv")) == 2
-    assert "--robot" in capsys.readouterr().err
+    assert "robot.toml" in capsys.readouterr().err
