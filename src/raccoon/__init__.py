@@ -5,7 +5,7 @@ A team program needs only this module::
     from raccoon import deg, drive, on_black, open_robot, straight, turn
 
     with open_robot("robot.toml") as robot:
-        robot.run(drive(0.2).until(on_black("front_left")))
+        robot.run(drive(0.2).until(on_black("front")))
         robot.run(turn(deg(90)))
 
 Names are loaded when they are first used: importing raccoon costs next to nothing.
