@@ -44,11 +44,13 @@ NEUTRAL = {
     "cogging_l": 0.0, "cogging_r": 0.0, "payload": 0.0, "payload_time": 1e9,
     "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0,
     "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING, "smooth": 0.0, "gyro_smooth": 0.0,
+    "own_cycle": 0.0,
 }  # fmt: skip
 """Every parameter and the value at which the robot is the textbook's. The last lines hold causes that are in
 no catalogue (torque that depends on the wheel's angle, a load that falls on the robot, a rough patch of
 floor, a gyro that hears the motors), and what is no fault: how friction gives, or the rad/s over which it is
-a smooth curve instead, and the s by which two filters in the gyro's chip delay."""
+a smooth curve instead, the s by which two filters in the gyro's chip delay, and the s of a firmware's cycle
+that is not in step with the rows."""
 
 
 def parameters(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -132,7 +134,7 @@ def simulate(
         off_l, off_r, scale_l, scale_r, dead_zone, filter_tau,
         gyro_bias, gyro_scale, gyro_drift, imu_latency,
         cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed,
-        bristle, bristle_damping, smooth, gyro_smooth,
+        bristle, bristle_damping, smooth, gyro_smooth, own_cycle,
     ) = p  # fmt: skip
     ke, res = (ke_l, ke_r), (res_l, res_r)
     radius, cog = (radius_l, radius_r), (cog_l, cog_r)
@@ -145,7 +147,7 @@ def simulate(
     roll, load, load_angle = np.zeros(2), np.zeros(2), np.zeros(2)
     torque, current = np.zeros(2), np.zeros(2)
     window, filtered, position = np.zeros((2, 3)), np.zeros(2), np.zeros(2)
-    reported = np.zeros(2)
+    reported, waited = np.zeros(2), np.array([0.0, 0.25 * own_cycle])
     x = y = heading = charge = draw = 0.0
     bus = voc
     idle = np.zeros(2)
@@ -232,15 +234,20 @@ def simulate(
             rate_history[ticks % 4096] = chip[1]
             left_to_read = steps - 1 - step
             for side in range(2):
-                if left_to_read == (15 if side == 0 else 10):
+                due = left_to_read == (15 if side == 0 else 10)
+                if own_cycle > 0.0:
+                    waited[side] += dt
+                    due = waited[side] >= own_cycle
+                    waited[side] -= own_cycle if due else 0.0
+                if due:
                     raw = ke[side] * w[side] * COUNTS_PER_VOLT * scale[side] + offset[side]
                     window[side, 0], window[side, 1] = window[side, 1], window[side, 2]
                     window[side, 2] = raw + bemf_noise[k, side]
+                    value = _median(window[side, 0], window[side, 1], window[side, 2])
+                    share = 1.0 - np.exp(-0.005 / max(filter_tau, 1e-6))
+                    filtered[side] += share * (value - filtered[side])
+                    reported[side] = filtered[side] if abs(filtered[side]) >= dead_zone else 0.0
         out[k + 1, 4] = out[k, 4] + 0.22 * (bus - out[k, 4]) if k > 0 else bus
         for side in range(2):
-            value = _median(window[side, 0], window[side, 1], window[side, 2])
-            share = 1.0 - np.exp(-0.005 / max(filter_tau, 1e-6))
-            filtered[side] += share * (value - filtered[side])
-            reported[side] = filtered[side] if abs(filtered[side]) >= dead_zone else 0.0
             position[side] += reported[side] * (cycle_times[k + 1] - cycle_times[k])
     return out

@@ -42,9 +42,16 @@ which friction that creeps is near its level, and how gradually."""
 LOW_PASS, LOW_PASS_WIDTH, LOW_PASS_MOST = 1.0 / (2.0 * math.pi * 41.0), 0.4, 1.2
 """s of a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, the standard deviation of its
 logarithm, and how many of them it may be off. Wheels that slip by more stay wheels that slip."""
-LOW_PASS_DELAY = 0.001
-"""s, one standard deviation of what its filter delays by beside that: one of second order is nearly one of
-first order and a delay."""
+LOW_PASS_DELAY, LOW_PASS_DELAY_MOST = 0.0025, 2.0
+"""s, one standard deviation of what its reading is late by beside that, and how many of them it may be: one
+of second order is nearly one of first order and a delay, and an IMU has a clock of its own, so that a row of
+5 ms takes a reading from none to as much old."""
+UNKNOWN_PHASE = 0.005 / math.sqrt(12.0)
+"""s, one standard deviation of how old the sample of a row is where the controller's cycle of 5 ms is not the
+row's, and of when its command is taken up. A filter that is slower by as much reads nearly the same."""
+SELF_DISCHARGE, SELF_DISCHARGE_MOST = 0.0004, 3.0
+"""V/C, one standard deviation of what any battery loses while it is driven, and how many it may be: its
+voltage also creeps after the current, by some mV in ten seconds, and goes on doing so."""
 OWN = 0.25
 """Part of robot.toml's standard deviation of a number of both wheels by which each differs from it. With none
 a friction of one wheel that is 2 % higher was its stiction, or its K_E and radius. With 0.5 there were no
@@ -78,12 +85,17 @@ def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
 
 
 def base_coordinates(
-    robot: RobotConfig, inside: float = INSIDE, wheels: Wheels = Wheels.GIVING, low_pass: bool = False
+    robot: RobotConfig,
+    inside: float = INSIDE,
+    wheels: Wheels = Wheels.GIVING,
+    low_pass: bool = False,
+    free_running: bool = False,
 ) -> tuple[Coordinate, ...]:
     """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
 
     inside: standard deviations that a number may move. wheels: how they slide, of which it
-    says nothing. low_pass: whether the gyro has one.
+    says nothing. low_pass: whether the gyro has one. free_running: whether the controller's cycle has a clock
+    of its own.
     """
     model = robot.model
     found: list[Coordinate] = []
@@ -98,6 +110,8 @@ def base_coordinates(
 
     plus("battery.open_circuit_voltage", None, "voltage", model.battery.open_circuit_voltage)
     plus("battery.internal_resistance", None, "resistance", model.battery.internal_resistance)
+    id_, most = "battery.discharge", SELF_DISCHARGE_MOST
+    found.append(added(id_, None, "volts_per_coulomb", SELF_DISCHARGE, low=0.0, high=most))
     for side, motor in (("left", model.left), ("right", model.right)):
         times("motor.armature_resistance", side, motor.armature_resistance)
         times("motor.back_emf_constant", side, motor.back_emf_constant)
@@ -112,15 +126,20 @@ def base_coordinates(
             plus("friction.coulomb", place, "torque", coulomb)
         plus("friction.viscous", place, "coefficient", viscous)
     found.extend(_sliding(wheels, inside))
+    lag, delay = model.bemf.filter_time_constant, LOOP_LATENCY
+    if free_running:
+        delay = math.hypot(delay, UNKNOWN_PHASE)
+        lag = replace(lag, std=math.hypot(lag.std, UNKNOWN_PHASE)) if lag.std > 0.0 else lag
     for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
-        plus("bemf.filter_lag", side, "time_constant", model.bemf.filter_time_constant)
-    found.append(added("actuation.latency", None, "seconds", LOOP_LATENCY, low=0.0, high=INSIDE))
+        plus("bemf.filter_lag", side, "time_constant", lag)
+    found.append(added("actuation.latency", None, "seconds", delay, low=0.0, high=INSIDE))
     plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
     times("imu.gyro_scale", None, model.imu.gyro_scale)
     if low_pass:
         most = LOW_PASS_MOST
         found.append(multiplied("imu.low_pass", None, LOW_PASS_WIDTH, -most, most, "time_constant", LOW_PASS))
-        found.append(added("imu.latency", None, "seconds", LOW_PASS_DELAY, low=0.0, high=2.5))
+        late = max(LOW_PASS_DELAY, 0.5 / robot.controller.rate_hz)
+        found.append(added("imu.latency", None, "seconds", late, low=0.0, high=LOW_PASS_DELAY_MOST))
     times("drive.track_width", None, model.drive.track_width)
     for kind, number in (("straight", model.drive.inertia_straight), ("turn", model.drive.inertia_turn)):
         if number.std > 0.0:

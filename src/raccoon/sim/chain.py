@@ -21,6 +21,8 @@ class Chain:
     median: back-EMF passes a median of its last three samples first. coast_share: part of the time in which
     a motor is unpowered so that its back-EMF can be measured. slots: motors are sampled one after the other
     in each cycle, port 0 a quarter of it after the start and port 3 at its end; otherwise all at its end.
+    free_running: its cycle has a clock of its own, so that a row takes a sample from none to a cycle old.
+    What is simulated is the mean, half a cycle.
     battery_time_constant: s, of the battery reading's filter. cycle: s between two back-EMF samples.
 
     The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
@@ -29,14 +31,17 @@ class Chain:
 
     median: bool = False
     slots: bool = False
+    free_running: bool = False
     coast_share: float = 0.0
     battery_time_constant: float = 0.0
     cycle: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("median", "slots"):
+        for name in ("median", "slots", "free_running"):
             if not isinstance(getattr(self, name), bool):
                 raise ConfigError(f"chain: {name} is {getattr(self, name)!r}: allowed are true and false")
+        if self.slots and self.free_running:
+            raise ConfigError("chain: slots and free_running are both true: allowed is one of them")
         for name, low, high in _RANGES:
             value = getattr(self, name)
             if not (_is_number(value) and low <= value <= high):

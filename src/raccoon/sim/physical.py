@@ -226,6 +226,8 @@ def safe_step(plants: NDArray[np.float64]) -> float:
 
 def sample_slots(parameters: Parameters) -> tuple[float, float]:
     """Where in the controller's cycle the left and the right motor are sampled (1 is its end)."""
+    if parameters.chain.free_running:
+        return 0.5, 0.5
     if not parameters.chain.slots:
         return 1.0, 1.0
     drive = parameters.robot.drive

@@ -352,6 +352,20 @@ def test_a_gyro_that_smooths_is_a_filter_of_first_order(seconds: float, latency:
     np.testing.assert_allclose(run["imu.gyro.z"][0], expected[::20], atol=0.004 * np.abs(rate).max())
 
 
+def test_a_controller_by_its_own_clock_samples_half_a_cycle_before_the_row() -> None:
+    """Without a filter its reading is the speed of then, of both motors whatever their ports."""
+    fine = np.arange(2 * (len(TIME) - 1) + 1) * 0.0025
+    duty = np.where(np.floor(fine / 0.235 + 1e-9) % 2.0 < 1.0, 0.7, -0.7)
+    plain = with_effect("bemf.filter_lag", "left", time_constant=0.0)
+    plain = plain.with_effect("bemf.filter_lag", "right", time_constant=0.0)
+    speeds = rollout(plain, Commands.of_wheels(fine, duty, -duty), longest_step=0.00125)
+    free = plain.with_chain(Chain(free_running=True))
+    read = rollout(free, Commands.of_wheels(TIME, duty[::2], -duty[::2]), longest_step=0.00125)
+    for port in (0, 1):
+        then = speeds[f"motor.{port}.bemf"][0, 1::2]
+        np.testing.assert_allclose(read[f"motor.{port}.bemf"][0, 1:], then, atol=1e-6 * np.abs(then).max())
+
+
 def test_the_simulated_robot_s_gyro_is_late_in_the_same_way() -> None:
     robot = with_effect("imu.latency", seconds=0.0074).with_effect("imu.low_pass", time_constant=0.004)
     duty = np.where(np.arange(300) // 47 % 2 == 0, 0.7, -0.7)

@@ -27,8 +27,10 @@ from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 
 USUAL_CHAINS = (Chain.firmware(), Chain())
-CHAINS = (*USUAL_CHAINS, Chain(median=True))
-"""A median without slots is rare, and asked for once a search is over: to wheels with play it looks right."""
+FREE_RUNNING = replace(Chain.firmware(), slots=False, free_running=True)
+CHAINS = (*USUAL_CHAINS, FREE_RUNNING, Chain(median=True))
+"""The firmware by its own clock differs from one in step by a millisecond of each wheel, and is asked for
+beside causes. So is a median without slots, which is rare: to wheels with play it looks right."""
 FILTER, LATENCY = "bemf.filter_lag", "actuation.latency"
 FAR = 60.0
 USUAL = 0.06
@@ -63,7 +65,12 @@ def drive_problem(
         PlantRollout(log, robot, habits, own=own),
         robot,
         settings,
-        base_coordinates(robot, wheels=habits.wheels, low_pass=habits.low_pass),
+        base_coordinates(
+            robot,
+            wheels=habits.wheels,
+            low_pass=habits.low_pass,
+            free_running=habits.chain.free_running,
+        ),
         by_name,
         told(by_name, log),
     )

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_point
-from raccoon.diagnose.habits.controller import usual_chain
+from raccoon.diagnose.habits.controller import FREE_RUNNING, usual_chain
 from raccoon.diagnose.open_numbers import LOW_PASS, Wheels
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
@@ -32,6 +32,8 @@ Way = Callable[[Search], Search]
 """How far to go on with a search: all the way, or the beginning."""
 
 LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
+OF_THE_GYRO = (LATE_GYRO, SLIP)
+"""What a gyro alone sees late."""
 SAG = "battery.internal_resistance"
 SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
 """s, of filters of the battery's reading that are tried."""
@@ -171,32 +173,49 @@ def with_a_slow_battery(
     return if_ahead(search, habits, under, likeliest, near[likeliest], _starts(search), by=by)
 
 
-def with_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
-    """The search with a gyro whose chip smooths, where something lags as such a gyro does and that explains
-    it better.
+def with_readings_that_lag(
+    search: Search, habits: Habits, under: Under, by: Way = whole
+) -> tuple[Search, Habits]:
+    """The search with a gyro whose chip smooths, or a controller by its own clock as well, where something
+    lags as such readings do and that explains it better.
 
-    Where a lag is all that was found, it is taken for the chip's if that is as likely. A robot of which more
-    is wrong may slip as well: there the chip must explain more by itself, or else is a rival of the lag.
+    Where lags are all that was found, they are taken for these if that is as likely. A robot of which more
+    is wrong may slip as well: there the readings must explain more by themselves, or else a gyro's is a rival
+    of the lag.
     """
-    late = _late(search)
-    if habits.low_pass or not late or "gyro" not in search.problem.features.roles:
+    point, late = search.fit.point, _late(search)
+    if not late or "gyro" not in search.problem.features.roles:
         return search, habits
-    point, other = search.fit.point, replace(habits, low_pass=True)
-    problem = under(other)
-    starts = [point, *(_sooner_by(search, each, LOW_PASS) for each in late), without(point, late)]
-    best = best_of(search, problem, starts)
+    smooth = replace(habits, low_pass=True)
+    battery = habits.chain.battery_time_constant
+    free = replace(smooth, chain=replace(FREE_RUNNING, battery_time_constant=battery))
+    seen = [each for each in late if each.startswith(OF_THE_GYRO)]
+    starts = [
+        point,
+        *(_sooner_by(search, each, LOW_PASS) for each in seen),
+        *(without(point, names) for names in (seen, late)),
+    ]
     alone = set(point.active) == set(late)
-    ahead = net_lead(search, best, search.fit) if alone else lead(problem, best, search.fit)
-    if ahead < (SMOOTH if alone else DOUBT):
+    found = None
+    for other in dict.fromkeys((smooth, free)):
+        if other == habits:
+            continue
+        fit = best_of(search, under(other), starts)
+        ahead = net_lead(search, fit, search.fit) if alone else lead(under(other), fit, search.fit)
+        if ahead >= (SMOOTH if found is None else found[0]):
+            found = ahead, fit, other
+    if found is None:
         return search, habits
-    tell("going on as another gyro would have it")
-    second = whole(look_around(problem, probes_for(problem), best.point, search.whitener))
+    tell("going on as another gyro or clock would have it")
+    _, fit, other = found
+    problem = under(other)
+    second = by(look_around(problem, probes_for(problem), fit.point, search.whitener))
     return (second, other) if explains_more(second, search) > -SMOOTH else (search, habits)
 
 
 def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
     """Note beside a lag of the gyro that a chip which smooths may be all of it."""
-    late = [] if habits.low_pass else [each for each in _late(search) if each in (LATE_GYRO, SLIP)]
+    late = [] if habits.low_pass else [each for each in _late(search) if each in OF_THE_GYRO]
     if not late or "gyro" not in search.problem.features.roles:
         return
     problem = under(replace(habits, low_pass=True))
@@ -209,8 +228,8 @@ def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
 
 
 def _late(search: Search) -> list[str]:
-    """What was named that a gyro sees late."""
-    return [name for name in search.fit.point.active if name.startswith((LATE_GYRO, SLIP))]
+    """What was named that lags."""
+    return [name for name in search.fit.point.active if name.startswith((LATE, *OF_THE_GYRO))]
 
 
 def lags_instead(search: Search, name: str, others: Sequence[str]) -> list[Point]:

@@ -36,7 +36,7 @@ from raccoon.diagnose.habits.others import (
     or_a_smooth_gyro,
     started,
     with_a_slow_battery,
-    with_a_smooth_gyro,
+    with_readings_that_lag,
     without,
 )
 from raccoon.diagnose.hypotheses import FORMS, Cause
@@ -91,7 +91,8 @@ def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habit
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
-    return with_a_slow_battery(search, habits, under, begun)
+    search, habits = with_a_slow_battery(search, habits, under, begun)
+    return with_readings_that_lag(search, habits, under, begun)
 
 
 def _braking(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
@@ -129,7 +130,7 @@ def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Ha
     median, a latency of 3 ms and a gear that loses torque.
     """
     search, habits = with_a_slow_battery(search, habits, under)
-    search, habits = with_a_smooth_gyro(search, habits, under)
+    search, habits = with_readings_that_lag(search, habits, under)
     firmware = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)
     past = [replace(habits, chain=chain, past=True) for chain in dict.fromkeys((habits.chain, firmware))]
     return first_ahead(search, habits, past, under)
