@@ -187,6 +187,21 @@ def test_beside_another_cause_a_gyro_that_smooths_is_what_a_lag_may_be_instead()
         assert "41 Hz" in each.explanation
 
 
+FREE_RUNNING = Hidden(
+    "unknown", None, {}, {"own_cycle": 0.0053, "gyro_smooth": 0.0039, "imu_latency": 0.0025}
+)
+
+
+@pytest.mark.parametrize("cause", [None, "drive.turn_scrub"])
+def test_a_controller_whose_cycle_is_not_the_rows_has_nothing_wrong_for_that(cause: str | None) -> None:
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
+    said = diagnose(make(8, [FREE_RUNNING, *hidden], seconds=16.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [each.name for each in hidden]
+    assert said.model is not None
+    assert said.model.chain.free_running
+    assert any("clock of its own" in each for each in said.notes)
+
+
 def test_in_a_short_drive_a_place_is_a_moment() -> None:
     """Friction that is a little more everywhere, on a robot that was nowhere twice, is none of the place."""
     more = Hidden("friction.coulomb", None, {"torque": 0.2145}, {"coulomb": 0.2145})

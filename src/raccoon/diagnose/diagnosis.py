@@ -13,8 +13,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.gain import HeldOut, held_out
-from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
-from raccoon.diagnose.habits.others import LATE_GYRO, SLOW_BATTERY
+from raccoon.diagnose.habits.controller import SLOW_BATTERY, drive_problem, with_lost_changes
+from raccoon.diagnose.habits.others import LATE_GYRO
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
@@ -222,6 +222,11 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
         notes.append(
             f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
         )
+    if chain.free_running:
+        notes.append(
+            "back-EMF readings are taken for samples of a controller whose cycle has a clock of its own: up "
+            "to a cycle old when a row reads them, as commands are when it takes them up"
+        )
     unpaused = 1.0 - chain.coast_share
     factors = [each.parameters["factor"] for each in causes if each.name == "motor.armature_resistance"]
     if chain.coast_share and any(abs(each.value - unpaused) < 2.0 * each.std for each in factors):
@@ -241,7 +246,8 @@ def _of_the_gyro(habits: Habits, causes: Sequence[CauseResult], spread: Spread) 
         late += spread.number((LATE_GYRO, None, "seconds"))
     return (
         f"the gyro follows {1000.0 * late:.2g} ms late: taken for its chip's filter, which the Wombat's "
-        "firmware sets to 41 Hz; without a reference of the pose, wheels that slip by as much look the same",
+        "firmware sets to 41 Hz, and for readings that wait for their row; without a reference of the pose, "
+        "wheels that slip by as much look the same",
     )
 
 

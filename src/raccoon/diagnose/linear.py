@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 BLOCKS = 8
 FLOOR_SECONDS = 4.0
 """Correlation time of friction that wanders with the floor."""
+CREEP_SECONDS, CREEP_VOLTS = 10.0, 0.003
+"""Correlation time and size of what a battery's voltage creeps by after its current: in ten seconds through
+some hundredths of an ohm."""
 A_LITTLE = 0.1
 """Widths of Coulomb friction over which its torque is as good as straight."""
 GRID_PART = 0.2
@@ -123,6 +126,16 @@ def slow_friction(problem: Problem, linear: Linear, seconds: float = FLOOR_SECON
         column = course[:, :, None] * torque * at_once
         columns.append(column + _lost_angle(problem, linear, column))
     return np.concatenate(columns) if columns else np.zeros((0, *linear.residual.shape))
+
+
+def slow_battery(problem: Problem, linear: Linear) -> Array:
+    """Columns of a battery whose voltage creeps: after each change of its current by some mV, for seconds."""
+    roles = problem.features.roles
+    course = courses(problem.features.time, CREEP_SECONDS) if "battery" in roles else np.zeros((0, 0))
+    columns = np.zeros((len(course), *linear.residual.shape))
+    if len(course):
+        columns[:, :, roles.index("battery")] = CREEP_VOLTS * course
+    return columns
 
 
 def courses(time: Array, seconds: float) -> Array:

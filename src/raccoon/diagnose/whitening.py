@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
 from raccoon.diagnose.forms import form_factor, form_weight
-from raccoon.diagnose.linear import Group, Linear, slow_friction
+from raccoon.diagnose.linear import Group, Linear, slow_battery, slow_friction
 from raccoon.diagnose.log import WHEELS
 from raccoon.diagnose.noise import (
     CHANGING,
@@ -76,7 +76,7 @@ def whitener_for(
     unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
     known cause is blamed for what they do.
     """
-    slow = slow_friction(problem, linear)
+    slow, creep = slow_friction(problem, linear), slow_battery(problem, linear)
     every = np.concatenate([linear.own, *(each.columns for each in (*linear.groups, *extra))])
     floors, regimes = problem.features.floors, regimes_of(problem)
     noise = (
@@ -97,8 +97,9 @@ def whitener_for(
     parts = faint_parts(names, own, white, acting(linear.acting, noise))[:, None, None]
     one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
     spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
+    spread += (creep**2).sum(axis=0)
     unnamed = [each.columns for each in extra if each.name in unknown]
-    more = noise.whiten(np.concatenate([wander * slow, *unnamed]))
+    more = noise.whiten(np.concatenate([wander * slow, creep, *unnamed]))
     directions = np.concatenate([more, parts * white] if tolerant else [more])
     return Whitener(noise, *_slow_directions(directions), rest, spread)
 

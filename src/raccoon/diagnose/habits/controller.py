@@ -6,8 +6,9 @@ give before they slide, and nothing a team could change.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -40,6 +41,12 @@ CLEARLY = 0.2
 STIFF = 0.006
 """The same for wheels that do not give before they slide. Of 60 robots whose wheels did, rigid ones saved
 0.004 at most, with two numbers less."""
+SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
+"""s, of filters of the battery's reading that are tried."""
+LESS_OFF = 0.85
+"""Part of the battery's error that is left with another filter of its readings, up to which it is taken at
+once. With the firmware's own filter none left less than 0.9; RaccoonOS's further one of 0.1 s leaves 0.3 to
+0.85."""
 STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
 """Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
 HIDING = (
@@ -126,11 +133,32 @@ def controller_of(
         return _Fitted(misfit, point, habits)
 
     found = fitted(first)
+    slow = _slow_battery(first, partial(loose, wheels), found.point)
+    if slow is not None:
+        found = fitted(_with_battery(first, slow))
     if brakes(log):
-        found = fitted(replace(first, brake=True)).instead_of(found, CLEARLY)
-    found = fitted(replace(found.habits, chain=other), found.point).instead_of(found, USUAL)
+        found = fitted(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
+    plain = _with_battery(replace(found.habits, chain=other), slow)
+    found = fitted(plain, found.point).instead_of(found, USUAL)
     found = fitted(replace(found.habits, wheels=Wheels.RIGID)).instead_of(found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
+
+
+def _slow_battery(habits: Habits, loose: Callable[[Habits], Problem], point: Point) -> float | None:
+    """s of a filter of the battery's readings that they clearly show, None where they show none."""
+    problems = [loose(_with_battery(habits, each)) for each in (None, *SLOW_BATTERY)]
+    if "battery" not in problems[0].features.roles:
+        return None
+    usual, *off = (battery_off(each, [point, each.nominal()]) for each in problems)
+    best = int(np.argmin(off))
+    return SLOW_BATTERY[best] if off[best] < LESS_OFF * usual else None
+
+
+def _with_battery(habits: Habits, slow: float | None) -> Habits:
+    """With a filter of the battery's readings, if there is one."""
+    if slow is None:
+        return habits
+    return replace(habits, chain=replace(habits.chain, battery_time_constant=slow))
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +172,17 @@ class _Fitted:
     def instead_of(self, other: _Fitted, by: float) -> _Fitted:
         """This one where it saves that much, else the other."""
         return self if self.misfit < other.misfit - by else other
+
+
+def battery_off(problem: Problem, starts: Sequence[Point]) -> float:
+    """By how much the battery's reading is off at best, its resistance and voltage as suit it."""
+    index, sizes = problem.features.roles.index("battery"), []
+    measured = problem.features.measured[:, index]
+    for each in problem.predict(starts)[..., index]:
+        columns = np.stack([np.ones_like(each), each], axis=1)
+        factors, *_ = np.linalg.lstsq(columns, measured, rcond=None)
+        sizes.append(float(np.abs(measured - columns @ factors).mean()))
+    return min(sizes)
 
 
 def with_lost_changes(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_point
-from raccoon.diagnose.habits.controller import FREE_RUNNING, usual_chain
+from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, battery_off, usual_chain
 from raccoon.diagnose.open_numbers import LOW_PASS, Wheels
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
@@ -35,8 +35,6 @@ LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
 OF_THE_GYRO = (LATE_GYRO, SLIP)
 """What a gyro alone sees late."""
 SAG = "battery.internal_resistance"
-SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
-"""s, of filters of the battery's reading that are tried."""
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
 SMOOTH = 3.0
@@ -166,7 +164,7 @@ def with_a_slow_battery(
     if len(under.new(search, habits, others)) < len(others):
         return search, habits
     near = _nearer(search, others, under)
-    likeliest = min(near, key=lambda each: _battery_off(near[each], _starts(search)), default=None)
+    likeliest = min(near, key=lambda each: battery_off(near[each], _starts(search)), default=None)
     if likeliest is None:
         under.were_vain(search, habits, others)
         return search, habits
@@ -279,14 +277,3 @@ def _misfits(search: Search, problem: Problem) -> Array:
     starts = [carried(each, search.problem, problem) for each in _starts(search)]
     white = search.whitener(problem.features.measured - problem.predict(starts))
     return np.asarray(np.abs(white).sum(axis=-1), float)
-
-
-def _battery_off(problem: Problem, starts: Sequence[Point]) -> float:
-    """By how much the battery's reading is off at best, its resistance and voltage as suit it."""
-    index, sizes = problem.features.roles.index("battery"), []
-    measured = problem.features.measured[:, index]
-    for each in problem.predict(starts)[..., index]:
-        columns = np.stack([np.ones_like(each), each], axis=1)
-        factors, *_ = np.linalg.lstsq(columns, measured, rcond=None)
-        sizes.append(float(np.abs(measured - columns @ factors).mean()))
-    return min(sizes)
