@@ -45,18 +45,14 @@ def drive_and_record(
     robot: RobotConfig, duty: NDArray[np.float64], path: str | Path, port: Port | None = None
 ) -> None:
     """Drive and keep a recording. port: by default the one that robot.toml names is opened; either is closed
-    at the end. Raises FileExistsError where there is a recording.
+    at the end, also where a signal ends the program. Raises FileExistsError where there is a recording.
     """
+    from raccoon.robot.loop import stopped_on_exit
     from raccoon.robot.opening import open_port
     from raccoon.trace.record import RecordingPort
 
     opened = open_port(robot) if port is None else port
-    try:
+    with stopped_on_exit(opened.close):
         recording = RecordingPort(opened, path, config=robot)
-    except BaseException:
-        opened.close()
-        raise
-    try:
-        drive(recording, robot, duty)
-    finally:
-        recording.close()
+        with stopped_on_exit(recording.close):
+            drive(recording, robot, duty)

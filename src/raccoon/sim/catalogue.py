@@ -93,7 +93,7 @@ _FRICTION = (
     ),
     Effect(
         "friction.direction_dependent",
-        "One direction of turning rubs more than the other.",
+        "One direction of turning rubs more than the other: forward where the number is positive.",
         (
             Parameter("asymmetry", "", 0.0, _SHARE, 0.2),
             Parameter("viscous_asymmetry", "", 0.0, _SHARE, 0.2),
@@ -140,7 +140,7 @@ _DRIVE = (
     ),
     Effect(
         "drive.turn_scrub",
-        "Turning on the spot scrubs wheels and caster over the floor, which costs torque.",
+        "Turning, on the spot or in an arc, scrubs wheels and caster over the floor: a torque at each wheel.",
         (Parameter("torque", "N m", 0.0, Bounds(0.0, 2.0), 0.03),),
     ),
     Effect(
@@ -161,7 +161,7 @@ _DRIVE = (
     ),
     Effect(
         "drive.slope",
-        "The floor is not level: a constant pull towards one side of the table.",
+        "The floor is not level: a constant pull towards one side of the table, a torque at each wheel.",
         (
             Parameter("along_x", "N m", 0.0, Bounds(-1.0, 1.0), 0.02),
             Parameter("along_y", "N m", 0.0, Bounds(-1.0, 1.0), 0.02),
@@ -207,7 +207,7 @@ _BEMF = (
     ),
     Effect(
         "bemf.dead_zone",
-        "Small back-EMF readings are reported as zero: slow creeping goes unseen.",
+        "Small back-EMF readings are reported as zero, after offset and filter: slow creeping goes unseen.",
         (Parameter("counts", "counts", 0.0, Bounds(0.0, 400.0), 10.0),),
         Place.SIDE,
     ),

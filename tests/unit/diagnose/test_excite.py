@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
+from raccoon.core.readings import Inputs
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.excitation import drive_and_record
 from raccoon.diagnose.manoeuvres import manoeuvre
@@ -39,6 +41,28 @@ def test_where_there_is_a_recording_already_the_port_is_closed_again(tmp_path: P
     with pytest.raises(HardwareError, match="closed"):
         port.read()
     assert path.read_bytes() == b"kept"
+
+
+class Ended(SimPort):
+    """A robot in the midst of whose drive the system ends the program."""
+
+    def read(self) -> Inputs:
+        inputs = super().read()
+        if inputs.time > 0.1:
+            signal.raise_signal(signal.SIGTERM)
+        return inputs
+
+
+def test_a_program_that_is_ended_in_the_midst_of_a_drive_stops_and_keeps_the_recording(
+    tmp_path: Path,
+) -> None:
+    port, path = Ended(Parameters.from_robot(ROBOT)), tmp_path / "run.jsonl.gz"
+    with pytest.raises(SystemExit) as ended:
+        drive_and_record(ROBOT, manoeuvre("spin")[:200], path, port)
+    assert ended.value.code == 128 + signal.SIGTERM
+    with pytest.raises(HardwareError, match="closed"):
+        port.write(None)  # type: ignore[arg-type]
+    assert load_run(path).recording.columns["t"][-1] == pytest.approx(0.1, abs=0.011)
 
 
 def test_a_recording_of_the_own_simulator_is_adequate_and_reported(tmp_path: Path) -> None:

@@ -71,6 +71,29 @@ def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
     assert habits.chain == chain
 
 
+@pytest.mark.parametrize("seconds", [0.02, 0.1])
+def test_a_slow_filter_of_the_battery_is_seen_before_any_cause_is_known(seconds: float) -> None:
+    """Beside a deadband one of 0.1 s was taken for 0.05, once a wrong scale and friction were named."""
+    chain = replace(Chain.firmware(), battery_time_constant=seconds)
+    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING] | {("actuation.deadband", None): {"duty": 0.05}}, chain)
+    _, habits = problem_of(log_from_columns(recorded(robot, 8.0), ROBOT), ROBOT, CAUSES)
+    assert habits.chain == chain
+
+
+def test_a_battery_that_creeps_after_its_current_is_nothing_unknown() -> None:
+    """By 10 mohm more after 8 s."""
+    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain.firmware())
+    columns = dict(recorded(robot, 20.0))
+    sag = ROBOT.model.battery.open_circuit_voltage.value - columns["battery.voltage"]
+    late, stays = np.zeros_like(sag), math.exp(-0.005 / 8.0)
+    for row in range(1, len(sag)):
+        late[row] = stays * late[row - 1] + (1.0 - stays) * sag[row]
+    part = 0.01 / ROBOT.model.battery.internal_resistance.value
+    said = diagnose(columns | {"battery.voltage": columns["battery.voltage"] - part * late}, ROBOT)
+    assert said.verdict is Verdict.ADEQUATE
+    assert said.causes == ()
+
+
 HIDING = {
     "actuation.deadband": {"duty": 0.066},
     "bemf.scale": {"factor": 1.08},

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
 from raccoon.diagnose.reports.terminal import (
@@ -72,9 +73,7 @@ def template(name: str) -> Any:
         import jinja2
         import matplotlib  # noqa: F401
     except ImportError as error:
-        raise ConfigError(
-            "an HTML report needs jinja2 and matplotlib: pip install raccoon[report]"
-        ) from error
+        raise ConfigError(f"an HTML report needs jinja2 and matplotlib: {install('report')}") from error
     pages = files("raccoon.diagnose.reports").joinpath("pages")
     texts = {each.name: each.read_text("utf-8") for each in pages.iterdir() if each.name.endswith(".html")}
     return jinja2.Environment(autoescape=True, loader=jinja2.DictLoader(texts)).get_template(name)
