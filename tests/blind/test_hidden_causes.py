@@ -59,7 +59,7 @@ def names_of(said: Diagnosis) -> set[str]:
 def test_two_hidden_causes_are_both_named_and_nothing_else(causes: tuple[str, str], seed: int) -> None:
     rng = np.random.default_rng(seed)
     hidden = [draw(each, rng) for each in causes]
-    said = diagnose(make(seed, hidden, seconds=25.0).columns, RobotConfig())
+    said = diagnose(make(seed, hidden, seconds=22.0).columns, RobotConfig())
     assert {each.name for each in said.causes} == {each.name for each in hidden}
     assert not said.unexplained.depends_on
 
@@ -90,7 +90,7 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
 @pytest.mark.parametrize("cause", ["imu.latency", "friction.stiction"])
 def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another(cause: str) -> None:
     hidden = draw(cause, np.random.default_rng(8), size=0.3)
-    said = diagnose(make(8, [hidden], seconds=40.0).columns, RobotConfig())
+    said = diagnose(make(8, [hidden], seconds=30.0).columns, RobotConfig())
     assert [each.name for each in said.causes] in ([hidden.name], [])
     if cause == "imu.latency":
         assert said.causes
@@ -123,7 +123,7 @@ def test_the_parameter_lies_near_the_hidden_one() -> None:
 def test_what_is_real_but_changes_next_to_nothing_is_said_not_to_matter() -> None:
     """A reading of 2 counts is read as 0: many zeros give that a name, but none of them is off by much."""
     hidden = Hidden("bemf.dead_zone", None, {"counts": 2.0}, {"dead_zone": 2.0})
-    said = diagnose(make(6, [hidden], seconds=40.0).columns, RobotConfig())
+    said = diagnose(make(6, [hidden], seconds=30.0).columns, RobotConfig())
     assert [each.name for each in said.causes] == [hidden.name]
     assert said.causes[0].little
     assert said.verdict is Verdict.ADEQUATE
@@ -223,7 +223,7 @@ def test_structural_twins_are_reported_as_a_class() -> None:
 def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on_and_its_course() -> None:
     for kind, covariate in (("gyro_speed", "gyro over speed"), ("payload", "time (inertia)")):
         hidden = draw_unknown(kind, np.random.default_rng(1))
-        said = diagnose(make(1, [hidden], seconds=40.0).columns, RobotConfig())
+        said = diagnose(make(1, [hidden], seconds=30.0).columns, RobotConfig())
         assert said.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
         assert covariate in said.unexplained.depends_on
         shape = next(each for each in said.shapes if each.depends_on == covariate)

@@ -178,8 +178,8 @@ def with_readings_that_lag(
     lags as such readings do and that explains it better.
 
     Where lags are all that was found, they are taken for these if that is as likely. A robot of which more
-    is wrong may slip as well: there the readings must explain more by themselves, or else a gyro's is a rival
-    of the lag.
+    is wrong may slip as well: there the readings must explain more by themselves, most of all where the gyro
+    alone lags (a slip and a late gyro together look like its filter), or else that is a rival of the lag.
     """
     point, late = search.fit.point, _late(search)
     if not late or "gyro" not in search.problem.features.roles:
@@ -194,18 +194,18 @@ def with_readings_that_lag(
         *(without(point, names) for names in (seen, late)),
     ]
     alone = set(point.active) == set(late)
-    found = None
-    for other in dict.fromkeys((smooth, free)):
+    found, most = None, 0.0
+    for other, wanted in {smooth: SMOOTH if alone else DOUBT, free: SMOOTH}.items():
         if other == habits:
             continue
         fit = best_of(search, under(other), starts)
         ahead = net_lead(search, fit, search.fit) if alone else lead(under(other), fit, search.fit)
-        if ahead >= (SMOOTH if found is None else found[0]):
-            found = ahead, fit, other
+        if ahead >= max(wanted, most):
+            found, most = (fit, other), ahead
     if found is None:
         return search, habits
     tell("going on as another gyro or clock would have it")
-    _, fit, other = found
+    fit, other = found
     problem = under(other)
     second = by(look_around(problem, probes_for(problem), fit.point, search.whitener))
     return (second, other) if explains_more(second, search) > -SMOOTH else (search, habits)
