@@ -26,7 +26,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import Cause, neutral_settings
-from raccoon.diagnose.linear import Group, linearise, slow_friction
+from raccoon.diagnose.linear import Group, linearise, slow_battery, slow_friction
 from raccoon.diagnose.log import Channel, Log
 from raccoon.diagnose.manoeuvres import MANOEUVRES, RATE
 from raccoon.diagnose.naming import ONE_CLASS
@@ -128,7 +128,7 @@ class Plan:
     """A drive before it is driven: what every cause would change in it, in units of the usual noise.
 
     columns: of each cause, whitened. Whitened directions in which a recording changes anyway: own, of base
-    numbers; restless, of a floor that wanders and of its pushes.
+    numbers; restless, of a floor that wanders, of its pushes and of a battery that creeps.
     """
 
     columns: tuple[tuple[Group, Array], ...]
@@ -144,8 +144,9 @@ class Plan:
         white = _whitening(problem)
         floor = FLOOR_SHARE * white(slow_friction(problem, linear))
         pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
+        creep = white(slow_battery(problem, linear))
         columns = tuple((group, white(group.columns)) for group in linear.groups)
-        return cls(columns, white(linear.own), np.vstack([floor, pushes]))
+        return cls(columns, white(linear.own), np.vstack([floor, pushes, creep]))
 
     def evidence(self, cause: str, rivals: Sequence[str] = (), size: float = 1.0) -> tuple[float, str]:
         """Evidence of a deviation of so many usual ones beside small deviations of everything else and that
