@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.conditions import JOIN, Condition
-from raccoon.robot.limits import check_function, check_kind, check_number
+from raccoon.robot.limits import check_function, check_kind, check_number, check_positive
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -63,7 +63,7 @@ class Action(Generic[T_co]):
 
     def timeout(self, seconds: float) -> Action[T_co]:
         """This action, with MotionTimeout if it has not ended by itself after `seconds` s."""
-        _positive("seconds", seconds)
+        check_positive("seconds", seconds)
 
         def steps(robot: Robot) -> Steps[T_co]:
             start = robot.time
@@ -265,12 +265,6 @@ def _check(kind: str, actions: tuple[Any, ...]) -> None:
     for action in actions:
         hint = f": write {kind}(*actions) for a list" if isinstance(action, list | tuple) else ""
         check_kind(action, Action, f"{kind}()", hint)
-
-
-def _positive(name: str, value: float) -> None:
-    check_number(name, value, "above 0")
-    if not 0.0 < value < float("inf"):
-        raise ValueError(f"{name} is {value}: it must be above 0")
 
 
 def _names(kind: str, actions: tuple[Action[Any], ...]) -> str:

@@ -29,6 +29,13 @@ def check_number(name: str, value: object, allowed: str) -> None:
         raise TypeError(f"{name} is {value!r}: it must be a number, {allowed}")
 
 
+def check_positive(name: str, value: float, hint: str = "") -> None:
+    """Raise ValueError for what is not above 0, TypeError for no number. hint: what to write instead."""
+    check_number(name, value, "above 0")
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} is {value}: it must be above 0" + (f" ({hint})" if hint else ""))
+
+
 def check_way(**ways: float) -> None:
     """Raise ValueError naming the first that is no distance in m, TypeError for what is no number."""
     allowed = f"up to {LONGEST:g} m either way (30 cm are 0.30)"
@@ -43,9 +50,7 @@ def check_angle(turns: float = 1.0, more: str = "turns= allows more", /, **angle
 
     more: what to do where more is meant.
     """
-    check_number("turns", turns, "above 0")
-    if not 0.0 < turns < math.inf:
-        raise ValueError(f"turns is {turns}: it must be above 0")
+    check_positive("turns", turns)
     most = f"up to {turns:g} turn{'' if turns == 1.0 else 's'} in rad either way"
     for name, value in angles.items():
         check_number(name, value, f"{most} (write deg(90) for degrees)")
@@ -113,8 +118,9 @@ def check_function(function: object, where: str, *of: str) -> None:
     """Raise TypeError where `function` is none that takes so many arguments. of: what they are called."""
     if callable(function) and takes(function, *of):
         return
-    name = getattr(function, "__name__", None) if callable(function) else None
-    what = f"{name}{inspect.signature(function)}" if name and callable(function) else repr(function)
+    what = repr(function)
+    if callable(function) and hasattr(function, "__name__"):
+        what = f"{function.__name__}{inspect.signature(function)}"
     given = f"of the {' and '.join(of)}" if of else "without arguments"
     raise TypeError(f"{where} takes a function {given}, not {what}: write {' '.join(('lambda', *of))}: ...")
 

@@ -11,7 +11,7 @@ from raccoon.control.motion import TrackingGains
 from raccoon.control.profile import Profile, ProfileState
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
-from raccoon.robot.limits import check_number
+from raccoon.robot.limits import check_number, check_positive
 from raccoon.robot.remarks import mismatch, tell
 
 if TYPE_CHECKING:
@@ -174,8 +174,5 @@ def check_limits(hint: str = "", /, **values: float | None) -> None:
     hint: what to write instead.
     """
     for name, value in values.items():
-        if value is None:
-            continue
-        check_number(name, value, "above 0")
-        if not 0.0 < value < math.inf:
-            raise ValueError(f"{name} is {value}: it must be above 0" + (f" ({hint})" if hint else ""))
+        if value is not None:
+            check_positive(name, value, hint)

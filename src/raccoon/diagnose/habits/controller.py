@@ -135,10 +135,11 @@ def controller_of(
     found = fitted(first)
     slow = _slow_battery(first, partial(loose, wheels), found.point)
     if slow is not None:
-        found = fitted(_with_battery(first, slow))
+        found = fitted(with_battery(first, slow))
     if brakes(log):
         found = fitted(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
-    plain = _with_battery(replace(found.habits, chain=other), slow)
+    plain = replace(found.habits, chain=other)
+    plain = plain if slow is None else with_battery(plain, slow)
     found = fitted(plain, found.point).instead_of(found, USUAL)
     found = fitted(replace(found.habits, wheels=Wheels.RIGID)).instead_of(found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
@@ -146,19 +147,21 @@ def controller_of(
 
 def _slow_battery(habits: Habits, loose: Callable[[Habits], Problem], point: Point) -> float | None:
     """s of a filter of the battery's readings that they clearly show, None where they show none."""
-    problems = [loose(_with_battery(habits, each)) for each in (None, *SLOW_BATTERY)]
-    if "battery" not in problems[0].features.roles:
+
+    def off(problem: Problem) -> float:
+        return battery_off(problem, [point, problem.nominal()])
+
+    usual = loose(habits)
+    if "battery" not in usual.features.roles:
         return None
-    usual, *off = (battery_off(each, [point, each.nominal()]) for each in problems)
-    best = int(np.argmin(off))
-    return SLOW_BATTERY[best] if off[best] < LESS_OFF * usual else None
+    left = {each: off(loose(with_battery(habits, each))) for each in SLOW_BATTERY}
+    best = min(left, key=left.__getitem__)
+    return best if left[best] < LESS_OFF * off(usual) else None
 
 
-def _with_battery(habits: Habits, slow: float | None) -> Habits:
-    """With a filter of the battery's readings, if there is one."""
-    if slow is None:
-        return habits
-    return replace(habits, chain=replace(habits.chain, battery_time_constant=slow))
+def with_battery(habits: Habits, seconds: float) -> Habits:
+    """With another filter of the battery's readings."""
+    return replace(habits, chain=replace(habits.chain, battery_time_constant=seconds))
 
 
 @dataclass(frozen=True, slots=True)

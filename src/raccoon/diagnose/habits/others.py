@@ -13,7 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_point
-from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, battery_off, usual_chain
+from raccoon.diagnose.habits.controller import (
+    FREE_RUNNING,
+    SLOW_BATTERY,
+    battery_off,
+    usual_chain,
+    with_battery,
+)
 from raccoon.diagnose.open_numbers import LOW_PASS, Wheels
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
@@ -157,10 +163,8 @@ def with_a_slow_battery(
     """
     if "battery" not in search.problem.features.roles:
         return search, habits
-    chain = habits.chain
-    times = (usual_chain(chain).battery_time_constant, *SLOW_BATTERY)
-    chains = [replace(chain, battery_time_constant=each) for each in times]
-    others = [replace(habits, chain=each) for each in chains if each != chain]
+    times = (usual_chain(habits.chain).battery_time_constant, *SLOW_BATTERY)
+    others = [each for each in (with_battery(habits, time) for time in times) if each != habits]
     if len(under.new(search, habits, others)) < len(others):
         return search, habits
     near = _nearer(search, others, under)
@@ -185,8 +189,7 @@ def with_readings_that_lag(
     if not late or "gyro" not in search.problem.features.roles:
         return search, habits
     smooth = replace(habits, low_pass=True)
-    battery = habits.chain.battery_time_constant
-    free = replace(smooth, chain=replace(FREE_RUNNING, battery_time_constant=battery))
+    free = with_battery(replace(smooth, chain=FREE_RUNNING), habits.chain.battery_time_constant)
     seen = [each for each in late if each.startswith(OF_THE_GYRO)]
     starts = [
         point,
@@ -198,15 +201,15 @@ def with_readings_that_lag(
     for other, wanted in {smooth: SMOOTH if alone else DOUBT, free: SMOOTH}.items():
         if other == habits:
             continue
-        fit = best_of(search, under(other), starts)
-        ahead = net_lead(search, fit, search.fit) if alone else lead(under(other), fit, search.fit)
+        problem = under(other)
+        fit = best_of(search, problem, starts)
+        ahead = net_lead(search, fit, search.fit) if alone else lead(problem, fit, search.fit)
         if ahead >= max(wanted, most):
-            found, most = (fit, other), ahead
+            found, most = (problem, fit, other), ahead
     if found is None:
         return search, habits
     tell("going on as another gyro or clock would have it")
-    fit, other = found
-    problem = under(other)
+    problem, fit, other = found
     second = by(look_around(problem, probes_for(problem), fit.point, search.whitener))
     return (second, other) if explains_more(second, search) > -SMOOTH else (search, habits)
 
