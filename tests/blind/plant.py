@@ -24,6 +24,8 @@ STEP = 0.00025
 COUNTS_PER_VOLT = 4096 / 3.3 * 2.2 / 9.0
 BRISTLE = 600.0
 BRISTLE_DAMPING = 0.4
+FULL_SPEED = 1900.0
+"""Counts that a program's speed loop expects of duty 1."""
 CONTACT_RATE = 900.0
 COASTING_RATE = 150.0
 
@@ -44,13 +46,13 @@ NEUTRAL = {
     "cogging_l": 0.0, "cogging_r": 0.0, "payload": 0.0, "payload_time": 1e9,
     "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0,
     "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING, "smooth": 0.0, "gyro_smooth": 0.0,
-    "own_cycle": 0.0,
+    "own_cycle": 0.0, "speed_loop": 0.0,
 }  # fmt: skip
 """Every parameter and the value at which the robot is the textbook's. The last lines hold causes that are in
 no catalogue (torque that depends on the wheel's angle, a load that falls on the robot, a rough patch of
 floor, a gyro that hears the motors), and what is no fault: how friction gives, or the rad/s over which it is
-a smooth curve instead, the s by which two filters in the gyro's chip delay, and the s of a firmware's cycle
-that is not in step with the rows."""
+a smooth curve instead, the s by which two filters in the gyro's chip delay, the s of a firmware's cycle
+that is not in step with the rows, and the duty with which a program answers each count of a wheel's speed."""
 
 
 def parameters(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -121,8 +123,8 @@ def simulate(
 ) -> Any:
     """Drive the robot; one row a firmware cycle of (bemf L, R, position L, R, bus V, gyro, x, y, heading).
 
-    cycle_times: s; duty (n, 2) is commanded at the cycle and holds until the next; torque_noise (n, 2) N m
-    and
+    cycle_times: s; duty (n, 2) is commanded at the cycle and holds until the next, and becomes what a speed
+    loop makes of it where there is one; torque_noise (n, 2) N m and
     floor (n, 2) (share of Coulomb friction) hold likewise; bemf_noise (n, 2) counts. The gyro column is the
     true turn rate with its scale, bias, drift and latency, without noise.
     """
@@ -134,7 +136,7 @@ def simulate(
         off_l, off_r, scale_l, scale_r, dead_zone, filter_tau,
         gyro_bias, gyro_scale, gyro_drift, imu_latency,
         cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed,
-        bristle, bristle_damping, smooth, gyro_smooth, own_cycle,
+        bristle, bristle_damping, smooth, gyro_smooth, own_cycle, speed_loop,
     ) = p  # fmt: skip
     ke, res = (ke_l, ke_r), (res_l, res_r)
     radius, cog = (radius_l, radius_r), (cog_l, cog_r)
@@ -158,6 +160,11 @@ def simulate(
     for k in range(n - 1):
         out[k, 0], out[k, 1] = reported[0], reported[1]
         out[k, 2], out[k, 3] = position[0], position[1]
+        for side in range(2):
+            planned = duty[k, side]
+            if speed_loop > 0.0 and planned != 0.0:
+                answer = planned + speed_loop * (FULL_SPEED * planned - reported[side])
+                duty[k, side] = round(1e4 * min(max(answer, -1.0), 1.0)) / 1e4
         delay = min(int(imu_latency / STEP + 0.5), 4095)
         rate = rate_history[(ticks - delay) % 4096]
         speed = 0.5 * (roll[0] + roll[1]) * 0.0345

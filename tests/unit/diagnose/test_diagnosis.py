@@ -86,7 +86,7 @@ def test_the_model_says_how_sure_each_number_is_and_why_it_is_there(sagging: Dia
 def test_a_gap_that_no_sample_tells_from_a_wider_one_is_not_as_unsure_as_before() -> None:
     """Without slip a wheel forgets when it met the tooth, so only samples inside the gap tell its width."""
     robot = Parameters.from_robot(ROBOT).with_effect("drive.backlash", angle=0.06, coasting=0.006)
-    duty = np.where(np.arange(2400) * 0.005 % 1.0 < 0.5, 0.5, -0.5)
+    duty = np.where(np.arange(1600) * 0.005 % 1.0 < 0.5, 0.5, -0.5)
     time = np.arange(len(duty)) * 0.005
     out = rollout(robot, Commands.of_wheels(time, -duty, duty), longest_step=0.001)
     rng = np.random.default_rng(5)

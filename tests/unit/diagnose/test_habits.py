@@ -17,7 +17,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import PAST, diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits.controller import drive_problem, problem_of
-from raccoon.diagnose.habits.others import carried
+from raccoon.diagnose.habits.others import best_of, carried, started
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.open_numbers import Wheels
@@ -229,6 +229,26 @@ def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(
     search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
     assert habits.wheels is wheels
     assert set(search.fit.point.active) == {"drive.inertia"}
+
+
+def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:
+    heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
+    log = log_from_columns(recorded(Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING]), 10.0), ROBOT)
+    gives, slides = (
+        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, wheels=wheels), None)
+        for wheels in (Wheels.GIVING, Wheels.RIGID)
+    )
+    nothing = gives.nominal()
+    starts = [nothing.with_cause("actuation.latency", np.array([0.3])), nothing]
+    right = nothing.with_cause("drive.inertia", np.array([0.5]))
+    search = started(gives)
+    found = best_of(search, slides, [*starts, right])
+    alone = best_of(search, slides, [right])
+    assert set(found.point.active) == {"drive.inertia"}
+    assert found.cost == pytest.approx(alone.cost, abs=0.2)
+    np.testing.assert_allclose(
+        found.point.active["drive.inertia"], alone.point.active["drive.inertia"], rtol=0.02
+    )
 
 
 def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> None:

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import Fit, fit_point
+from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
 from raccoon.diagnose.habits.controller import (
     FREE_RUNNING,
     SLOW_BATTERY,
+    USUAL_CHAINS,
     battery_off,
     usual_chain,
     with_battery,
@@ -43,6 +44,8 @@ OF_THE_GYRO = (LATE_GYRO, SLIP)
 SAG = "battery.internal_resistance"
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
+ROUGH_STEPS = 8
+"""Of a fit that says which of several starts is the likeliest."""
 SMOOTH = 3.0
 """The same for a gyro that smooths. Wheels that slip by its time are the same to it, and lack their gate."""
 
@@ -80,10 +83,14 @@ def started(problem: Problem) -> Search:
 
 
 def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
-    """The likeliest, gates counted, of these starts once they are fitted in another problem."""
+    """The likeliest, gates counted, of these starts once they are fitted in another problem: with the columns
+    that base numbers have at the first, and that one with its own."""
     whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
-    fits = [fit_point(problem, whitener, each) for each in there]
-    return max(fits, key=lambda each: net_lead(search, each, search.fit))
+    if len(there) > 1:
+        columns = fit_at(problem, whitener, there[0]).jacobian[: len(problem.base)]
+        rough = fit_many(problem, whitener, there, columns, ROUGH_STEPS)
+        there = [max(rough, key=lambda each: net_lead(search, each, search.fit)).point]
+    return fit_point(problem, whitener, there[0])
 
 
 def leads(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
@@ -181,15 +188,16 @@ def with_readings_that_lag(
     """The search with a gyro whose chip smooths, or a controller by its own clock as well, where something
     lags as such readings do and that explains it better.
 
-    Where lags are all that was found, they are taken for these if that is as likely. A robot of which more
-    is wrong may slip as well: there the readings must explain more by themselves, most of all where the gyro
-    alone lags (a slip and a late gyro together look like its filter), or else that is a rival of the lag.
+    The clock comes first: it is how a Wombat works, and need not be ahead before it has been searched under,
+    nor by more than the gates of the lags that it takes up. So it is with a gyro that smooths where lags are
+    all that was found. A robot of which more is wrong may slip as well, and a slip and a late gyro together
+    look like a gyro's filter: there that must explain more by itself, or else it is a rival of the lag.
     """
     point, late = search.fit.point, _late(search)
     if not late or "gyro" not in search.problem.features.roles:
         return search, habits
     smooth = replace(habits, low_pass=True)
-    free = with_battery(replace(smooth, chain=FREE_RUNNING), habits.chain.battery_time_constant)
+    free = _by_its_own_clock(search, smooth, under)
     seen = [each for each in late if each.startswith(OF_THE_GYRO)]
     starts = [
         point,
@@ -197,21 +205,36 @@ def with_readings_that_lag(
         *(without(point, names) for names in (seen, late)),
     ]
     alone = set(point.active) == set(late)
-    found, most = None, 0.0
-    for other, wanted in {smooth: SMOOTH if alone else DOUBT, free: SMOOTH}.items():
-        if other == habits:
-            continue
+    wanted = {smooth: SMOOTH if alone else DOUBT, free: -DOUBT}
+    found = []
+    for other in under.new(search, habits, (each for each in wanted if each != habits)):
         problem = under(other)
         fit = best_of(search, problem, starts)
-        ahead = net_lead(search, fit, search.fit) if alone else lead(problem, fit, search.fit)
-        if ahead >= max(wanted, most):
-            found, most = (problem, fit, other), ahead
-    if found is None:
-        return search, habits
-    tell("going on as another gyro or clock would have it")
-    problem, fit, other = found
-    second = by(look_around(problem, probes_for(problem), fit.point, search.whitener))
-    return (second, other) if explains_more(second, search) > -SMOOTH else (search, habits)
+        by_gates = alone or other is free
+        ahead = net_lead(search, fit, search.fit) if by_gates else lead(problem, fit, search.fit)
+        if ahead >= wanted[other]:
+            found.append((other, problem, fit.point))
+        else:
+            under.were_vain(search, habits, [other])
+    for other, problem, there in reversed(found):
+        tell("going on as another gyro or clock would have it")
+        second = by(look_around(problem, probes_for(problem), there, search.whitener))
+        if explains_more(second, search) > -SMOOTH:
+            return second, other
+    return search, habits
+
+
+def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
+    """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
+    readings that suits them; one that was seen is kept."""
+    time = habits.chain.battery_time_constant
+    times = (time,) if time in SLOW_BATTERY else {each.battery_time_constant for each in USUAL_CHAINS}
+    others = [with_battery(replace(habits, chain=FREE_RUNNING), each) for each in sorted(times)]
+    if len(others) == 1 or "battery" not in search.problem.features.roles:
+        return others[0]
+    problems = {each: under(each) for each in others}
+    here = {each: carried(search.fit.point, search.problem, its) for each, its in problems.items()}
+    return min(others, key=lambda each: battery_off(problems[each], [here[each]]))
 
 
 def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
