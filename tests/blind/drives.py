@@ -81,3 +81,14 @@ def contest(rng: np.random.Generator, seconds: float = 30.0) -> Array:
             slow = rng.uniform(0.15, 0.25)
             parts.append(_trapezoid(slow, slow, rng.uniform(0.6, 1.4)))
     return np.vstack(parts)[: int(seconds * RATE)]
+
+
+def legs(rng: np.random.Generator, seconds: float) -> Array:
+    """Straight on at one speed after another, with rests: for a robot that steers by itself."""
+    parts = [_hold(0.0, 0.0, 0.5)]
+    while sum(map(len, parts)) < seconds * RATE:
+        speed = rng.uniform(0.3, 0.6)
+        parts.append(_ramp((0.0, 0.0), (speed, speed), 0.2))
+        parts.append(_hold(speed, speed, rng.uniform(3.0, 6.0)))
+        parts.append(_hold(0.0, 0.0, rng.uniform(0.3, 1.0)))
+    return np.vstack(parts)[: int(seconds * RATE)]

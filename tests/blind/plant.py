@@ -24,6 +24,8 @@ STEP = 0.00025
 COUNTS_PER_VOLT = 4096 / 3.3 * 2.2 / 9.0
 BRISTLE = 600.0
 BRISTLE_DAMPING = 0.4
+LINE_AHEAD, LINE_EDGE, LINE_SHARE = 0.11, 0.0003, 0.8
+"""m from the axle to a line's sensor, m of its hysteresis, and what it takes of each new reading."""
 FULL_SPEED = 1900.0
 """Counts that a program's speed loop expects of duty 1."""
 CONTACT_RATE = 900.0
@@ -46,13 +48,14 @@ NEUTRAL = {
     "cogging_l": 0.0, "cogging_r": 0.0, "payload": 0.0, "payload_time": 1e9,
     "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0,
     "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING, "smooth": 0.0, "gyro_smooth": 0.0,
-    "own_cycle": 0.0, "speed_loop": 0.0,
+    "own_cycle": 0.0, "speed_loop": 0.0, "line_steer": 0.0,
 }  # fmt: skip
 """Every parameter and the value at which the robot is the textbook's. The last lines hold causes that are in
 no catalogue (torque that depends on the wheel's angle, a load that falls on the robot, a rough patch of
 floor, a gyro that hears the motors), and what is no fault: how friction gives, or the rad/s over which it is
 a smooth curve instead, the s by which two filters in the gyro's chip delay, the s of a firmware's cycle
-that is not in step with the rows, and the duty with which a program answers each count of a wheel's speed."""
+that is not in step with the rows, the duty with which a program answers each count of a wheel's speed,
+and the share of its duty by which it steers at a line (bang-bang, of the x axis, by a sensor in front)."""
 
 
 def parameters(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -136,7 +139,7 @@ def simulate(
         off_l, off_r, scale_l, scale_r, dead_zone, filter_tau,
         gyro_bias, gyro_scale, gyro_drift, imu_latency,
         cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed,
-        bristle, bristle_damping, smooth, gyro_smooth, own_cycle, speed_loop,
+        bristle, bristle_damping, smooth, gyro_smooth, own_cycle, speed_loop, line_steer,
     ) = p  # fmt: skip
     ke, res = (ke_l, ke_r), (res_l, res_r)
     radius, cog = (radius_l, radius_r), (cog_l, cog_r)
@@ -150,7 +153,8 @@ def simulate(
     torque, current = np.zeros(2), np.zeros(2)
     window, filtered, position = np.zeros((2, 3)), np.zeros(2), np.zeros(2)
     reported, waited = np.zeros(2), np.array([0.0, 0.25 * own_cycle])
-    x = y = heading = charge = draw = 0.0
+    x = y = heading = charge = draw = seen = 0.0
+    on_left = False
     bus = voc
     idle = np.zeros(2)
     rate_history = np.zeros(4096)
@@ -160,8 +164,12 @@ def simulate(
     for k in range(n - 1):
         out[k, 0], out[k, 1] = reported[0], reported[1]
         out[k, 2], out[k, 3] = position[0], position[1]
+        seen += LINE_SHARE * (y + LINE_AHEAD * np.sin(heading) - seen)
+        on_left = seen > (-LINE_EDGE if on_left else LINE_EDGE)
         for side in range(2):
             planned = duty[k, side]
+            if line_steer > 0.0:
+                duty[k, side] = planned * (1.0 + (line_steer if (side == 0) == on_left else -line_steer))
             if speed_loop > 0.0 and planned != 0.0:
                 answer = planned + speed_loop * (FULL_SPEED * planned - reported[side])
                 duty[k, side] = round(1e4 * min(max(answer, -1.0), 1.0)) / 1e4

@@ -210,6 +210,18 @@ def test_beside_another_cause_a_program_s_speed_loop_is_no_latency() -> None:
     assert said.model.chain.free_running
 
 
+STEERS = Hidden("unknown", None, {}, {"line_steer": 0.7, "own_cycle": 0.0053, "gyro_smooth": 0.0039})
+
+
+def test_whole_swings_of_a_robot_that_follows_a_line_show_both_of_two_causes() -> None:
+    """Its program hears of a push before the wheels' readings do, and answers it ten times a second."""
+    rng = np.random.default_rng(2)
+    hidden = [draw(each, rng) for each in ("battery.internal_resistance", "bemf.offset")]
+    said = diagnose(make(2, [STEERS, *hidden], drive="legs", seconds=16.0).columns, RobotConfig())
+    assert {each.name for each in said.causes} == {each.name for each in hidden}
+    assert any("times a second" in each for each in said.notes)
+
+
 def test_in_a_short_drive_a_place_is_a_moment() -> None:
     """Friction that is a little more everywhere, on a robot that was nowhere twice, is none of the place."""
     more = Hidden("friction.coulomb", None, {"torque": 0.2145}, {"coulomb": 0.2145})

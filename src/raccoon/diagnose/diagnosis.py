@@ -217,6 +217,13 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
     chain, notes = habits.chain, []
     if habits.past:
         notes.append(PAST)
+    if habits.swing:
+        notes.append(
+            f"the commands swing {1.0 / habits.swing:.1f} times a second, as where bang-bang follows a "
+            "line, and answer what disturbs the robot before its wheels' readings show it: compared over "
+            "whole swings, which hide what only fast changes show, as lags, filters and inertia; a drive of "
+            "`raccoon excite` shows them"
+        )
     if chain.battery_time_constant in SLOW_BATTERY:
         seconds = chain.battery_time_constant
         notes.append(

@@ -1,6 +1,8 @@
 """Averages over short bins: what of a recording is compared, and the same of a simulation.
 
-Measured and simulated samples pass the same linear map, so what the map loses is lost on both sides.
+Measured and simulated samples pass the same linear map, so what the map loses is lost on both sides. Where
+commands swing (`quality.swing`) a bin is a whole swing: commands answer what disturbs the robot sooner than
+the wheels' filtered readings show it, and within a swing that looks like other wheels.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from raccoon.diagnose.log import Channel, Log
 Array = NDArray[np.float64]
 
 BIN = 0.02
+EVENT_SECONDS = 0.5
 SETTLING = 0.3
 HALF_A_COUNT = 0.5
 
@@ -70,24 +73,27 @@ def _known(log: Log) -> tuple[Channel, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres."""
+    """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres. width: s
+    of a bin."""
 
     roles: tuple[str, ...]
     floors: Array
     time: Array
     measured: Array
     maps: tuple[csr_array, ...]
+    width: float
 
     @classmethod
-    def of(cls, log: Log) -> Features:
-        """Bins of 20 ms from the settling of the unknown start state to the end, less what is lost."""
+    def of(cls, log: Log, width: float = BIN) -> Features:
+        """Bins of that width, s, from the settling of the unknown start state to the end, less what is
+        lost."""
         start = log.time[0] + SETTLING
-        count = max(int((log.time[-1] - start) / BIN), 1)
-        position = np.floor((log.time - start) / BIN).astype(np.intp)
-        time = start + BIN * (np.arange(count) + 0.5)
+        count = max(int((log.time[-1] - start) / width), 1)
+        position = np.floor((log.time - start) / width).astype(np.intp)
+        time = start + width * (np.arange(count) + 0.5)
         maps = tuple(_bins(each, position, count) for each in _known(log))
         if log.lost:
-            kept = np.flatnonzero(~_within(log, time, BIN / 2))
+            kept = np.flatnonzero(~_within(log, time, width / 2))
             time, maps = time[kept], tuple(csr_array(each[kept]) for each in maps)
         measured = np.column_stack(
             [bins @ _before_cutting(each) for bins, each in zip(maps, log.channels, strict=True)]
@@ -98,7 +104,13 @@ class Features:
             time,
             measured,
             maps,
+            width,
         )
+
+    @property
+    def event(self) -> int:
+        """Bins of half a second."""
+        return max(round(EVENT_SECONDS / self.width), 1)
 
     def simulated(self, channels: Array) -> Array:
         """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""

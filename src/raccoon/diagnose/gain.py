@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.features import BIN
+from raccoon.diagnose.features import EVENT_SECONDS
 from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
 from raccoon.diagnose.linear import FLOOR_SECONDS
-from raccoon.diagnose.noise import event_means
+from raccoon.diagnose.noise import EVENT, event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search, steadied
 from raccoon.sim.parameters import SIDES
@@ -54,7 +54,8 @@ class HeldOut:
     time (bins,), measured (bins, channels), residual (2, bins, channels): those bins themselves,
     measured less simulated before and after, for pictures. expected (channels,): what `after` should be on
     data that no fit has seen: the floor, friction that wanders, what no model gets right, and how uncertain
-    the fit is. The floor alone is what a fit of everything leaves on data it has seen."""
+    the fit is. The floor alone is what a fit of everything leaves on data it has seen. event: bins in half a
+    second."""
 
     before: Array
     after: Array
@@ -66,6 +67,12 @@ class HeldOut:
     measured: Array
     residual: Array
     expected: Array
+    event: int = EVENT
+
+    @property
+    def seconds(self) -> float:
+        """How long it lasts, and not 0."""
+        return max(len(self.time), 1) * EVENT_SECONDS / self.event
 
     @property
     def foreseen(self) -> float:
@@ -89,24 +96,22 @@ class HeldOut:
         """Error after over what is expected on unseen data, of all channels: about 1 or less is as it should
         be. No half second counts for more than `MOST_OF_EVENT` usual ones: a wheel that breaks loose a
         moment late is no wrong model."""
-        events, _ = _events(self.residual[1], self.expected)
+        events, _ = _events(self.residual[1], self.expected, self.event)
         return _limited_rms(events, MOST_OF_EVENT)
 
     @property
     def is_far(self) -> bool:
         """Whether that is more than chance makes of so few half seconds. What wanders slowly makes more of
         it: friction that is off is off for seconds."""
-        seconds = len(self.time) * BIN
-        chance = 1.0 + FAR_FROM_NOISE * np.sqrt(USUAL_SECONDS / max(seconds, BIN))
+        chance = 1.0 + FAR_FROM_NOISE * np.sqrt(USUAL_SECONDS / self.seconds)
         slow = 1.0 - float(((self.floor / self.expected) ** 2).mean())
-        wanders = len(SIDES) * max(seconds / FLOOR_SECONDS, 1.0)  # independent values of it
+        wanders = len(SIDES) * max(self.seconds / FLOOR_SECONDS, 1.0)  # independent values of it
         return bool(self.surprise**2 > chance**2 + DEVIATIONS * slow * np.sqrt(2.0 / wanders))
 
     @property
     def harmless(self) -> float:
         """Size of the error without a cause from which the cause does no harm."""
-        seconds = max(len(self.time) * BIN, BIN)
-        chance = HARM * float(np.sqrt(max(USUAL_SECONDS / seconds, 1.0)))
+        chance = HARM * float(np.sqrt(max(USUAL_SECONDS / self.seconds, 1.0)))
         return (1.0 - chance) * self.size_after
 
     @property
@@ -117,18 +122,20 @@ class HeldOut:
         return float(np.clip((self.size_after**2 - self.foreseen**2) / self.possible, 0.0, 1.0))
 
 
-def size_of(residual: Array, floor: Array) -> float:
-    """Root mean square of a residual (bins, channels) in units of the channels' noise. No half second counts
-    for more than `MOST_OF_EVENT` usual ones: a wheel that breaks loose a moment late, which is chance, would
-    decide what a cause is worth."""
-    events, lengths = _events(residual, floor)
+def size_of(residual: Array, floor: Array, event: int = EVENT) -> float:
+    """Root mean square of a residual (bins, channels) in units of the channels' noise.
+
+    No half second, which are `event` bins, counts for more than `MOST_OF_EVENT` usual ones: a wheel that
+    breaks loose a moment late, which is chance, would decide what a cause is worth.
+    """
+    events, lengths = _events(residual, floor, event)
     return _limited_rms(events, MOST_OF_EVENT * max(float(np.median(events)), 1.0), lengths)
 
 
-def _events(residual: Array, unit: Array) -> tuple[Array, NDArray[np.intp]]:
+def _events(residual: Array, unit: Array, event: int) -> tuple[Array, NDArray[np.intp]]:
     """Mean square over each half second of a residual (bins, channels) in units (channels,) of its channels,
     and how many bins each has."""
-    return event_means(((residual / unit) ** 2).mean(axis=1))
+    return event_means(((residual / unit) ** 2).mean(axis=1), event)
 
 
 def _limited_rms(events: Array, most: float, weights: NDArray[np.intp] | None = None) -> float:
@@ -167,7 +174,8 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     rest = search.whitener.rest[split:] if other is None else search.whitener.rest
     floor = _floor(problem, rest)
     start = split if other is None else 0
-    sizes = [size_of(each, floor) for each in kept]
+    event = judged.features.event
+    sizes = [size_of(each, floor, event) for each in kept]
     return HeldOut(
         rms[0],
         rms[1],
@@ -179,6 +187,7 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         judged.features.measured[start:],
         kept[:2],
         np.sqrt(floor**2 + _spread(search, rows, full.point)[start:].mean(axis=0)),
+        event,
     )
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.features import BIN
 from raccoon.diagnose.problem import Point, Problem, Whitener, neighbours
 from raccoon.sim.parameters import SIDES
 
@@ -155,7 +154,7 @@ def _lost_angle(problem: Problem, linear: Linear, columns: Array) -> Array:
         wheel = _turned(linear, side)
         speeds = None if wheel is None else _speed_of(problem, columns, side)
         if wheel is not None and speeds is not None:
-            changed += BIN * np.cumsum(speeds, axis=1)[:, :, None] * wheel
+            changed += problem.features.width * np.cumsum(speeds, axis=1)[:, :, None] * wheel
     return changed
 
 

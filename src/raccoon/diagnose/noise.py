@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Regimes = NDArray[np.intp]
 STANDING, STEADY, CHANGING, CREEPING = range(4)
 EVENT = 25
-"""Bins, half a second."""
+"""Bins, half a second where they are 20 ms."""
 LARGE_EVENT = 1.2
 """Size of half a second, over its expected size, from which it counts less."""
 COMMON = 2.0
@@ -89,11 +89,12 @@ def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
     )
 
 
-def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes) -> NoiseModel:
+def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes, event: int = EVENT) -> NoiseModel:
     """Least-squares VAR of a residual (n, c); its memory from the bins in motion where there are enough.
 
-    floor: (c,), the smallest innovation sd that is believed for each channel (quantisation). The regression
-    carries a slight ridge, so that short recordings and dead channels do not break it.
+    floor: (c,), the smallest innovation sd that is believed for each channel (quantisation). event: bins in
+    half a second. The regression carries a slight ridge, so that short recordings and dead channels do not
+    break it.
     """
     n, channels = residual.shape
     order = max(0, min(order, n // (8 * channels)))
@@ -121,18 +122,18 @@ def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes) -> No
     model = NoiseModel(coefficients, np.stack(parts) / scale, regimes, np.ones(n))
     size = np.sqrt((model.whiten(residual) ** 2).mean(axis=1))
     model = replace(model, weights=np.minimum(1.0, COMMON / np.maximum(size, 1e-9)))
-    return replace(model, weights=model.weights * _calm((model.whiten(residual) ** 2).mean(axis=1)))
+    return replace(model, weights=model.weights * _calm((model.whiten(residual) ** 2).mean(axis=1), event))
 
 
-def _calm(power: Array) -> Array:
+def _calm(power: Array, event: int) -> Array:
     """Weights (n,) by which an event that is clearly larger than usual counts no more than a usual one."""
-    means, lengths = event_means(power)
+    means, lengths = event_means(power, event)
     return np.repeat(np.minimum(1.0, LARGE_EVENT / np.maximum(np.sqrt(means), 1e-9)), lengths)
 
 
-def event_means(values: Array) -> tuple[Array, NDArray[np.intp]]:
-    """Mean over each half second of values (n,), and how many bins each has."""
-    starts = np.arange(0, len(values), EVENT)
+def event_means(values: Array, event: int = EVENT) -> tuple[Array, NDArray[np.intp]]:
+    """Mean over each half second, which are so many bins, of values (n,), and how many each has."""
+    starts = np.arange(0, len(values), event)
     lengths = np.diff([*starts, len(values)])
     return np.add.reduceat(values, starts) / lengths, lengths
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.features import BIN, Features
+from raccoon.diagnose.features import Features
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.linear import Group, Linear, coulomb_response
 from raccoon.diagnose.problem import Problem
@@ -93,11 +93,11 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
         scale = problem.robot.model.imu.gyro_scale.value * settings[("imu.gyro_scale", None, "factor")]
         bias = settings[("imu.gyro_bias", None, "rate")]
         rate = (features.measured[:, features.roles.index("gyro")] - bias) / scale
-    heading = np.cumsum(rate) * BIN
-    forward = way.mean(axis=1) * BIN
+    heading = np.cumsum(rate) * features.width
+    forward = way.mean(axis=1) * features.width
     return Motion(
         speed,
-        np.cumsum(speed, axis=0) * BIN,
+        np.cumsum(speed, axis=0) * features.width,
         heading,
         np.cumsum(forward * np.cos(heading)),
         np.cumsum(forward * np.sin(heading)),

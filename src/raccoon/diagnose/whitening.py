@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.features import BIN
 from raccoon.diagnose.forms import form_factor, form_weight
 from raccoon.diagnose.linear import Group, Linear, slow_battery, slow_friction
 from raccoon.diagnose.log import WHEELS
@@ -41,7 +42,7 @@ STANDSTILL = 0.03
 CREEP = 0.15
 """Part of the largest reading of a wheel: below it stick and slip rule."""
 CHANGE = 0.03
-"""Change of a wheel's reading in a bin, of its largest: above it the wheel speeds up or brakes."""
+"""Change of a wheel's reading in 20 ms, of its largest: above it the wheel speeds up or brakes."""
 FAINT = 0.006
 """Error, in units of the noise, that any model has in the direction of any effect: no evidence of it."""
 NEGLIGIBLE = 0.0125
@@ -78,7 +79,7 @@ def whitener_for(
     """
     slow, creep = slow_friction(problem, linear), slow_battery(problem, linear)
     every = np.concatenate([linear.own, *(each.columns for each in (*linear.groups, *extra))])
-    floors, regimes = problem.features.floors, regimes_of(problem)
+    floors, event, regimes = problem.features.floors, problem.features.event, regimes_of(problem)
     noise = (
         before.noise
         if before is not None
@@ -86,15 +87,17 @@ def whitener_for(
     )
     rest, wander = linear.residual, 0.0
     for _ in range(1 if before is not None else 2):
-        rest, wander = _unexplained(noise, every, slow, linear.target)
-        noise = fit_noise(rest, ORDER, floors, regimes)
+        rest, wander = _unexplained(noise, every, slow, linear.target, event)
+        noise = fit_noise(rest, ORDER, floors, regimes, event)
     own = noise.whiten(linear.own[: len(problem.base)])
     last = {each.name: place for place, each in enumerate(linear.groups)}
     places = [place for place, each in enumerate(linear.groups) for _ in each.columns]
     names = [linear.groups[place].name for place in places]
     columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
     white = noise.whiten(columns)
-    parts = faint_parts(names, own, white, acting(linear.acting, noise))[:, None, None]
+    width = problem.features.width / BIN
+    strength = acting(linear.acting, noise) / math.sqrt(width)
+    parts = faint_parts(names, own, white, strength, width)[:, None, None]
     one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
     spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
     spread += (creep**2).sum(axis=0)
@@ -112,11 +115,14 @@ def acting(responses: Mapping[str, Array], noise: NoiseModel) -> float:
     return math.sqrt(sum(weight**2 * power for weight, power in zip(weights, powers, strict=True)))
 
 
-def faint_parts(names: Sequence[str], base: Array, columns: Array, strength: float = 0.0) -> Array:
+def faint_parts(
+    names: Sequence[str], base: Array, columns: Array, strength: float = 0.0, width: float = 1.0
+) -> Array:
     """The part of each whitened column that no model is expected to get right, (columns,).
 
     names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
-    under their unit priors. strength: how much the causes that are on do; see `acting`.
+    under their unit priors. strength: how much the causes that are on do in 20 ms, see
+    `acting`. width: of a bin, in 20 ms.
     """
     beyond = math.sqrt(max(strength**2 - SPARED**2, 0.0))
     worse = min(math.hypot(1.0, FORM_SHARE * beyond / FAINT), WORST)
@@ -124,7 +130,7 @@ def faint_parts(names: Sequence[str], base: Array, columns: Array, strength: flo
     plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
     cross = rows @ plain.T
     absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
-    rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / size)
+    rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / (size * width))
     form = np.array([form_factor(name) for name in names])
     return np.asarray(form * worse * np.minimum(NEGLIGIBLE, FAINT / rms), float)
 
@@ -138,7 +144,9 @@ def regimes_of(problem: Problem) -> NDArray[np.intp]:
     speed = features.measured[:, wheels]
     speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-9)
     moving = _widened((np.abs(speed) > STANDSTILL).any(axis=1), 2, 2)
-    changing = _widened((np.abs(np.gradient(speed, axis=0)) > CHANGE).any(axis=1), 2, 3)
+    changing = _widened(
+        (np.abs(np.gradient(speed, axis=0)) > CHANGE * features.width / BIN).any(axis=1), 2, 3
+    )
     creeping = _widened((np.abs(speed) < CREEP).any(axis=1), 1, 1)
     driving = np.where(changing, CHANGING, np.where(creeping, CREEPING, STEADY))
     return np.where(moving, driving, STANDING)
@@ -153,7 +161,9 @@ def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bo
     return wide
 
 
-def _unexplained(noise: NoiseModel, every: Array, slow: Array, target: Array) -> tuple[Array, float]:
+def _unexplained(
+    noise: NoiseModel, every: Array, slow: Array, target: Array, event: int
+) -> tuple[Array, float]:
     """The foreseen error, (bins, channels), and the share of wandering friction that is expected."""
     columns = np.concatenate([every, slow])
     white = noise.whiten(columns).reshape(len(columns), -1)
@@ -161,7 +171,7 @@ def _unexplained(noise: NoiseModel, every: Array, slow: Array, target: Array) ->
     gram = Gram.of(white.T, goal)
     sizes = partial(wandering, len(every), len(slow))
     wander = expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES])
-    return foreseen_error(gram.matrix, white, columns, goal, target, sizes(wander)), wander
+    return foreseen_error(gram.matrix, white, columns, goal, target, sizes(wander), event), wander
 
 
 def wandering(known: int, slow: int, share: float) -> Array:
@@ -180,13 +190,20 @@ def expected_share(evidence: Sequence[float]) -> float:
 
 
 def foreseen_error(
-    gram: Array, white: Array, columns: Array, goal: Array, target: Array, sizes: Array
+    gram: Array,
+    white: Array,
+    columns: Array,
+    goal: Array,
+    target: Array,
+    sizes: Array,
+    event: int = EVENT,
 ) -> Array:
     """target less what columns fitted to all other half seconds make of each half second, (bins, channels).
 
     With priors of variance S the fit's mean is m = C X' y, C = (S^-1 + X' X)^-1. Leaving rows b out moves it
     to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury). white, goal: X' and y; gram: X' X; sizes: the
     root of S, (columns,); columns and target: the same as white and goal before whitening.
+    event: bins in half a second.
     """
     powers, vectors = np.linalg.eigh(gram * np.outer(sizes, sizes))
     strong = powers > FEEBLE
@@ -194,7 +211,7 @@ def foreseen_error(
     turned = vectors.T @ white
     mean = turned @ goal
     rest = goal - mean @ turned
-    event = EVENT * target.shape[1]
+    event *= target.shape[1]
     flat = columns.reshape(len(columns), -1)
     error = target.reshape(-1).copy()
     for start in range(0, len(error), event):

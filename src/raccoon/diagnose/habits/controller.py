@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.features import Features
+from raccoon.diagnose.features import BIN, Features
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses import Cause, Settings, added, multiplied, neutral_settings
@@ -68,7 +68,7 @@ def drive_problem(
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
-        Features.of(log),
+        Features.of(log, habits.swing or BIN),
         PlantRollout(log, robot, habits, own=own),
         robot,
         settings,
@@ -197,6 +197,7 @@ def with_lost_changes(
     point: Point,
 ) -> Log:
     """The log with changes of commands in rows that it lost, when they suit the simulation of `point`."""
+    habits = replace(habits, swing=0.0)
     return restored(log, lambda each: drive_problem(each, robot, causes, habits, model), point)
 
 

@@ -42,6 +42,7 @@ from raccoon.diagnose.habits.others import (
 from raccoon.diagnose.hypotheses import FORMS, Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.open_numbers import LOW_PASS
+from raccoon.diagnose.quality import swing
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import lag_as
@@ -62,13 +63,19 @@ def searched(
     """The search, the habits that it is under, and the log with the changes of commands whose rows it lost.
 
     Commands that changed in lost rows are asked for again once causes are known: a limit of the current that
-    is not known yet looks like a later change.
+    is not known yet looks like a later change. Where commands swing and one cause is not all, what is in the
+    swings is not compared: a loop that hears of a push before the wheels' readings do has had several causes
+    of a robot without any.
     """
     tell("finding out what the controller does with its samples")
-    restored, habits = controller_of(log, robot, causes, model)
+    restored, first = controller_of(log, robot, causes, model)
 
     under = Under(lambda each: drive_problem(restored, robot, causes, each, model))
-    search, habits = _sooner(begun(started(under(habits))), habits, under)
+    search, habits = _sooner(begun(started(under(first))), first, under)
+    if len(search.fit.point.active) + len(search.unknown) > 1 and (seconds := swing(log)):
+        tell("comparing over whole swings of the commands")
+        first = replace(first, swing=seconds)
+        search, habits = _sooner(begun(started(under(first))), first, under)
     search = gone_on(search)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from raccoon.diagnose.evidence import Gram, foreseen, parts_of
 from raccoon.diagnose.fit import Fit, fit_at, fit_point, fit_scanned
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, slow_friction, tabulate
-from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.whitening import FLOOR_SHARES, wandering, whitener_for
 
@@ -205,8 +204,8 @@ def _excess(problem: Problem, white: Array, other: Array) -> float:
 
 def _by_events(problem: Problem, white: Array, other: Array) -> Array:
     """Log likelihood of one whitened residual over another by half seconds."""
-    gains = 0.5 * (other**2 - white**2)
-    return np.add.reduceat(gains, np.arange(0, len(gains), EVENT * problem.features.measured.shape[1]))
+    gains, features = 0.5 * (other**2 - white**2), problem.features
+    return np.add.reduceat(gains, np.arange(0, len(gains), features.event * features.measured.shape[1]))
 
 
 def _limited(events: Array) -> Array:
@@ -227,7 +226,8 @@ def best_probe(search: Search) -> Probed:
     """The probe that explains most of what is left, moment by moment; see `lead`."""
     found = [Probed("", 0.0, 0.0)]
     # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
-    most_of_all = MOST_OF_EVENT * len(search.problem.features.time) / EVENT
+    features = search.problem.features
+    most_of_all = MOST_OF_EVENT * len(features.time) / features.event
     for gain, group, _ in screen(search, held=True):
         if group.name in search.problem.causes or group.name in search.unknown:
             continue
