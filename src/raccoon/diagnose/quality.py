@@ -208,7 +208,7 @@ def _left_after_release(time: Array, duty: Array, size: Array) -> list[float]:
 
 SLOWEST_SWING, FASTEST_SWING = 4.0, 15.0
 """1/s. In slower ones the wheels' readings, 30 ms late, show what commands answer as in any drive."""
-OCTAVE = 1.25
+BAND = 1.25
 """Band of a swing: this factor to either side of its frequency."""
 SWINGS = 0.4
 """Part of the commands' power that is in such a band, where they swing: 0.6 to 0.8 of robots that were
@@ -225,7 +225,7 @@ def swing(log: Log) -> float:
     even = np.arange(log.time[0], log.time[-1], row)
     duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]
     frequency = np.fft.rfftfreq(len(even), row)
-    low, high = (np.searchsorted(frequency, each * frequency) for each in (1.0 / OCTAVE, OCTAVE))
+    low, high = (np.searchsorted(frequency, each * frequency) for each in (1.0 / BAND, BAND))
     asked = (frequency >= SLOWEST_SWING) & (frequency <= FASTEST_SWING)
     for commands in (duty[:, 1] - duty[:, 0], duty.sum(axis=1)):
         power = np.abs(np.fft.rfft(commands - commands.mean())) ** 2
