@@ -13,8 +13,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.gain import HeldOut, held_out
-from raccoon.diagnose.habits.controller import SLOW_BATTERY, drive_problem, with_lost_changes
-from raccoon.diagnose.habits.others import LATE_GYRO
+from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
+from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
@@ -24,7 +24,6 @@ from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import (
     LARGE_REST,
-    CauseResult,
     ChannelResult,
     Curve,
     Diagnosis,
@@ -34,7 +33,6 @@ from raccoon.diagnose.result import (
 )
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search, estimated
-from raccoon.diagnose.select.refits import SMOOTHS
 from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.silence import asked_for
@@ -53,9 +51,6 @@ UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
 """Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
 of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
 ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
-PAST = (
-    "each row's command is taken for what was in force until then, not from then on, as the readings answer"
-)
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on another recording: a battery, a floor and what
 a robot carries may be others there."""
@@ -203,58 +198,11 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         extended(search.problem, spread, causes, habits.chain),
         (
             *log.notes,
-            *_of_the_controller(habits, causes),
-            *_of_the_gyro(habits, causes, spread),
+            *notes_of(habits, causes, spread),
             *_not_in_model(search),
         ),
         curves=_curves(log, judged),
         shapes=shapes_of(search),
-    )
-
-
-def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
-    """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
-    chain, notes = habits.chain, []
-    if habits.past:
-        notes.append(PAST)
-    if habits.swing:
-        notes.append(
-            f"the commands swing {1.0 / habits.swing:.1f} times a second, as where bang-bang follows a "
-            "line, and answer what disturbs the robot before its wheels' readings show it: compared over "
-            "whole swings, which hide what only fast changes show, as lags, filters and inertia; a drive of "
-            "`raccoon excite` shows them"
-        )
-    if chain.battery_time_constant in SLOW_BATTERY:
-        seconds = chain.battery_time_constant
-        notes.append(
-            f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
-        )
-    if chain.free_running:
-        notes.append(
-            "back-EMF readings are taken for samples of a controller whose cycle has a clock of its own: up "
-            "to a cycle old when a row reads them, as commands are when it takes them up"
-        )
-    unpaused = 1.0 - chain.coast_share
-    factors = [each.parameters["factor"] for each in causes if each.name == "motor.armature_resistance"]
-    if chain.coast_share and any(abs(each.value - unpaused) < 2.0 * each.std for each in factors):
-        notes.append(
-            f"a resistance of {unpaused:g} times robot.toml's is also what a controller looks like that does "
-            "not pause for its samples, or a robot.toml whose value has the pause in it"
-        )
-    return tuple(notes)
-
-
-def _of_the_gyro(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
-    """That its chip smooths the turn rate."""
-    if not habits.low_pass:
-        return ()
-    late = spread.number((SMOOTHS, None, "time_constant"))
-    if LATE_GYRO not in {each.name for each in causes}:
-        late += spread.number((LATE_GYRO, None, "seconds"))
-    return (
-        f"the gyro follows {1000.0 * late:.2g} ms late: taken for its chip's filter, which the Wombat's "
-        "firmware sets to 41 Hz, and for readings that wait for their row; without a reference of the pose, "
-        "wheels that slip by as much look the same",
     )
 
 

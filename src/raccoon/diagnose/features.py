@@ -23,6 +23,11 @@ SETTLING = 0.3
 HALF_A_COUNT = 0.5
 
 
+def half_second(width: float) -> int:
+    """How many bins of that width, s, are half a second, 1 or more."""
+    return max(round(EVENT_SECONDS / width), 1)
+
+
 def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array:
     """The map of one channel, (bins, samples): means of the samples in each bin, lines over empty ones."""
     samples = np.flatnonzero(np.isfinite(channel.values) & (position >= 0) & (position < count))
@@ -110,7 +115,7 @@ class Features:
     @property
     def event(self) -> int:
         """Bins of half a second."""
-        return max(round(EVENT_SECONDS / self.width), 1)
+        return half_second(self.width)
 
     def simulated(self, channels: Array) -> Array:
         """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 from raccoon.diagnose.features import EVENT_SECONDS
 from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
 from raccoon.diagnose.linear import FLOOR_SECONDS
-from raccoon.diagnose.noise import EVENT, event_means
+from raccoon.diagnose.noise import event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search, steadied
 from raccoon.sim.parameters import SIDES
@@ -67,7 +67,7 @@ class HeldOut:
     measured: Array
     residual: Array
     expected: Array
-    event: int = EVENT
+    event: int
 
     @property
     def seconds(self) -> float:
@@ -122,7 +122,7 @@ class HeldOut:
         return float(np.clip((self.size_after**2 - self.foreseen**2) / self.possible, 0.0, 1.0))
 
 
-def size_of(residual: Array, floor: Array, event: int = EVENT) -> float:
+def size_of(residual: Array, floor: Array, event: int) -> float:
     """Root mean square of a residual (bins, channels) in units of the channels' noise.
 
     No half second, which are `event` bins, counts for more than `MOST_OF_EVENT` usual ones: a wheel that

@@ -19,12 +19,14 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
+from raccoon.diagnose.features import BIN, half_second
+
 Array = NDArray[np.float64]
 
 
 Regimes = NDArray[np.intp]
 STANDING, STEADY, CHANGING, CREEPING = range(4)
-EVENT = 25
+EVENT = half_second(BIN)
 """Bins, half a second where they are 20 ms."""
 LARGE_EVENT = 1.2
 """Size of half a second, over its expected size, from which it counts less."""
@@ -89,7 +91,7 @@ def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
     )
 
 
-def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes, event: int = EVENT) -> NoiseModel:
+def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes, event: int) -> NoiseModel:
     """Least-squares VAR of a residual (n, c); its memory from the bins in motion where there are enough.
 
     floor: (c,), the smallest innovation sd that is believed for each channel (quantisation). event: bins in
@@ -131,7 +133,7 @@ def _calm(power: Array, event: int) -> Array:
     return np.repeat(np.minimum(1.0, LARGE_EVENT / np.maximum(np.sqrt(means), 1e-9)), lengths)
 
 
-def event_means(values: Array, event: int = EVENT) -> tuple[Array, NDArray[np.intp]]:
+def event_means(values: Array, event: int) -> tuple[Array, NDArray[np.intp]]:
     """Mean over each half second, which are so many bins, of values (n,), and how many each has."""
     starts = np.arange(0, len(values), event)
     lengths = np.diff([*starts, len(values)])

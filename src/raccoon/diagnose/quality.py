@@ -234,8 +234,9 @@ def swing(log: Log) -> float:
         if not shares.max() > SWINGS * total[-1]:
             continue
         best = int(np.argmax(shares))
-        band = power[low[best] : high[best]]
-        middle = float(frequency[low[best] : high[best]] @ band / band.sum())
+        inside = slice(low[best], high[best])
+        band = power[inside]
+        middle = float(frequency[inside] @ band / band.sum())
         if middle >= SLOWEST_SWING and np.sort(band)[-LINES:].sum() < REGULAR * band.sum():
             return 1.0 / middle
     return 0.0

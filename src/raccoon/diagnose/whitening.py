@@ -25,7 +25,6 @@ from raccoon.diagnose.log import WHEELS
 from raccoon.diagnose.noise import (
     CHANGING,
     CREEPING,
-    EVENT,
     STANDING,
     STEADY,
     NoiseModel,
@@ -96,8 +95,7 @@ def whitener_for(
     columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
     white = noise.whiten(columns)
     width = problem.features.width / BIN
-    strength = acting(linear.acting, noise) / math.sqrt(width)
-    parts = faint_parts(names, own, white, strength, width)[:, None, None]
+    parts = faint_parts(names, own, white, acting(linear.acting, noise), width)[:, None, None]
     one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
     spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
     spread += (creep**2).sum(axis=0)
@@ -121,10 +119,10 @@ def faint_parts(
     """The part of each whitened column that no model is expected to get right, (columns,).
 
     names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
-    under their unit priors. strength: how much the causes that are on do in 20 ms, see
-    `acting`. width: of a bin, in 20 ms.
+    under their unit priors. strength: how much the causes that are on do; see `acting`.
+    width: of a bin, in 20 ms, for which all errors are given.
     """
-    beyond = math.sqrt(max(strength**2 - SPARED**2, 0.0))
+    beyond = math.sqrt(max(strength**2 / width - SPARED**2, 0.0))
     worse = min(math.hypot(1.0, FORM_SHARE * beyond / FAINT), WORST)
     size = int(np.prod(columns.shape[1:]))
     plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
@@ -196,7 +194,7 @@ def foreseen_error(
     goal: Array,
     target: Array,
     sizes: Array,
-    event: int = EVENT,
+    event: int,
 ) -> Array:
     """target less what columns fitted to all other half seconds make of each half second, (bins, channels).
 

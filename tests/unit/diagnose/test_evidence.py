@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from raccoon.diagnose.evidence import Gram, foreseen
-from raccoon.diagnose.noise import STEADY, fit_noise, whiteness
+from raccoon.diagnose.noise import EVENT, STEADY, fit_noise, whiteness
 
 
 def random_gram(seed: int, columns: int = 4, rows: int = 50) -> tuple[np.ndarray, np.ndarray, Gram]:
@@ -70,7 +70,7 @@ def coloured(seed: int, n: int = 4000) -> np.ndarray:
 def test_whitened_noise_is_white_independent_and_of_unit_size() -> None:
     noise = coloured(6)
     regimes = np.full(len(noise), STEADY)
-    model = fit_noise(noise, 3, np.full(2, 1e-3), regimes)
+    model = fit_noise(noise, 3, np.full(2, 1e-3), regimes, EVENT)
     white = model.whiten(noise)[5:]
     assert np.cov(white.T) == pytest.approx(np.eye(2), abs=0.06)
     assert whiteness(white).min() > 0.001
@@ -80,14 +80,14 @@ def test_whitened_noise_is_white_independent_and_of_unit_size() -> None:
 def test_a_bin_far_outside_counts_less() -> None:
     noise = coloured(7)
     noise[2000] += 60.0
-    model = fit_noise(noise, 3, np.full(2, 1e-3), np.full(len(noise), STEADY))
+    model = fit_noise(noise, 3, np.full(2, 1e-3), np.full(len(noise), STEADY), EVENT)
     assert model.weights[2000] < 0.2
     assert np.median(model.weights) == 1.0
 
 
 def test_whitening_is_an_innovation_unmixed_by_its_regime() -> None:
     regimes = np.repeat([0, 1, 2, 3], 500)
-    model = fit_noise(coloured(3, 2000), 3, np.full(2, 1e-6), regimes)
+    model = fit_noise(coloured(3, 2000), 3, np.full(2, 1e-6), regimes, EVENT)
     signals = np.random.default_rng(4).normal(size=(5, 2000, 2))
     expected = np.zeros_like(signals)
     for t in range(model.order, 2000):

@@ -10,12 +10,14 @@ import pytest
 from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.features import BIN
+from raccoon.diagnose.features import BIN, half_second
 from raccoon.diagnose.gain import HeldOut, contributions, size_of
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT
 from raccoon.diagnose.problem import Point
+from raccoon.diagnose.recordings.rescaled import Rescaled
+from raccoon.diagnose.result import ChannelResult, Curve
 from raccoon.diagnose.select.outlook import start_search
 from raccoon.diagnose.unknown import probes_for
 
@@ -25,7 +27,7 @@ CAUSES = {each.name: each for each in drive_causes()}
 
 def held(residual: np.ndarray) -> HeldOut:
     one, nothing = np.ones(2), np.zeros(len(residual))
-    return HeldOut(one, one, one, 1.0, 1.0, {}, nothing, residual, np.stack([residual, residual]), one)
+    return HeldOut(one, one, one, 1.0, 1.0, {}, nothing, residual, np.stack([residual, residual]), one, EVENT)
 
 
 def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
@@ -35,7 +37,7 @@ def test_one_event_makes_no_model_wrong_and_a_steady_error_does() -> None:
     assert held(usual).surprise == pytest.approx(1.0, abs=0.05)
     assert held(event).surprise == pytest.approx(1.0, abs=0.1)
     assert held(1.6 * usual).surprise == pytest.approx(1.6, abs=0.1)
-    assert size_of(event, np.ones(2)) == pytest.approx(size_of(usual, np.ones(2)), abs=0.1)
+    assert size_of(event, np.ones(2), EVENT) == pytest.approx(size_of(usual, np.ones(2), EVENT), abs=0.1)
 
 
 @pytest.mark.parametrize(("seconds", "adequate", "wrong"), [(12.0, 1.15, 1.25), (2.0, 1.4, 1.6)])
@@ -75,8 +77,8 @@ def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out
     rest = np.random.default_rng(2).standard_normal((20 * EVENT + 7, 2)) * [3.0, 8.0]
     floor = np.array([1.0, 2.0])
     plain = float(np.sqrt(((rest / floor) ** 2).mean()))
-    assert size_of(rest, floor) == pytest.approx(plain, rel=1e-6)
-    assert size_of(0.2 * rest, floor) == pytest.approx(0.2 * plain, rel=1e-6)
+    assert size_of(rest, floor, EVENT) == pytest.approx(plain, rel=1e-6)
+    assert size_of(0.2 * rest, floor, EVENT) == pytest.approx(0.2 * plain, rel=1e-6)
 
 
 def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
@@ -100,3 +102,17 @@ def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
         found["actuation.latency"].unabsorbed / 3.0, rel=0.05
     )
     assert less["actuation.latency"].change == pytest.approx(most[1] / 3.0, rel=0.01)
+
+
+def test_another_factor_on_the_gyro_is_judged_by_half_seconds_of_whole_swings_as_well() -> None:
+    width, bins = 0.16, 60
+    residual = np.random.default_rng(3).standard_normal((bins, 2))
+    residual[: half_second(width)] *= 30.0  # a wheel that broke loose a moment late
+    names, nothing = ("motor.0.bemf", "imu.gyro.z"), np.zeros(bins)
+    time = np.asarray(width * np.arange(bins), np.float64)
+    curves = [Curve(name, "", time, residual[:, index], nothing, nothing) for index, name in enumerate(names)]
+    results = [ChannelResult(name, "", 1.0, 1.0, 1.0, 0.5) for name in names]
+    found = Rescaled(tuple(results), tuple(curves)).size(1.0)
+    assert half_second(width) == 3
+    assert found == pytest.approx(size_of(residual, np.ones(2), 3))
+    assert found < 1.3

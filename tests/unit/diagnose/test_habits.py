@@ -14,9 +14,10 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.diagnosis import PAST, diagnose
+from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits.controller import drive_problem, problem_of
+from raccoon.diagnose.habits.notes import PAST
 from raccoon.diagnose.habits.others import best_of, carried, started
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.log import log_from_columns

@@ -25,7 +25,7 @@ BINS, CHANNELS = 6 * EVENT, 2
 def foreseen(columns: np.ndarray, target: np.ndarray, sizes: float | np.ndarray = 1.0) -> np.ndarray:
     white, goal = columns.reshape(len(columns), -1), target.reshape(-1)
     gram = Gram.of(white.T, goal).matrix
-    return foreseen_error(gram, white, columns, goal, target, np.broadcast_to(sizes, len(columns)))
+    return foreseen_error(gram, white, columns, goal, target, np.broadcast_to(sizes, len(columns)), EVENT)
 
 
 def test_a_prior_is_as_wide_as_its_size_says() -> None:

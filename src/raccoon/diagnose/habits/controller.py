@@ -197,7 +197,7 @@ def with_lost_changes(
     point: Point,
 ) -> Log:
     """The log with changes of commands in rows that it lost, when they suit the simulation of `point`."""
-    habits = replace(habits, swing=0.0)
+    habits = replace(habits, swing=0.0)  # a wheel answers within one
     return restored(log, lambda each: drive_problem(each, robot, causes, habits, model), point)
 
 

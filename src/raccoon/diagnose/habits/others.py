@@ -1,4 +1,4 @@
-"""What a search found, looked at under other habits of the controller, the gears and the gyro.
+"""What a search found, looked at under other habits of the controller and the gears.
 
 Habits are found out before any cause is known, and what base numbers cannot do for a cause hides what a habit
 does. So what was found is fitted under others too, and searched for again where one of them leads.
@@ -6,30 +6,21 @@ does. So what was found is fitted under others too, and searched for again where
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
-from raccoon.diagnose.habits.controller import (
-    FREE_RUNNING,
-    SLOW_BATTERY,
-    USUAL_CHAINS,
-    battery_off,
-    usual_chain,
-    with_battery,
-)
-from raccoon.diagnose.open_numbers import LOW_PASS, Wheels
+from raccoon.diagnose.habits.controller import SLOW_BATTERY, battery_off, usual_chain, with_battery
+from raccoon.diagnose.open_numbers import Wheels
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
-from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around, start_search
-from raccoon.diagnose.select.refits import SMOOTHS, lag_as
+from raccoon.diagnose.select.outlook import Search, start_search
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import whole
-from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown import probes_for
 from raccoon.diagnose.watch import tell
 
@@ -38,16 +29,11 @@ Asked = tuple[frozenset[str], frozenset[str], Habits, Habits]
 Way = Callable[[Search], Search]
 """How far to go on with a search: all the way, or the beginning."""
 
-LATE, LATE_GYRO, SLIP = "actuation.latency", "imu.latency", "drive.wheel_slip"
-OF_THE_GYRO = (LATE_GYRO, SLIP)
-"""What a gyro alone sees late."""
-SAG = "battery.internal_resistance"
+LATE, SAG = "actuation.latency", "battery.internal_resistance"
 DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
 ROUGH_STEPS = 8
 """Of a fit that says which of several starts is the likeliest."""
-SMOOTH = 3.0
-"""The same for a gyro that smooths. Wheels that slip by its time are the same to it, and lack their gate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,102 +161,21 @@ def with_a_slow_battery(
     if len(under.new(search, habits, others)) < len(others):
         return search, habits
     near = _nearer(search, others, under)
-    likeliest = min(near, key=lambda each: battery_off(near[each], _starts(search)), default=None)
-    if likeliest is None:
+    if not near:
         under.were_vain(search, habits, others)
         return search, habits
+    likeliest = by_the_battery(search, near, _starts(search))
     return if_ahead(search, habits, under, likeliest, near[likeliest], _starts(search), by=by)
 
 
-def with_readings_that_lag(
-    search: Search, habits: Habits, under: Under, by: Way = whole
-) -> tuple[Search, Habits]:
-    """The search with a gyro whose chip smooths, or a controller by its own clock as well, where something
-    lags as such readings do and that explains it better.
+def by_the_battery(search: Search, near: Mapping[Habits, Problem], starts: Sequence[Point]) -> Habits:
+    """Of habits, with their problems, those from which the battery's readings are least off."""
 
-    The clock comes first: it is how a Wombat works, and need not be ahead before it has been searched under,
-    nor by more than the gates of the lags that it takes up. So it is with a gyro that smooths where lags are
-    all that was found. A robot of which more is wrong may slip as well, and a slip and a late gyro together
-    look like a gyro's filter: there that must explain more by itself, or else it is a rival of the lag.
-    """
-    point, late = search.fit.point, _late(search)
-    if not late or "gyro" not in search.problem.features.roles:
-        return search, habits
-    smooth = replace(habits, low_pass=True)
-    free = _by_its_own_clock(search, smooth, under)
-    seen = [each for each in late if each.startswith(OF_THE_GYRO)]
-    starts = [
-        point,
-        *(_sooner_by(search, each, LOW_PASS) for each in seen),
-        *(without(point, names) for names in (seen, late)),
-    ]
-    alone = set(point.active) == set(late)
-    wanted = {smooth: SMOOTH if alone else DOUBT, free: -DOUBT}
-    found = []
-    for other in under.new(search, habits, (each for each in wanted if each != habits)):
-        problem = under(other)
-        fit = best_of(search, problem, starts)
-        by_gates = alone or other is free
-        ahead = net_lead(search, fit, search.fit) if by_gates else lead(problem, fit, search.fit)
-        if ahead >= wanted[other]:
-            found.append((other, problem, fit.point))
-        else:
-            under.were_vain(search, habits, [other])
-    for other, problem, there in reversed(found):
-        tell("going on as another gyro or clock would have it")
-        second = by(look_around(problem, probes_for(problem), there, search.whitener))
-        if explains_more(second, search) > -SMOOTH:
-            return second, other
-    return search, habits
+    def off(habits: Habits) -> float:
+        problem = near[habits]
+        return battery_off(problem, [carried(each, search.problem, problem) for each in starts])
 
-
-def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
-    """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
-    readings that suits them; one that was seen is kept."""
-    time = habits.chain.battery_time_constant
-    times = (time,) if time in SLOW_BATTERY else {each.battery_time_constant for each in USUAL_CHAINS}
-    others = [with_battery(replace(habits, chain=FREE_RUNNING), each) for each in sorted(times)]
-    if len(others) == 1 or "battery" not in search.problem.features.roles:
-        return others[0]
-    problems = {each: under(each) for each in others}
-    here = {each: carried(search.fit.point, search.problem, its) for each, its in problems.items()}
-    return min(others, key=lambda each: battery_off(problems[each], [here[each]]))
-
-
-def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
-    """Note beside a lag of the gyro that a chip which smooths may be all of it."""
-    late = [] if habits.low_pass else [each for each in _late(search) if each in OF_THE_GYRO]
-    if not late or "gyro" not in search.problem.features.roles:
-        return
-    problem = under(replace(habits, low_pass=True))
-    problem = replace(problem, neutral={**problem.neutral, **search.problem.neutral})
-    for name in late:
-        fit = best_of(search, problem, [search.fit.point.without_cause(name)])
-        rivals = search.rivals.setdefault(name, [])
-        rivals.append(Rival(SMOOTHS, lead(problem, search.fit, fit)))
-        rivals.sort(key=lambda each: each.lead)
-
-
-def _late(search: Search) -> list[str]:
-    """What was named that lags."""
-    return [name for name in search.fit.point.active if name.startswith((LATE, *OF_THE_GYRO))]
-
-
-def lags_instead(search: Search, name: str, others: Sequence[str]) -> list[Point]:
-    """Where a search ended, each time with another of these lags instead of a named one."""
-    point = search.fit.point
-    if name not in point.active:
-        return []
-    less = point.without_cause(name)
-    asked = [each for each in others if each in search.problem.causes and apart(each, less.active)]
-    return [less.with_cause(each, lag_as(search, name, each)) for each in asked]
-
-
-def _sooner_by(search: Search, name: str, seconds: float) -> Point:
-    """Where a search ended, with a lag less by that much, or without it where that is all of it."""
-    point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
-    left = point.active[name] - seconds / coordinate.value(1.0)
-    return point.with_cause(name, left) if left[0] > 0.0 else point.without_cause(name)
+    return min(near, key=off)
 
 
 def without(point: Point, names: Collection[str]) -> Point:

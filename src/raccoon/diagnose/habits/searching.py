@@ -20,23 +20,25 @@ from raccoon.diagnose.habits.controller import (
     usual_chain,
     with_lost_changes,
 )
+from raccoon.diagnose.habits.lags import (
+    LATE_GYRO,
+    SLIP,
+    lags_instead,
+    or_a_smooth_gyro,
+    with_readings_that_lag,
+)
 from raccoon.diagnose.habits.others import (
     DOUBT,
     LATE,
-    LATE_GYRO,
-    SLIP,
     Under,
     Way,
     again,
     as_wheels_give,
     first_ahead,
     if_ahead,
-    lags_instead,
     leads,
-    or_a_smooth_gyro,
     started,
     with_a_slow_battery,
-    with_readings_that_lag,
     without,
 )
 from raccoon.diagnose.hypotheses import FORMS, Cause

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from raccoon.diagnose.features import half_second
 from raccoon.diagnose.gain import size_of
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis
 
@@ -34,7 +35,8 @@ class Rescaled:
         gyro = self.curves[self._gyro()]
         parts[self._gyro()] = gyro.measured - factor * (gyro.before if before else gyro.after)
         floor = np.array([each.noise_floor for each in self.results])
-        return size_of(np.nan_to_num(np.column_stack(parts)), floor)
+        event = half_second(float(np.median(np.diff(gyro.time))))
+        return size_of(np.nan_to_num(np.column_stack(parts)), floor, event)
 
     def change(self, factor: float) -> float:
         """Of the gyro's reading, in units of its noise."""

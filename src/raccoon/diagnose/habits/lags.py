@@ -1,0 +1,117 @@
+"""Lags that were named, and what else may make them: a gyro's chip that smooths, a controller whose cycle has
+a clock of its own, another lag."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, USUAL_CHAINS, with_battery
+from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
+from raccoon.diagnose.open_numbers import LOW_PASS
+from raccoon.diagnose.problem import Point
+from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.select.joint import explains_more
+from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around
+from raccoon.diagnose.select.refits import SMOOTHS, lag_as
+from raccoon.diagnose.select.rivals import net_lead
+from raccoon.diagnose.select.search import whole
+from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.watch import tell
+
+LATE_GYRO, SLIP = "imu.latency", "drive.wheel_slip"
+OF_THE_GYRO = (LATE_GYRO, SLIP)
+"""What a gyro alone sees late."""
+SMOOTH = 3.0
+"""Log evidence, gates counted, by which a gyro that smooths must lead. Wheels that slip by its time are the
+same to it, and lack their gate."""
+
+
+def with_readings_that_lag(
+    search: Search, habits: Habits, under: Under, by: Way = whole
+) -> tuple[Search, Habits]:
+    """The search with a gyro whose chip smooths, or a controller by its own clock as well, where something
+    lags as such readings do and that explains it better.
+
+    The clock comes first: it is how a Wombat works, and need not be ahead before it has been searched under,
+    nor by more than the gates of the lags that it takes up. So it is with a gyro that smooths where lags are
+    all that was found. A robot of which more is wrong may slip as well, and a slip and a late gyro together
+    look like a gyro's filter: there that must explain more by itself, or else it is a rival of the lag.
+    """
+    point, late = search.fit.point, _late(search)
+    if not late or "gyro" not in search.problem.features.roles:
+        return search, habits
+    smooth = replace(habits, low_pass=True)
+    free = _by_its_own_clock(search, smooth, under)
+    seen = [each for each in late if each.startswith(OF_THE_GYRO)]
+    starts = [
+        point,
+        *(_sooner_by(search, each, LOW_PASS) for each in seen),
+        *(without(point, names) for names in (seen, late)),
+    ]
+    alone = set(point.active) == set(late)
+    wanted = {smooth: SMOOTH if alone else DOUBT, free: -DOUBT}
+    found = []
+    for other in under.new(search, habits, (each for each in wanted if each != habits)):
+        problem = under(other)
+        fit = best_of(search, problem, starts)
+        by_gates = alone or other is free
+        ahead = net_lead(search, fit, search.fit) if by_gates else lead(problem, fit, search.fit)
+        if ahead >= wanted[other]:
+            found.append((other, problem, fit.point))
+        else:
+            under.were_vain(search, habits, [other])
+    for other, problem, there in reversed(found):
+        tell("going on as another gyro or clock would have it")
+        second = by(look_around(problem, probes_for(problem), there, search.whitener))
+        if explains_more(second, search) > -SMOOTH:
+            return second, other
+    return search, habits
+
+
+def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
+    """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
+    readings that suits them; one that was seen is kept."""
+    time = habits.chain.battery_time_constant
+    times = (time,) if time in SLOW_BATTERY else {each.battery_time_constant for each in USUAL_CHAINS}
+    others = [with_battery(replace(habits, chain=FREE_RUNNING), each) for each in sorted(times)]
+    if len(others) == 1 or "battery" not in search.problem.features.roles:
+        return others[0]
+    return by_the_battery(search, {each: under(each) for each in others}, [search.fit.point])
+
+
+def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
+    """Note beside a lag of the gyro that a chip which smooths may be all of it."""
+    late = [] if habits.low_pass else [each for each in _late(search) if each in OF_THE_GYRO]
+    if not late or "gyro" not in search.problem.features.roles:
+        return
+    problem = under(replace(habits, low_pass=True))
+    problem = replace(problem, neutral={**problem.neutral, **search.problem.neutral})
+    for name in late:
+        fit = best_of(search, problem, [search.fit.point.without_cause(name)])
+        rivals = search.rivals.setdefault(name, [])
+        rivals.append(Rival(SMOOTHS, lead(problem, search.fit, fit)))
+        rivals.sort(key=lambda each: each.lead)
+
+
+def _late(search: Search) -> list[str]:
+    """What was named that lags."""
+    return [name for name in search.fit.point.active if name.startswith((LATE, *OF_THE_GYRO))]
+
+
+def lags_instead(search: Search, name: str, others: Sequence[str]) -> list[Point]:
+    """Where a search ended, each time with another of these lags instead of a named one."""
+    point = search.fit.point
+    if name not in point.active:
+        return []
+    less = point.without_cause(name)
+    asked = [each for each in others if each in search.problem.causes and apart(each, less.active)]
+    return [less.with_cause(each, lag_as(search, name, each)) for each in asked]
+
+
+def _sooner_by(search: Search, name: str, seconds: float) -> Point:
+    """Where a search ended, with a lag less by that much, or without it where that is all of it."""
+    point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
+    left = point.active[name] - seconds / coordinate.value(1.0)
+    return point.with_cause(name, left) if left[0] > 0.0 else point.without_cause(name)

@@ -1,0 +1,67 @@
+"""What is said of the habits that a recording was read with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from raccoon.diagnose.habits.controller import SLOW_BATTERY
+from raccoon.diagnose.habits.lags import LATE_GYRO
+from raccoon.diagnose.result import CauseResult
+from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.select.refits import SMOOTHS
+from raccoon.diagnose.spread import Spread
+
+PAST = (
+    "each row's command is taken for what was in force until then, not from then on, as the readings answer"
+)
+
+
+def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
+    """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
+    return (*_of_the_controller(habits, causes), *_of_the_gyro(habits, causes, spread))
+
+
+def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
+    """Its samples, its commands and its battery's readings."""
+    chain, notes = habits.chain, []
+    if habits.past:
+        notes.append(PAST)
+    if habits.swing:
+        notes.append(
+            f"the commands swing {1.0 / habits.swing:.1f} times a second, as where bang-bang follows a "
+            "line, and answer what disturbs the robot before its wheels' readings show it: compared over "
+            "whole swings, which hide what only fast changes show, as lags, filters and inertia; a drive of "
+            "`raccoon excite` shows them"
+        )
+    if chain.battery_time_constant in SLOW_BATTERY:
+        seconds = chain.battery_time_constant
+        notes.append(
+            f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
+        )
+    if chain.free_running:
+        notes.append(
+            "back-EMF readings are taken for samples of a controller whose cycle has a clock of its own: up "
+            "to a cycle old when a row reads them, as commands are when it takes them up"
+        )
+    unpaused = 1.0 - chain.coast_share
+    factors = [each.parameters["factor"] for each in causes if each.name == "motor.armature_resistance"]
+    if chain.coast_share and any(abs(each.value - unpaused) < 2.0 * each.std for each in factors):
+        notes.append(
+            f"a resistance of {unpaused:g} times robot.toml's is also what a controller looks like that does "
+            "not pause for its samples, or a robot.toml whose value has the pause in it"
+        )
+    return tuple(notes)
+
+
+def _of_the_gyro(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
+    """That its chip smooths the turn rate."""
+    if not habits.low_pass:
+        return ()
+    late = spread.number((SMOOTHS, None, "time_constant"))
+    if LATE_GYRO not in {each.name for each in causes}:
+        late += spread.number((LATE_GYRO, None, "seconds"))
+    return (
+        f"the gyro follows {1000.0 * late:.2g} ms late: taken for its chip's filter, which the Wombat's "
+        "firmware sets to 41 Hz, and for readings that wait for their row; without a reference of the pose, "
+        "wheels that slip by as much look the same",
+    )
