@@ -14,6 +14,7 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
+from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
@@ -63,6 +64,7 @@ def diagnose(
     holdout: Columns | None = None,
     causes: Sequence[Cause] | None = None,
     model: Parameters | None = None,
+    firmware: Firmware | None = None,
 ) -> Diagnosis:
     """Say what the simulation of `robot` gets wrong in a recording, and why.
 
@@ -70,7 +72,8 @@ def diagnose(
     nominal model; its standard deviations are how far each number may be off without being a cause. holdout:
     another recording of the same robot to judge on. causes: hypotheses to consider, by default the whole
     catalogue of drives; `own` says how to add your own. model: a simulation to start from, with effects that
-    are already known, instead of the nominal one.
+    are already known, instead of the nominal one. firmware: of the controller, where that is known; what it
+    does is found out otherwise.
 
     Raises TraceError for a recording that cannot be used: empty, too short, time that does not advance,
     columns in wrong units, no commands, another robot's ports.
@@ -88,7 +91,7 @@ def diagnose(
         tried = asked_for(drive_causes() if causes is None else causes, log)
 
         def judged(part: Log, other: Log | None) -> Diagnosis:
-            return _searched(part, other, robot, tried, model, begin)
+            return _searched(part, other, robot, tried, model, firmware, begin)
 
         other = None
         if holdout is not None:
@@ -112,16 +115,17 @@ def _searched(
     robot: RobotConfig,
     causes: Sequence[Cause],
     model: Parameters | None,
+    firmware: Firmware | None,
     begin: float,
 ) -> Diagnosis:
-    search, habits, log = searched(log, robot, causes, model)
+    search, habits, log = searched(log, robot, causes, model, firmware)
     other = None
     if unseen is not None:
         unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
         other = drive_problem(unseen, robot, causes, habits, model)
         other = replace(other, neutral=search.problem.neutral)
     search, judged = _proven(search, other)
-    return _diagnosis(log, search, judged, habits, begin)
+    return _diagnosis(log, search, judged, habits, firmware, begin)
 
 
 def _adds_up(found: Diagnosis) -> bool:
@@ -180,7 +184,9 @@ def _nothing_to_see(log: Log, begin: float) -> Diagnosis:
     )
 
 
-def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Diagnosis:
+def _diagnosis(
+    log: Log, search: Search, judged: HeldOut, habits: Habits, firmware: Firmware | None, begin: float
+) -> Diagnosis:
     spread = Spread.of(search)
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
@@ -198,7 +204,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         extended(search.problem, spread, causes, habits.chain),
         (
             *log.notes,
-            *notes_of(habits, causes, spread),
+            *notes_of(habits, causes, spread, firmware),
             *_not_in_model(search),
         ),
         curves=_curves(log, judged),

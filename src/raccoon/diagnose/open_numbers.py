@@ -90,12 +90,13 @@ def base_coordinates(
     wheels: Wheels = Wheels.GIVING,
     low_pass: bool = False,
     free_running: bool = False,
+    wombat: bool = False,
 ) -> tuple[Coordinate, ...]:
     """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
 
     inside: standard deviations that a number may move. wheels: how they slide, of which it
     says nothing. low_pass: whether the gyro has one. free_running: whether the controller's cycle has a clock
-    of its own.
+    of its own. wombat: whether the gyro is known to be a Wombat's, so that no other fault is as likely.
     """
     model = robot.model
     found: list[Coordinate] = []
@@ -139,7 +140,8 @@ def base_coordinates(
         most = LOW_PASS_MOST
         found.append(multiplied("imu.low_pass", None, LOW_PASS_WIDTH, -most, most, "time_constant", LOW_PASS))
         late = max(LOW_PASS_DELAY, 0.5 / robot.controller.rate_hz)
-        found.append(added("imu.latency", None, "seconds", late, low=0.0, high=LOW_PASS_DELAY_MOST))
+        most = INSIDE if wombat else LOW_PASS_DELAY_MOST
+        found.append(added("imu.latency", None, "seconds", late, low=0.0, high=most))
     times("drive.track_width", None, model.drive.track_width)
     for kind, number in (("straight", model.drive.inertia_straight), ("turn", model.drive.inertia_turn)):
         if number.std > 0.0:

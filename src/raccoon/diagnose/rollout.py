@@ -98,7 +98,7 @@ class Habits:
     """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
     whether the command of a row was in force until then (past) instead of from then on, how wheels slide, and
     whether the gyro's chip smooths the turn rate (low_pass). swing: s in which commands swing, 0 where they
-    do not; see `quality.swing`."""
+    do not; see `quality.swing`. known: the controller's are those of a firmware that the recording names."""
 
     chain: Chain
     brake: bool
@@ -106,6 +106,7 @@ class Habits:
     wheels: Wheels = Wheels.GIVING
     low_pass: bool = False
     swing: float = 0.0
+    known: bool = False
 
 
 class PlantRollout:

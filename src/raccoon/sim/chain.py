@@ -6,8 +6,14 @@ import math
 from dataclasses import dataclass, fields
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 
-_RANGES = (("coast_share", 0.0, 0.9), ("battery_time_constant", 0.0, 5.0), ("cycle", 0.001, 0.1))
+_RANGES = (
+    ("coast_share", 0.0, 0.9),
+    ("battery_time_constant", 0.0, 5.0),
+    ("battery_held", 0.0, 1.0),
+    ("cycle", 0.001, 0.1),
+)
 
 
 def _is_number(value: object) -> bool:
@@ -23,10 +29,12 @@ class Chain:
     in each cycle, port 0 a quarter of it after the start and port 3 at its end; otherwise all at its end.
     free_running: its cycle has a clock of its own, so that a row takes a sample from none to a cycle old.
     What is simulated is the mean, half a cycle.
-    battery_time_constant: s, of the battery reading's filter. cycle: s between two back-EMF samples.
+    battery_time_constant: s, of the battery reading's filter. battery_held: V by which a voltage that rises
+    may be above its reading, as where the filter cuts fractions of a count off; one that falls is followed.
+    cycle: s between two back-EMF samples.
 
     The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
-    firmware does.
+    firmware does, `Chain.stock()` what the stock one does.
     """
 
     median: bool = False
@@ -34,6 +42,7 @@ class Chain:
     free_running: bool = False
     coast_share: float = 0.0
     battery_time_constant: float = 0.0
+    battery_held: float = 0.0
     cycle: float = 0.005
 
     def __post_init__(self) -> None:
@@ -51,6 +60,19 @@ class Chain:
     def firmware(cls) -> Chain:
         """RaccoonOS: median of three, slots of a quarter cycle, 500 us of coasting in each 5 ms."""
         return cls(median=True, slots=True, coast_share=0.1, battery_time_constant=0.02)
+
+    @classmethod
+    def stock(cls) -> Chain:
+        """The stock firmware: all motors coast for a quarter of the time, every fourth pass of its loop,
+        which no row is in step with. Its battery filter, int(0.95 old + 0.05 new), needs 20 counts to rise by
+        one; with a count or two of noise it ends 17 counts below a voltage that rises, and 3 below one that
+        falls."""
+        return cls(
+            free_running=True,
+            coast_share=0.24,
+            battery_time_constant=0.02,
+            battery_held=14.0 * BATTERY_VOLTS_PER_COUNT,
+        )
 
 
 FIRMWARE_IMU_HZ = 50.0

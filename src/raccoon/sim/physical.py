@@ -138,6 +138,7 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         *sides.of("bemf.dead_zone", "counts"),
         *(filter_rate(each) for each in sides.of("bemf.filter_lag", "time_constant")),
         filter_rate(chain.battery_time_constant),
+        chain.battery_held,
         1.0 if chain.median else 0.0,
         0.0,  # who knows the rows sets it; see `gyro_lag`
         *_low_pass_numbers(parameters),

@@ -124,6 +124,7 @@ class Plant(NamedTuple):
     filter_rate_left: float  # 1/s
     filter_rate_right: float
     battery_rate: float
+    battery_held: float  # V
     median: float
     gyro_lag: float  # s before the end of a row of commands, when the gyro looks
     low_pass: float  # s, time constant of the gyro's, 0: none

@@ -40,6 +40,11 @@ def kept_shares(p: Plant, dt: float) -> tuple[float, float, float]:
     return decay(dt * p.filter_rate_left), decay(dt * p.filter_rate_right), decay(dt * p.battery_rate)
 
 
+def followed_voltage(reading: float, voltage: float, held: float) -> float:
+    """What the battery's filter goes to: the voltage, or as much below one that rises as it may be held."""
+    return min(voltage, max(reading, voltage - held))
+
+
 def sensed(
     s: State, p: Plant, dt: float, keeps: tuple[float, float, float], noise_left: float, noise_right: float
 ) -> State:
@@ -67,5 +72,5 @@ def sensed(
         s.sampled_left, s.sampled_right, raw_left, raw_right, s.recent_left, s.recent_right,
         filtered_left, filtered_right, bemf_left, bemf_right,
         s.position_left + bemf_left * dt, s.position_right + bemf_right * dt,
-        s.battery * keep + (1.0 - keep) * s.bus,
+        s.battery * keep + (1.0 - keep) * followed_voltage(s.battery, s.bus, p.battery_held),
     )  # fmt: skip

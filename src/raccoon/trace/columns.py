@@ -19,6 +19,7 @@ from raccoon.core.readings import (
     MOTOR_PORTS,
     SERVO_PORTS,
     SI_WORDS,
+    Device,
     Fault,
     Inputs,
     Outputs,
@@ -45,10 +46,19 @@ def recording_of(trace: Trace) -> Recording:
     scales = {tick.inputs.device.position_counts_seconds for tick in trace.ticks} or {1.0}
     if len(scales) > 1:
         raise TraceError(f"position ticks change their worth on the way: {sorted(scales)} counts seconds")
-    device = replace(SI_WORDS, position_counts_seconds=scales.pop())
+    device = _device({tick.inputs.device for tick in trace.ticks}, scales.pop())
     events = [Event(max(event.tick, 0), event.text) for event in trace.events] if rows else []
     problems = [] if trace.damage is None else [str(trace.damage)]
     return Recording(columns, events, device, problems)
+
+
+def _device(devices: set[Device], counts_seconds: float) -> Device:
+    """Words in SI of the one controller that was recorded: who it is and how its back-EMF lags stay."""
+    words = replace(SI_WORDS, position_counts_seconds=counts_seconds)
+    if len(devices) != 1:
+        return words
+    (own,) = devices
+    return replace(words, name=own.name, bemf_lag=own.bemf_lag, bemf_dead_zone=own.bemf_dead_zone)
 
 
 def tick_row(tick: Tick) -> Row:

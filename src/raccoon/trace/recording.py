@@ -23,7 +23,8 @@ class Recording:
     """Columns of equal length, `t` among them, by name.
 
     events: remarks; their tick is the row. device: what a word of the recording is worth, SI_WORDS but for
-    the position counter, whose ticks differ between controllers. problems: what a reader had to leave out.
+    the position counter, whose ticks differ between controllers, and who the controller is, as far as it is
+    known. problems: what a reader had to leave out.
     Raises TraceError where t is missing, not finite or goes back, or where lengths differ.
     """
 

@@ -109,6 +109,15 @@ def test_worth_of_a_position_tick_is_kept_and_must_not_change() -> None:
         recording_of(Trace(Header(), [*ticks, Tick(cycle(5))]))
 
 
+def test_who_was_recorded_is_kept_where_it_is_one() -> None:
+    stock = replace(SIMULATOR, name="wombat-stock", bemf_lag=0.0128, bemf_dead_zone=40.0)
+    ticks = [Tick(Inputs(0.0, stock)), Tick(Inputs(0.1, stock))]
+    device = recording_of(Trace(Header(), ticks)).device
+    assert device == replace(SI_WORDS, name="wombat-stock", bemf_lag=0.0128, bemf_dead_zone=40.0)
+    other = Tick(Inputs(0.2, replace(stock, bemf_lag=0.02)))
+    assert recording_of(Trace(Header(), [*ticks, other])).device == SI_WORDS
+
+
 def test_estimates_that_are_not_finite_are_blank() -> None:
     tick = Tick(cycle(0), estimates={"pose": (1.0, float("inf"), float("nan"))})
     recording = recording_of(Trace(Header(), [tick, Tick(cycle(1), estimates={"pose": (1.0, 2.0, 3.0)})]))

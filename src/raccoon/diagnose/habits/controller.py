@@ -15,6 +15,7 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.features import BIN, Features
 from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses import Cause, Settings, added, multiplied, neutral_settings
 from raccoon.diagnose.log import WHEELS, Log
@@ -77,6 +78,7 @@ def drive_problem(
             wheels=habits.wheels,
             low_pass=habits.low_pass,
             free_running=habits.chain.free_running,
+            wombat=habits.known,
         ),
         by_name,
         told(by_name, log),
@@ -99,28 +101,38 @@ def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
 
 
 def problem_of(
-    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None = None
+    log: Log,
+    robot: RobotConfig,
+    causes: Sequence[Cause],
+    model: Parameters | None = None,
+    firmware: Firmware | None = None,
 ) -> tuple[Problem, Habits]:
     """The problem under the controller's habits that fit the recording best after a base fit.
 
     The firmware's filter is left only for a clearly better one. Wheels that stop at once may also be slow
     ones that rub: both are tried then.
     """
-    restored_log, habits = controller_of(log, robot, causes, model)
+    restored_log, habits = controller_of(log, robot, causes, model, firmware)
     return drive_problem(restored_log, robot, causes, habits, model), habits
 
 
 def controller_of(
-    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None
+    log: Log,
+    robot: RobotConfig,
+    causes: Sequence[Cause],
+    model: Parameters | None,
+    firmware: Firmware | None = None,
 ) -> tuple[Log, Habits]:
     """The log with changes of commands whose rows it lost, and the controller's habits.
 
     Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
-    what the wheels were driven with.
+    what the wheels were driven with. firmware: of which nothing needs to be found out.
     """
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    firmware, other = USUAL_CHAINS
-    first = Habits(firmware, False)
+    usual, other = USUAL_CHAINS
+    first = Habits(usual, False)
+    if firmware is not None:
+        first = Habits(firmware.chain, False, low_pass=firmware.smooths, known=True)
     if not any(each.role in WHEELS for each in log.channels):
         return log, first
 
@@ -133,14 +145,15 @@ def controller_of(
         return _Fitted(misfit, point, habits)
 
     found = fitted(first)
-    slow = _slow_battery(first, partial(loose, wheels), found.point)
+    slow = None if first.known else _slow_battery(first, partial(loose, wheels), found.point)
     if slow is not None:
         found = fitted(with_battery(first, slow))
     if brakes(log):
         found = fitted(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
-    plain = replace(found.habits, chain=other)
-    plain = plain if slow is None else with_battery(plain, slow)
-    found = fitted(plain, found.point).instead_of(found, USUAL)
+    if not first.known:
+        plain = replace(found.habits, chain=other)
+        plain = plain if slow is None else with_battery(plain, slow)
+        found = fitted(plain, found.point).instead_of(found, USUAL)
     found = fitted(replace(found.habits, wheels=Wheels.RIGID)).instead_of(found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from raccoon.diagnose.habits.controller import SLOW_BATTERY
+from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout import Habits
@@ -16,9 +17,21 @@ PAST = (
 )
 
 
-def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
+def notes_of(
+    habits: Habits, causes: Sequence[CauseResult], spread: Spread, firmware: Firmware | None = None
+) -> tuple[str, ...]:
     """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
-    return (*_of_the_controller(habits, causes), *_of_the_gyro(habits, causes, spread))
+    known = () if firmware is None else (_of_the_firmware(firmware),)
+    return (*known, *_of_the_controller(habits, causes), *_of_the_gyro(habits, causes, spread))
+
+
+def _of_the_firmware(firmware: Firmware) -> str:
+    """What was taken as known."""
+    zone = f", its dead zone of {firmware.dead_zone:g} counts" if firmware.dead_zone else ""
+    return (
+        f"the recording is of a Wombat with {firmware.name}: its filters, its clock, its pauses of "
+        f"{100.0 * firmware.chain.coast_share:.0f} % for samples{zone} are taken as they are in its source"
+    )
 
 
 def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[str, ...]:
@@ -38,7 +51,7 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
         notes.append(
             f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
         )
-    if chain.free_running:
+    if chain.free_running and not habits.known:
         notes.append(
             "back-EMF readings are taken for samples of a controller whose cycle has a clock of its own: up "
             "to a cycle old when a row reads them, as commands are when it takes them up"

@@ -20,6 +20,7 @@ from raccoon.diagnose.habits.controller import (
     usual_chain,
     with_lost_changes,
 )
+from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
     SLIP,
@@ -60,9 +61,15 @@ FAR_BEHIND = 100.0
 
 
 def searched(
-    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None
+    log: Log,
+    robot: RobotConfig,
+    causes: Sequence[Cause],
+    model: Parameters | None,
+    firmware: Firmware | None = None,
 ) -> tuple[Search, Habits, Log]:
     """The search, the habits that it is under, and the log with the changes of commands whose rows it lost.
+
+    firmware: the controller's, whose habits are not asked for then.
 
     Commands that changed in lost rows are asked for again once causes are known: a limit of the current that
     is not known yet looks like a later change. Where commands swing and one cause is not all, what is in the
@@ -70,7 +77,7 @@ def searched(
     of a robot without any.
     """
     tell("finding out what the controller does with its samples")
-    restored, first = controller_of(log, robot, causes, model)
+    restored, first = controller_of(log, robot, causes, model, firmware)
 
     under = Under(lambda each: drive_problem(restored, robot, causes, each, model))
     search, habits = _sooner(begun(started(under(first))), first, under)
@@ -98,6 +105,8 @@ def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habit
     """A search that has only begun, begun again under what a whole one would find out about wheels and
     filters: under wrong habits most of its time goes to sets of causes that are not there."""
     search, habits = as_wheels_give(search, habits, under, begun)
+    if habits.known:
+        return search, habits
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
@@ -119,9 +128,8 @@ def _under_another_filter(
     before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
     as much less, and a latency of a sample the gyro alone under a median.
     """
-    for other in under.new(
-        search, habits, (replace(habits, chain=each) for each in other_chains(habits.chain))
-    ):
+    chains = [] if habits.known else other_chains(habits.chain)
+    for other in under.new(search, habits, (replace(habits, chain=each) for each in chains)):
         firmware = usual_chain(other.chain) == Chain.firmware()
         imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
         late, gyro = lags_instead(search, LATE_GYRO, (LATE,)), lags_instead(search, LATE, (LATE_GYRO, SLIP))
@@ -138,6 +146,8 @@ def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Ha
     Commands in the row after theirs seem early, as nothing in the catalogue is; that made a filter without a
     median, a latency of 3 ms and a gear that loses torque.
     """
+    if habits.known:
+        return search, habits
     search, habits = with_a_slow_battery(search, habits, under)
     search, habits = with_readings_that_lag(search, habits, under)
     firmware = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)

@@ -16,6 +16,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.candidates import drive_causes, own_cause
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.extend import with_causes
+from raccoon.diagnose.habits.firmware import firmware_of
 from raccoon.diagnose.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
@@ -177,6 +178,12 @@ def _drive(
     sound = without_broken(columns, robot)
     columns = sound.columns
     holdout = None if holdout is None else without_broken(holdout, robot).columns
+    firmware = firmware_of(device)
+    if firmware is not None:
+        ports = (robot.drive.left, robot.drive.right)
+        robot = firmware.known_of(robot)
+        columns = firmware.before_cutting(columns, ports)
+        holdout = None if holdout is None else firmware.before_cutting(holdout, ports)
     if commands_volts(columns, robot):
         changed, stiff, causes = as_duty(columns, robot)
         other = None if holdout is None else as_duty(holdout, robot)[0]
@@ -187,7 +194,10 @@ def _drive(
     else:
         start = start_of(columns, robot, model, device)
         tried = start.undecided([*drive_causes(), *map(own_cause, own)])
-        found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=model)
+        known = model
+        if firmware is not None:
+            tried, known = firmware.asked_for(tried), firmware.start(start.robot, model)
+        found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
         found = with_reference(found, start, model)
     found = judged_again(with_columns_named(found, columns, robot, sound.left_out), columns, sound, robot)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):

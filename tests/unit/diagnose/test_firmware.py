@@ -1,0 +1,126 @@
+"""Recordings of a Wombat: what its firmware does is known, and no fault of the robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blind.drives import exciting
+from raccoon.core.clock import SteppedClock
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import SI_WORDS, SIMULATOR, Outputs
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.habits.firmware import FIRMWARES, ZONE, firmware_of
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21, STOCK
+from raccoon.hal.wombat.emulator import Emulator, Firmware
+from raccoon.hal.wombat.port import WombatPort
+from raccoon.robot.emulated import SimulatedPlant
+from raccoon.sim.chain import Chain
+from raccoon.sim.parameters import Parameters
+from raccoon.trace.columns import recording_of
+from raccoon.trace.format import Tick, Trace
+from raccoon.trace.header import Header
+from raccoon.trace.recording import Recording
+
+ROBOT = RobotConfig()
+
+
+def recorded(firmware: Firmware, robot: Parameters, seconds: float) -> Recording:
+    """A drive behind the bytes, pauses, filters and clock of an emulated Wombat."""
+    clock = SteppedClock()
+    link = Emulator(SimulatedPlant(robot), firmware, clock=clock, seed=1)
+    port = WombatPort(link, clock=clock, rate_hz=200.0, reset_line=link)
+    ticks = []
+    for left, right in exciting(np.random.default_rng(1), seconds):
+        inputs, outputs = port.read(), Outputs((float(left), float(right), 0.0, 0.0))
+        port.write(outputs)
+        ticks.append(Tick(inputs, (outputs,)))
+    port.close()
+    return recording_of(Trace(Header(), ticks))
+
+
+def diagnosed(firmware: Firmware, seconds: float, **factor: float) -> Diagnosis:
+    robot = Parameters.from_robot(ROBOT)
+    if factor:
+        robot = robot.with_effect("motor.back_emf_constant", "left", **factor)
+    recording = recorded(firmware, robot, seconds)
+    return diagnose_recording(recording.columns, ROBOT, device=recording.device)
+
+
+def test_a_sound_robot_with_the_stock_firmware_has_no_cause() -> None:
+    """Its filter in whole counts, its dead zone, pauses and clock were nine causes of one."""
+    said = diagnosed("stock", 12.0)
+    assert said.causes == ()
+    assert said.verdict is Verdict.ADEQUATE
+    assert any("the stock firmware" in note for note in said.notes)
+    assert said.model is not None
+    assert said.model.chain == Chain.stock()
+    assert said.model.value(ZONE, "counts", "left") == FIRMWARES["wombat-stock"].dead_zone
+
+
+@pytest.mark.parametrize("firmware", ["stock", 21])
+def test_a_strong_motor_is_all_that_is_named(firmware: Firmware) -> None:
+    said = diagnosed(firmware, 14.0, factor=1.08)
+    assert [each.name for each in said.causes] == ["motor.back_emf_constant@left"]
+    number = said.causes[0].parameters["factor"]
+    assert abs(number.value - 1.08) < 2.5 * number.std < 0.05
+
+
+def test_a_firmware_is_known_by_its_devices_name() -> None:
+    for device in (STOCK, RACCOON_17, RACCOON_21):
+        assert firmware_of(device) is FIRMWARES[device.name]
+    assert firmware_of(SIMULATOR) is firmware_of(SI_WORDS) is None
+    stock = firmware_of(STOCK)
+    assert stock is not None
+    assert firmware_of(replace(STOCK, name="wombat-stock+mpu6050")) == replace(stock, smooths=False)
+    assert FIRMWARES["wombat-raccoon-21"].dead_zone == RACCOON_21.bemf_dead_zone
+
+
+def test_a_dead_zone_that_is_known_is_not_asked_for() -> None:
+    stock, newer, older = (FIRMWARES[each.name] for each in (STOCK, RACCOON_21, RACCOON_17))
+    causes = drive_causes()
+    for each in (stock, newer):
+        left = each.asked_for(causes)
+        assert {cause.id for cause in causes} - {cause.id for cause in left} == {ZONE}
+    assert older.asked_for(causes) == list(causes)
+    assert older.start(ROBOT, None) is None
+    model = Parameters.from_robot(ROBOT).with_effect("imu.latency", None, seconds=0.01)
+    start = newer.start(ROBOT, model)
+    assert start is not None
+    assert start.value("imu.latency", "seconds") == 0.01
+
+
+def test_the_battery_is_as_unsure_as_its_readings() -> None:
+    stock = FIRMWARES[STOCK.name]
+    number = stock.known_of(ROBOT).model.battery.internal_resistance
+    assert number.value == ROBOT.model.battery.internal_resistance.value
+    assert number.std == pytest.approx(np.hypot(0.005, stock.sag * number.value))
+    exact = replace(ROBOT.model.battery, internal_resistance=replace(number, std=0.0))
+    robot = replace(ROBOT, model=replace(ROBOT.model, battery=exact))
+    assert stock.known_of(robot) is robot
+    assert FIRMWARES[RACCOON_21.name].known_of(ROBOT) is ROBOT
+
+
+def truncated(raw: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """The stock firmware's back-EMF filter in whole counts."""
+    value, found = 0, []
+    for each in raw:
+        value = int(0.25 * each + 0.75 * value)
+        found.append(value)
+    return np.array(found, float)
+
+
+@pytest.mark.parametrize("speed", [400.0, -1500.0])
+def test_what_the_filter_cuts_off_is_given_back(speed: float) -> None:
+    raw = np.round(speed + 3.0 * np.random.default_rng(3).standard_normal(4000))
+    seen = {"t": np.arange(4000.0), "motor.0.bemf": truncated(raw), "motor.1.bemf": np.zeros(4000)}
+    whole = FIRMWARES[STOCK.name].before_cutting(seen, (0, 1))
+    assert abs(seen["motor.0.bemf"][500:].mean() - speed) > 1.0
+    assert whole["motor.0.bemf"][500:].mean() == pytest.approx(speed, abs=0.25)
+    assert not whole["motor.1.bemf"].any()
+    assert FIRMWARES[RACCOON_21.name].before_cutting(seen, (0, 1)) is seen
