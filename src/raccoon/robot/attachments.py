@@ -48,7 +48,7 @@ class Attachments:
     def stopped(self) -> Outputs:
         """Every motor off, mechanisms released. Servos hold what they hold: a fault must not drop it."""
         for mechanism in self.mechanisms.values():
-            mechanism.goal = None
+            mechanism.release()
         return Outputs(servo_us=self._pulses()) if self.servos else STOP
 
     def switch_off(self) -> None:

@@ -74,6 +74,15 @@ class Mechanism:
         """Power and no motion."""
         return self._loop.watch.stalled
 
+    def forget_stall(self) -> None:
+        """What blocked it before is in the way no more, until it shows anew: a move may lead away from it."""
+        self._loop.watch.rest()
+
+    def release(self) -> None:
+        """Let it go; what it was driven against is forgotten."""
+        self.goal = None
+        self._loop.rest()
+
     @property
     def settled(self) -> bool:
         """At rest where it is held."""
@@ -181,7 +190,7 @@ def spin(name: str, speed: float) -> Action[None]:
                 turned.goal = ProfileState(turned.angle, speed, 0.0)
                 yield
         finally:
-            turned.goal = None
+            turned.release()
 
     return Action(f"spin {name} at {speed:g} rad/s", steps)
 
@@ -190,7 +199,7 @@ def release(name: str) -> Action[None]:
     """Let the mechanism `name` go: its motor is switched off."""
 
     def let_go(robot: Robot) -> None:
-        robot.mechanism(name).goal = None
+        robot.mechanism(name).release()
 
     return do(let_go, f"release {name}")
 
@@ -202,7 +211,8 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
     def set_angle(robot: Robot) -> None:
         here = robot.mechanism(name)
         _check_turns(robot, name, angle=angle)
-        here.goal, here.angle = None, angle
+        here.release()
+        here.angle = angle
 
     return do(set_angle, f"zero {name}")
 
@@ -222,6 +232,7 @@ def _move(
     allowed = 2.0 * walk.duration + MARGIN_TIME if timeout is None else timeout
     begin = robot.time
     arrived = False
+    moved.forget_stall()
     try:
         while not arrived:
             elapsed = robot.time - begin
@@ -233,7 +244,7 @@ def _move(
             yield
     finally:
         if not arrived:
-            moved.goal = None
+            moved.release()
     return moved.angle
 
 

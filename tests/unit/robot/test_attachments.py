@@ -179,6 +179,34 @@ def test_homing_against_the_end_stop() -> None:
         assert not port.written[-1].brake[3]
 
 
+def test_an_arm_goes_on_at_once_from_what_blocked_it() -> None:
+    home = seq(spin("arm", -1.5).until(blocked("arm")), zero("arm"))
+    port = Spy()
+    port.arm.stops = (-0.5, 1.0)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(seq(home, move("arm", 1.0)))
+        assert port.arm.angle == pytest.approx(0.5, abs=0.06)
+        robot.run(move("arm", 3.0).timeout_or(5.0, move("arm", 0.0)))
+        assert port.arm.angle == pytest.approx(-0.5, abs=0.06)
+        with pytest.raises(MotionTimeout, match="power and no motion"):
+            robot.run(move("arm", 3.0))
+        robot.run(move("arm", 0.5))
+        assert robot.mechanism("arm").angle == pytest.approx(0.5, abs=0.04)
+        robot.run(seq(home, spin("arm", 1.5).until(blocked("arm"))))
+        assert port.arm.angle == pytest.approx(1.0, abs=0.01)
+
+
+def test_an_arm_that_holds_against_its_end_stop_moves_away_from_it() -> None:
+    port = Spy()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(move("arm", 0.5))
+        port.arm.stops = (-1.0, port.arm.angle)
+        near = robot.mechanism("arm").angle + 0.025  # it arrives there, and pushes on
+        pushes = do(lambda robot: robot.mechanism("arm").stalled)
+        assert robot.run(seq(move("arm", near), wait(3.0), pushes, move("arm", -0.5)))[2] is True
+        assert robot.mechanism("arm").angle == pytest.approx(-0.5, abs=0.04)
+
+
 def test_an_exception_in_the_program_stops_the_arm() -> None:
     port = Spy()
 
