@@ -6,9 +6,11 @@ action starts.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from raccoon.control.watch import STALL_TIME
 from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
 from raccoon.robot.limits import (
     check_angle,
@@ -31,11 +33,18 @@ class Condition:
     """Something that can come true. Compose with `&`, `|` and `~`.
 
     name: for messages. start: called when the action starts; makes the test that is asked once a tick.
+    opposed: what `~` turns round instead, where `start` does not count what holds already.
     """
 
-    def __init__(self, name: str, start: Callable[[Robot], Test]) -> None:
+    def __init__(
+        self,
+        name: str,
+        start: Callable[[Robot], Test],
+        opposed: Callable[[Robot], Test] | None = None,
+    ) -> None:
         self.name = name
         self._start = start
+        self._opposed = opposed or start
 
     def start(self, robot: Robot) -> Test:
         """The test for one run of an action."""
@@ -51,7 +60,7 @@ class Condition:
 
     def __invert__(self) -> Condition:
         def start(robot: Robot) -> Test:
-            test = self.start(robot)
+            test = self._opposed(robot)
             return lambda: not test()
 
         return Condition(f"not {self.name}", start)
@@ -179,28 +188,56 @@ def pressed(port: int) -> Condition:
 
 def stalled() -> Condition:
     """A driven wheel does not turn: the robot is blocked, or a motor is unplugged."""
-    return when(lambda robot: bool(robot.drive.wheels.stalled), "stalled")
+    return _fresh("stalled", (_wheel_stalled, STALL_TIME))
 
 
 def blocked(mechanism: str) -> Condition:
     """The named mechanism is driven and does not turn: it is at its end stop, or holds something."""
-
-    def start(robot: Robot) -> Test:
-        found = robot.mechanism(mechanism)
-        return lambda: found.stalled
-
-    return Condition(f"{mechanism} blocked", start)
+    return _fresh(f"{mechanism} blocked", (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME))
 
 
 def bumped() -> Condition:
     """A wheel stalls, or the wheels do not move as the accelerometer feels the robot move."""
-    return when(
-        lambda robot: (
-            bool(robot.drive.wheels.stalled)
-            or any(why.startswith("bumped") for why in robot.estimate.reasons)
-        ),
-        "bumped",
-    )
+    return _fresh("bumped", (_struck, math.inf), (_wheel_stalled, STALL_TIME))
+
+
+def _struck(robot: Robot) -> bool:
+    return any(why.startswith("bumped") for why in robot.estimate.reasons)
+
+
+def _wheel_stalled(robot: Robot) -> bool:
+    return bool(robot.drive.wheels.stalled)
+
+
+def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float]) -> Condition:
+    """Any of `tests`, each with the s for which what holds at the start must last to count (see `_anew`)."""
+
+    def start(robot: Robot) -> Test:
+        asked = [_anew(robot, test, lasting) for test, lasting in tests]
+
+        def any_anew() -> bool:
+            answers = [each() for each in asked]  # all of them every tick: each has a memory
+            return any(answers)
+
+        return any_anew
+
+    return Condition(name, start, lambda robot: lambda: any(test(robot) for test, _ in tests))
+
+
+def _anew(robot: Robot, test: Callable[[Robot], bool], lasting: float) -> Test:
+    """`test`, but where it holds at the start it has to come true again, or to last for `lasting` s.
+
+    It may be what the action before was ended by, which this one drives away from.
+    """
+    begin, old = robot.time, test(robot)
+
+    def anew() -> bool:
+        nonlocal old
+        holds = test(robot)
+        old = old and holds and robot.time - begin <= lasting
+        return holds and not old
+
+    return anew
 
 
 def _is_above(value: float | None, limit: float) -> bool:

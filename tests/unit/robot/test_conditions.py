@@ -1,0 +1,88 @@
+"""A condition that ends what blocked the robot does not end at once what leads away from it."""
+
+from dataclasses import replace
+
+import pytest
+
+from raccoon import (
+    after_distance,
+    bumped,
+    drive,
+    open_robot,
+    race,
+    seq,
+    stalled,
+    wait,
+    wait_for,
+)
+from raccoon.core.readings import Inputs, Outputs
+from robots import CONFIG, simulated
+
+
+class Walled:
+    """The simulated robot. Ahead of 0.2 m its wheels get power and do not turn."""
+
+    def __init__(self) -> None:
+        self._port = simulated()
+        self._ahead = False
+        self._held: tuple[float | None, ...] | None = None
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        assert inputs.truth is not None
+        if not (self._ahead and inputs.truth.x > 0.2):
+            self._held = None
+            return inputs
+        self._held = self._held or inputs.position
+        return replace(inputs, bemf=(0.0,) * 4, position=self._held)
+
+    def write(self, outputs: Outputs) -> None:
+        self._ahead = outputs.duty[0] > 0.0
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+class Struck(Walled):
+    """The same with free wheels: it is struck once on its way, from the front."""
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        assert inputs.truth is not None
+        assert inputs.accel is not None
+        if self._held is None and inputs.truth.x > 0.2:
+            self._held = (inputs.time,)
+        if self._held is None or self._held[0] is None or inputs.time - self._held[0] > 0.03:
+            return inputs
+        return replace(inputs, accel=(-15.0 / inputs.device.accel_m_s2, *inputs.accel[1:]))
+
+
+def test_a_robot_backs_off_from_what_stalls_it() -> None:
+    with open_robot(CONFIG, port=Walled()) as robot:
+        robot.run(wait(0.5))
+        robot.run(seq(drive(0.15).until(stalled()), drive(-0.15).until(stalled() | after_distance(0.1))))
+        assert robot.estimate.distance == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_robot_backs_off_from_what_struck_it() -> None:
+    with open_robot(CONFIG, port=Struck()) as robot:
+        robot.run(wait(0.5))
+        robot.run(drive(0.15).until(bumped()).timeout(3.0))
+        struck = robot.estimate.distance
+        assert 0.19 < struck < 0.23
+        robot.run(drive(-0.15).until(bumped() | after_distance(0.1)))
+        assert robot.estimate.distance == pytest.approx(struck - 0.1, abs=0.01)
+
+
+def test_a_wheel_that_goes_on_standing_still_is_stalled() -> None:
+    with open_robot(CONFIG, port=Walled()) as robot:
+        robot.run(wait(0.5))
+        robot.run(race(drive(0.15), seq(wait_for(stalled()), wait_for(stalled()))).timeout(6.0))
+
+
+def test_what_still_holds_is_not_its_opposite() -> None:
+    with open_robot(CONFIG, port=Walled()) as robot:
+        robot.run(wait(0.5))
+        stuck = seq(wait_for(stalled()), wait_for(~stalled()))
+        assert robot.run(race(drive(0.15), stuck, seq(wait_for(stalled()), wait(0.5))))[0] == 2
