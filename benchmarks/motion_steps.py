@@ -12,7 +12,7 @@ from raccoon.core.readings import SIMULATOR
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 from raccoon.model.paper import MOTORS
 from raccoon.robot.actions import Action, Steps, wait
-from raccoon.robot.drive import DEAD_TIME
+from raccoon.robot.drive import dead_time
 from raccoon.robot.robot import Robot
 
 STEP_SPEED = 4.0  # rad/s; needs 4.7 V of a nominal wheel, so the weakest battery has something left
@@ -66,15 +66,16 @@ def worst_margins(config: RobotConfig, pairing: tuple[int, int] | None = None) -
     pairing: indices of the paper's motors; without it the nominal gains on each of them.
     """
     left, right = wheel_models(config, SIMULATOR)
+    late = dead_time(config)
     pairs = [(left, each) for each in MOTORS]
     if pairing is not None:
         pairs = [(left, MOTORS[pairing[0]]), (right, MOTORS[pairing[1]])]
     found = []
     for believed, motor in pairs:
-        gains = speed_loop_gains(believed, SPEED_SMOOTHING, DEAD_TIME)
+        gains = speed_loop_gains(believed, SPEED_SMOOTHING, late)
         for inertia in INERTIAS:
             true = WheelModel(
                 motor.armature_resistance, motor.back_emf_constant, NOMINAL.coulomb, NOMINAL.viscous, inertia
             )
-            found.append(margins(gains, true, SPEED_SMOOTHING, DEAD_TIME))
+            found.append(margins(gains, true, SPEED_SMOOTHING, late))
     return min(each.phase for each in found) / DEG, min(each.gain_db for each in found)

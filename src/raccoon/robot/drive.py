@@ -17,11 +17,16 @@ from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
 
-# S from a reading to its effect: half a control period of hold plus one sample of the firmware.
-DEAD_TIME = 0.0075
+FIRMWARE_SAMPLE = 0.005
+"""S between two samples of the back-EMF."""
 # A wheel is never planned slower than this share of its speed without load, however little is said to be left
 # for it by the battery and the wished acceleration.
 LEAST_SHARE = 0.3
+
+
+def dead_time(config: RobotConfig) -> float:
+    """S from a reading to its effect: half a control period of hold plus one sample of the firmware."""
+    return 0.5 / config.controller.rate_hz + FIRMWARE_SAMPLE
 
 
 class Drive:
@@ -59,7 +64,8 @@ class Drive:
 
     def _loop(self, device: Device | None) -> WheelLoop:
         left, right = wheel_models(self._config, device)
-        gains = tuple(speed_loop_gains(wheel, SPEED_SMOOTHING, DEAD_TIME) for wheel in (left, right))
+        late = dead_time(self._config)
+        gains = tuple(speed_loop_gains(wheel, SPEED_SMOOTHING, late) for wheel in (left, right))
         voltage = self._config.model.battery.open_circuit_voltage.value
         return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING, voltage)
 

@@ -21,7 +21,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.drive import DEAD_TIME
+from raccoon.robot.drive import dead_time
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -130,14 +130,14 @@ class WheelFit:
 
 def fit_wheels(seen: Excitation, config: RobotConfig, device: Device) -> tuple[WheelFit, WheelFit]:
     """Left and right wheel. Raises CalibrationError where the data cannot support the gains, saying why."""
-    models = wheel_models(config, device)
+    models, late = wheel_models(config, device), dead_time(config)
     return (
-        _fit("left", config.drive.left, seen.left, models[0]),
-        _fit("right", config.drive.right, seen.right, models[1]),
+        _fit("left", config.drive.left, seen.left, models[0], late),
+        _fit("right", config.drive.right, seen.right, models[1], late),
     )
 
 
-def _fit(side: str, port: int, rows: Rows, model: WheelModel) -> WheelFit:
+def _fit(side: str, port: int, rows: Rows, model: WheelModel, late: float) -> WheelFit:
     where = f"the {side} wheel (motor port {port})"
     try:
         found = fit_voltages(rows)
@@ -155,8 +155,8 @@ def _fit(side: str, port: int, rows: Rows, model: WheelModel) -> WheelFit:
                 f"{where}: {name}_voltage comes out as {value:.3g} +- {std:.2g}: the data cannot support it"
             )
     fitted = model.with_voltages(max(found.static, 0.0), found.speed, found.acceleration)
-    gains = speed_loop_gains(fitted, SPEED_SMOOTHING, DEAD_TIME)
-    reached = margins(gains, fitted, SPEED_SMOOTHING, DEAD_TIME)
+    gains = speed_loop_gains(fitted, SPEED_SMOOTHING, late)
+    reached = margins(gains, fitted, SPEED_SMOOTHING, late)
     if reached.phase < LEAST_PHASE or reached.gain_db < LEAST_GAIN_DB:
         raise CalibrationError(
             f"{where}: the gains would have margins of {math.degrees(reached.phase):.0f} deg and "

@@ -20,7 +20,7 @@ from raccoon.core.errors import MotionTimeout
 from raccoon.core.readings import Device, Inputs
 from raccoon.estimate.drive.wheels import radians_per_count, resting_counts
 from raccoon.robot.actions import Action, Steps, do
-from raccoon.robot.drive import DEAD_TIME
+from raccoon.robot.drive import dead_time
 from raccoon.robot.limits import check_angle, check_rate
 from raccoon.robot.pacing import check_finite, check_limits
 
@@ -64,7 +64,7 @@ class Mechanism:
             config.inertia,
         )
         lag = robot.model.bemf.filter_time_constant.value
-        self._loop = Wheel(model, speed_loop_gains(model, lag, DEAD_TIME), lag)
+        self._loop = Wheel(model, speed_loop_gains(model, lag, dead_time(robot)), lag)
         self._battery = robot.model.battery.open_circuit_voltage.value
         self._ticks: float | None = None
         self._duty = 0.0

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -23,7 +25,7 @@ from raccoon import (
     turn_to,
     wait,
 )
-from raccoon.core.config import Measured, MotorConfig
+from raccoon.core.config import ControllerConfig, Measured, MotorConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
 from raccoon.sim.parameters import Parameters
@@ -147,3 +149,26 @@ def test_a_robot_that_was_moved_does_not_drive_back() -> None:
 def test_nonsense_is_refused_before_anything_moves(make: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+class Listening(SimPort):
+    """The simulated robot, and the duties of its left wheel."""
+
+    def __init__(self, config: RobotConfig) -> None:
+        super().__init__(Parameters.from_robot(config), robot=config, rate_hz=config.controller.rate_hz)
+        self.duties: list[float] = []
+
+    def write(self, outputs: Outputs) -> None:
+        self.duties.append(outputs.duty[0])
+        super().write(outputs)
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 50.0])
+def test_a_slow_loop_drives_as_steadily(rate_hz: float) -> None:
+    config = replace(CONFIG, controller=ControllerConfig(rate_hz=rate_hz))
+    port = Listening(config)
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(0.5))
+        assert abs(robot.run(straight(0.5)).along) < 0.002
+        assert sum(abs(after - before) for before, after in pairwise(port.duties)) < 4.0
+        assert abs(robot.run(turn(deg(90))).heading) < deg(0.3)
