@@ -134,7 +134,7 @@ class Mechanism:
         off = goal.position - self.angle
         if goal.velocity == goal.acceleration == 0.0 and abs(off) < 0.5 * self.config.tolerance:
             return 0.0, 0.0
-        top = self.config.speed
+        top = max(self.config.speed, abs(goal.velocity))
         return max(-top, min(top, goal.velocity + PULL * off)), goal.acceleration
 
     def _scale(self, device: Device) -> float:

@@ -144,6 +144,17 @@ def test_an_arm_moves_to_its_angle_and_holds_it_while_the_robot_drives(inverted:
         assert robot.mechanism("arm").angle == pytest.approx(deg(-30), abs=0.04)
 
 
+def test_an_arm_turns_as_fast_as_it_is_told_to() -> None:
+    port = Spy()  # 3 rad/s are usual
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(spin("arm", 4.0).until(after_time(0.5)))
+        assert port.arm.speed == pytest.approx(4.0, abs=0.1)
+        robot.run(wait(0.5))
+        begin, angle = robot.time, robot.mechanism("arm").angle
+        robot.run(move("arm", angle - 3.0, speed=4.0))
+        assert robot.time - begin < 1.05  # at 3 rad/s 1.15 s
+
+
 def test_at_rest_nothing_is_counted() -> None:
     config = RobotConfig(mechanisms=CONFIG.mechanisms)
     port = Spy(config)
