@@ -122,7 +122,7 @@ def _pieces(points: list[Point], rounding: float) -> list[Piece]:
             pieces.append(Piece(here, length - taken - cut, 0.0))
             here = here.ahead(length - taken - cut)
         if bend and not cut:
-            here = Pose(*points[index + 1], headings[index + 1])
+            here = Pose(*points[index + 1], here.heading + bend)  # headings stay unwrapped
         elif bend:
             radius = cut / math.tan(0.5 * abs(bend))
             pieces.append(Piece(here, radius * abs(bend), math.copysign(1.0 / radius, bend)))

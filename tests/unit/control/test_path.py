@@ -28,6 +28,12 @@ def test_a_rounding_that_does_not_fit_is_made_smaller() -> None:
     assert (path.end.x, path.end.y) == pytest.approx((0.5, 0.1))
 
 
+def test_a_slight_kink_after_half_a_turn_keeps_the_heading_unwrapped() -> None:
+    back = [(-0.1, 0.3), (-0.1333333, 0.2333333), (-0.2, 0.1)]  # in a line but for the last digit
+    path = Path([(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5), *back], rounding=0.1)
+    assert path.end.heading == pytest.approx(math.pi + math.atan(2.0), abs=1e-5)
+
+
 @given(st.lists(st.tuples(st.floats(0.0, 0.3), st.floats(-0.5, 0.5)), min_size=2, max_size=6))
 def test_it_is_continuous_and_nearest_finds_its_own_points(bends: list[tuple[float, float]]) -> None:
     points, x = [(0.0, 0.0)], 0.0
