@@ -12,7 +12,7 @@ from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.limits import check_number, check_rate, check_speed
-from raccoon.robot.pacing import GAINS, STALL_PATIENCE, reason
+from raccoon.robot.pacing import GAINS, STALL_PATIENCE, check_finite, reason
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -28,6 +28,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     """
     check_speed(speed=speed)
     check_rate(turn_rate=turn_rate)
+    check_finite(speed=speed, turn_rate=turn_rate)  # None is no default here
 
     def steps(robot: Robot) -> Steps[None]:
         motion = robot.config.motion

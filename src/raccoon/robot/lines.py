@@ -11,7 +11,7 @@ from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.driving import search
-from raccoon.robot.limits import check_speed
+from raccoon.robot.limits import check_angle, check_heading, check_speed, check_way
 from raccoon.robot.motions import turning
 from raccoon.robot.pacing import MotionResult, check_finite, check_limits, reason
 
@@ -37,6 +37,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
     of the sensor's spot that is on black steers. Raises CalibrationError without a calibration, ConfigError
     for a sensor that is not ahead of the axis, MotionTimeout when there was no edge for 1 s.
     """
+    check_speed(speed=speed)
     check_limits(speed=speed)
     if side not in ("left", "right"):
         raise ValueError(f"side is {side!r}: allowed are 'left' and 'right'")
@@ -90,6 +91,8 @@ def align_on_line(
     """
     check_speed(speed=speed)
     check_limits(reach=reach, squint=squint)
+    check_way(reach=reach)
+    check_angle(1.0, "", squint=squint)
     if speed == 0.0:
         raise ValueError("speed is 0: allowed are numbers above or below it")
 
@@ -186,7 +189,9 @@ def align_on_wall(
     the field that the robot then has, where that is known: the odometry takes it, with `heading_std` rad.
     Raises MotionTimeout where the wheels still turn after `timeout` s.
     """
-    check_finite(speed=speed, heading=0.0 if heading is None else heading)
+    check_speed(speed=speed)
+    check_finite(speed=speed)  # None is no default here
+    check_heading(heading=0.0 if heading is None else heading)
     check_limits(timeout=timeout, heading_std=heading_std)
     if speed == 0.0:
         raise ValueError("speed is 0: allowed are numbers above or below it")

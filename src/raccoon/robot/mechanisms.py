@@ -182,6 +182,7 @@ def spin(name: str, speed: float) -> Action[None]:
     Then it is released. `spin("arm", -2.0).until(blocked("arm"))` drives it against its end stop.
     """
     check_rate(speed=speed)
+    check_finite(speed=speed)  # None is no default here
 
     def steps(robot: Robot) -> Steps[None]:
         turned = robot.mechanism(name)
