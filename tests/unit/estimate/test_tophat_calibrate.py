@@ -79,6 +79,7 @@ def test_rare_line_on_an_uneven_floor() -> None:
         ([777.0] * 300, Verdict.ONE_SURFACE),
         ([0.0] * 300, Verdict.SATURATED),
         ([4095.0] * 295 + [3000.0] * 5, Verdict.SATURATED),
+        ([10.0 * step for step in range(400)], Verdict.ONE_SURFACE),
     ],
 )
 def test_hopeless_readings_get_a_named_verdict(samples: list[float], verdict: Verdict) -> None:

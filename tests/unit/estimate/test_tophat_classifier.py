@@ -27,6 +27,15 @@ def test_line_gives_two_edges() -> None:
     assert all(reading.status is Status.OK for reading in readings)
 
 
+def test_a_floor_at_the_bottom_of_the_converter_is_white() -> None:
+    found = calibrate([0.0] * 80 + [3000.0] * 20 + [0.0] * 80)
+    for adapt in (True, False):
+        readings = run(Tophat(found, adapt=adapt), [0.0] * 50 + [3000.0] * 12 + [0.0] * 50)
+        assert [reading.edge.to_black for reading in readings if reading.edge] == [True, False]
+        assert readings[30].black is readings[100].black is False
+        assert readings[58].black is True
+
+
 def test_one_spike_changes_nothing() -> None:
     readings = run(Tophat(calibration()), [180.0] * 10 + [2930.0] + [180.0] * 10)
     assert not any(reading.black for reading in readings)

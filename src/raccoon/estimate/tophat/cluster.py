@@ -102,7 +102,7 @@ def _against_trend(counts: Array, calm: NDArray[np.bool_], prior_black: float) -
     """The same for readings whose floor drifts, at the level where the drive ended."""
     slow, known = trend(counts)
     drift = float(np.ptp(slow))
-    if drift < DRIFT * noise_sd(counts):
+    if drift < DRIFT * noise_sd(counts) or not calm[known].any():  # a drift as steep as an edge is all edge
         return None
     level = float(slow[-1])
     flat = (counts - slow + level)[known]

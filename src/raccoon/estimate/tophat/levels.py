@@ -65,7 +65,8 @@ class Levels:
         self._dark_anchor = self.dark  # v when white was read last
         self._split(white.mean, black.mean)
         self.status = Status.OK
-        self.white, self.black = white.mean, black.mean
+        # A floor in the sun may read 0: there is no more light than that of a count.
+        self.white, self.black = max(white.mean, 1.0), max(black.mean, 1.0)
         self._refresh()
 
     def _split(self, white: float, black: float) -> None:
