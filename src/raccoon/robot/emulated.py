@@ -7,6 +7,7 @@ import math
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
+from raccoon.estimate.drive.wheels import resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
@@ -114,4 +115,10 @@ def open_emulated(
     clock = SteppedClock()
     plant = SimulatedPlant(Parameters.from_robot(config), world)
     link = Emulator(plant, firmware, clock=clock, seed=seed)
-    return WombatPort(link, clock=clock, rate_hz=config.controller.rate_hz, reset_line=link)
+    return WombatPort(
+        link,
+        clock=clock,
+        rate_hz=config.controller.rate_hz,
+        reset_line=link,
+        resting_bemf=[resting_counts(config, motor) for motor in range(MOTOR_PORTS)],
+    )

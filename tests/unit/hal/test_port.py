@@ -218,6 +218,16 @@ def test_offsets_at_rest_are_measured() -> None:
     assert Fault.BEMF_INVALID in seen[-1].faults
 
 
+@pytest.mark.parametrize("firmware", FIRMWARES)
+def test_offsets_that_are_known_are_no_fault(firmware: Firmware) -> None:
+    bench = Bench(firmware, resting_bemf=(31.5, -54.9, 0.0, 0.0))
+    bench.emulator.faults.bemf_offset = (-31.5, 54.9, 0.0, 0.0) if firmware != "stock" else (0.0,) * 4
+    seen = bench.run(STOP, 300)
+    assert not any(each.faults for each in seen)
+    bench.emulator.faults.bemf_offset = (-31.5, 54.9, 90.0, 0.0)
+    assert Fault.BEMF_INVALID in bench.run(STOP, 300)[-1].faults
+
+
 def test_two_controllers_with_one_frame_length_apart_are_told_apart_when_shifted() -> None:
     for firmware in FIRMWARES:
         clock = SteppedClock()

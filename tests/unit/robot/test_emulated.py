@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
-from raccoon.core.readings import Outputs
-from raccoon.hal.wombat.emulator import COAST, Drive, Firmware, PlantState
+from raccoon import Robot, wait
+from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.readings import Outputs, Status
+from raccoon.hal.wombat.emulator import COAST, Drive, Emulator, Firmware, PlantState
 from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.parameters import Parameters
@@ -83,3 +84,17 @@ def test_the_whole_chain_drives_straight(firmware: Firmware) -> None:
     assert left > 600.0
     assert turn_rates[-1] == pytest.approx(0.0, abs=0.02)
     port.close()
+
+
+def test_an_offset_that_is_calibrated_leaves_nothing_uncertain() -> None:
+    config = RobotConfig(motors={0: MotorConfig(bemf_offset=Measured(-30.0, 1.0))})
+    port = open_emulated(config, 17)
+    emulator = port._link
+    assert isinstance(emulator, Emulator)
+    emulator.faults.bemf_offset = (30.0, 0.0, 0.0, 0.0)  # the wire's sign is the other one
+    with Robot(port, config) as robot:
+        robot.run(wait(1.0))
+        assert robot.inputs is not None
+        assert robot.inputs.bemf[0] == pytest.approx(-30.0, abs=3.0)
+        assert robot.inputs.faults == ()
+        assert robot.estimate.status is Status.OK

@@ -192,6 +192,7 @@ class RestWatch:
     """Motors without a command that nevertheless report motion: an offset of the back-EMF conversion.
 
     It turns into phantom distance. Coasting down takes a while and changes the reading; an offset does not.
+    known: counts of each motor that are calibrated, and so turn into none.
     """
 
     SETTLE = 0.3
@@ -200,12 +201,13 @@ class RestWatch:
     """Counts around the smoothed reading."""
     SMOOTHING = 0.05
     LARGEST = 12.0
-    """Counts, smoothed."""
+    """Counts beyond the known ones, smoothed."""
 
-    def __init__(self) -> None:
+    def __init__(self, known: Sequence[float] = (0.0,) * MOTOR_PORTS) -> None:
         self._since: float | None = -math.inf  # before its first command it stands
-        self._smooth = [0.0] * MOTOR_PORTS
-        self.offset = [0.0] * MOTOR_PORTS
+        self._known = tuple(known)
+        self._smooth = list(known)
+        self.offset = list(known)
 
     def update(self, duties: Sequence[float], bemf: Sequence[float], time: float) -> bool:
         """True where a motor at rest reports motion. `offset` keeps the latest readings at rest."""
@@ -220,7 +222,11 @@ class RestWatch:
             self._since = time
         elif self.resting(time):
             self.offset = list(self._smooth)
-        return max(map(abs, self.offset)) > self.LARGEST
+        return any(map(self._moves, self.offset, self._known))
+
+    def _moves(self, offset: float, known: float) -> bool:
+        # A dead zone may hide a known one.
+        return abs(offset) > self.LARGEST and abs(offset - known) > self.LARGEST
 
     def resting(self, time: float) -> bool:
         """Whether the motors have stood for a while."""

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.readings import Fault, Inputs, Words
+from raccoon.core.readings import MOTOR_PORTS, Fault, Inputs, Words
 from raccoon.hal.wombat.counters import Bemf
 from raccoon.hal.wombat.dialect import Dialect, Reading
 from raccoon.hal.wombat.health import BatteryWatch, ImuWatch, LifeWatch, Liveness, MotorWatch, RestWatch
@@ -38,9 +38,19 @@ class Rates:
 
 
 class Monitor:
-    """Watches the words of every cycle. period: seconds of a cycle. watch_analog: ports to check."""
+    """Watches the words of every cycle.
 
-    def __init__(self, dialect: Dialect, period: float, watch_analog: Collection[int] = ()) -> None:
+    period: seconds of a cycle. watch_analog: ports to check. resting_bemf: counts of each motor at
+    standstill, as far as they are calibrated.
+    """
+
+    def __init__(
+        self,
+        dialect: Dialect,
+        period: float,
+        watch_analog: Collection[int] = (),
+        resting_bemf: Sequence[float] = (0.0,) * MOTOR_PORTS,
+    ) -> None:
         self._dialect = dialect
         self._period = period
         self._watch_analog = tuple(watch_analog)
@@ -48,7 +58,8 @@ class Monitor:
         self._imu = Liveness(IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE)
         self._imu_watch = ImuWatch()
         self._motors = MotorWatch()
-        self._rest = RestWatch()
+        self._rest = RestWatch(resting_bemf)
+        self._resting_bemf = tuple(resting_bemf)
         self._battery = BatteryWatch()
         self._bemf: Sequence[float] = (0.0,) * 4
         self._first: float | None = None
@@ -89,7 +100,8 @@ class Monitor:
         if self._stale(reading, time, duties, faults):
             position, bemf = NOTHING, None
         if bemf is not None:
-            self._bemf = bemf
+            # 0 is rest all the same: a dead zone hides an offset.
+            self._bemf = [each and each - rest for each, rest in zip(bemf, self._resting_bemf, strict=True)]
             self._watch_motors(bemf, time, duties, faults)
         self._watch_board(reading, time, faults)
         fresh = self._imu_fresh(reading, time, faults)

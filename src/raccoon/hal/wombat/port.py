@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import atexit
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from types import TracebackType
 from typing import Protocol, Self
 
 from raccoon.core.clock import Clock, RealClock, Ticker
 from raccoon.core.errors import ConfigError, HardwareError
-from raccoon.core.readings import STOP, Fault, Inputs, Outputs
+from raccoon.core.readings import MOTOR_PORTS, STOP, Fault, Inputs, Outputs
 from raccoon.hal.wombat.dialect import Dialect
 from raccoon.hal.wombat.link import SPI_DEVICE, Link, ResetLine, SpiLink
 from raccoon.hal.wombat.monitor import Monitor, Rates
@@ -44,7 +44,8 @@ class WombatPort:
 
     link: the bus, or an emulator. rate_hz: cycles a second, 10 to 500. dialect: the firmware, probed where
     not given. guard: stops the motors if this program dies. reset_line: restarts a controller that no longer
-    obeys. watch_analog: ports whose saturation is a fault.
+    obeys. watch_analog: ports whose saturation is a fault. resting_bemf: counts of each motor at standstill
+    that are known, and so no fault.
 
     Every frame carries the complete command, so a lost one costs a cycle; every frame is checked, and what is
     wrong with a cycle stands in `Inputs.faults`. What cannot be used is None there. Raises HardwareError
@@ -61,6 +62,7 @@ class WombatPort:
         guard: Guard | None = None,
         reset_line: ResetLine | None = None,
         watch_analog: Collection[int] = (),
+        resting_bemf: Sequence[float] = (0.0,) * MOTOR_PORTS,
     ) -> None:
         _check_rate(rate_hz)
         self._clock = clock or RealClock()
@@ -72,7 +74,7 @@ class WombatPort:
         self._outputs = STOP
         self.dialect = dialect or probe(link, self._clock)
         self._receiver = Receiver(self.dialect, link)
-        self._monitor = Monitor(self.dialect, 1.0 / rate_hz, watch_analog)
+        self._monitor = Monitor(self.dialect, 1.0 / rate_hz, watch_analog, resting_bemf)
         self._polls = self.dialect.polls(1.0 / rate_hz)
         self._ticker = Ticker(1.0 / (rate_hz * self._polls), self._clock)
         self._receiver.exchange(self.dialect.command(STOP))
@@ -232,13 +234,14 @@ def open_wombat(
     device: str = SPI_DEVICE,
     bemf_rate_hz: float | None = None,
     watch_analog: Collection[int] = (),
+    resting_bemf: Sequence[float] = (0.0,) * MOTOR_PORTS,
 ) -> WombatPort:
     """The Wombat this program runs on, with its supervisor.
 
     kind: "wombat" for the stock firmware, "wombat-raccoon" for RaccoonOS, as in robot.toml. Calibrated ticks
     differ between the two, so the other one is refused. bemf_rate_hz: measured updates of the counters a
-    second (`WombatPort.rates`), where it is not the usual one. Raises HardwareError where the bus is missing,
-    owned by another program, or answers otherwise.
+    second (`WombatPort.rates`), where it is not the usual one. watch_analog, resting_bemf: see `WombatPort`.
+    Raises HardwareError where the bus is missing, owned by another program, or answers otherwise.
     """
     from raccoon.hal.wombat.reset_line import GpioResetLine
     from raccoon.hal.wombat.supervisor import Supervisor
@@ -268,6 +271,7 @@ def open_wombat(
                 guard=guard,
                 reset_line=GpioResetLine(),
                 watch_analog=watch_analog,
+                resting_bemf=resting_bemf,
             )
         except BaseException:
             guard.close(stopped=False)
