@@ -6,6 +6,7 @@ import pytest
 
 from raccoon import CalibrationError, open_robot, repeat, seq, straight, wait
 from raccoon.core.config import BatteryConfig, Measured, RobotConfig
+from raccoon.core.readings import Inputs, Outputs
 from raccoon.robot.battery_check import check_battery, judge, tuned_voltage
 from robots import CONFIG, simulated
 
@@ -61,3 +62,29 @@ def test_the_pack_s_resistance_is_learnt_while_driving() -> None:
     assert pack.internal_resistance == pytest.approx(0.12, abs=0.02)
     assert pack.open_circuit_voltage == pytest.approx(6.6, abs=0.01)
     assert 0.3 < pack.charge < 0.8  # 3.30 V a cell, in the flat middle of LiFePO4
+
+
+class Dying:
+    """The simulated robot, whose battery reads 1 V after 2 s, as a converter that dies does."""
+
+    def __init__(self) -> None:
+        self._port = simulated()
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        return inputs if inputs.time < 2.0 else replace(inputs, battery=1.0 / inputs.device.battery_volts)
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_a_battery_reading_that_dies_on_the_way_changes_nothing() -> None:
+    with open_robot(CONFIG, port=Dying()) as robot:
+        robot.run(wait(0.5))
+        result = robot.run(straight(0.6, 0.25))
+        assert not result.saturated
+        assert result.duration < 4.5
+        assert robot.battery_voltage == pytest.approx(6.7, abs=0.2)

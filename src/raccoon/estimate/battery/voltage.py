@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from raccoon.core.readings import Status
+from raccoon.core.schema import BATTERY_VOLTAGE
+
+LEAST, MOST = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
+"""V between which a reading is a battery's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +40,11 @@ class BatteryVoltage:
         self._variance = reading_std * reading_std
 
     def update(self, time: float, voltage: float | None) -> None:
-        """Take the reading of this cycle; None and impossible voltages are passed over."""
-        if voltage is None or not 0.5 < voltage < 30.0:
+        """Take the reading of this cycle; None and voltages that no controller runs on are passed over.
+
+        Of a converter that dies the filter would otherwise come through every voltage on its way down.
+        """
+        if voltage is None or not LEAST <= voltage <= MOST:
             return
         if self._time is None:
             self._value = voltage
