@@ -63,7 +63,7 @@ def straight(
         near = motion.distance_tolerance if tolerance is None else tolerance
         walk = profile(distance, top, motion.acceleration, motion.jerk)
         pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
-        for state in pace.states(lambda: start.offset_of(robot.estimate.x, robot.estimate.y)[0]):
+        for state in pace.states(lambda: start.offset_of(robot.estimate.x, robot.estimate.y)[0], start.ahead):
             along, across = start.offset_of(robot.estimate.x, robot.estimate.y)
             off = robot.estimate.heading - start.heading
             if pace.finished and at_rest(robot) and abs(distance - along) <= near:
@@ -132,7 +132,7 @@ def turning(
     near = motion.heading_tolerance if tolerance is None else tolerance
     walk = profile(angle, top, motion.turn_acceleration, motion.turn_jerk)
     pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn")
-    for state in pace.states(lambda: robot.estimate.heading - start.heading):
+    for state in pace.states(lambda: robot.estimate.heading - start.heading, start.turned):
         turned = robot.estimate.heading - start.heading
         if pace.finished and at_rest(robot) and abs(angle - turned) <= near:
             break
@@ -226,7 +226,7 @@ def _arc(
     def travelled() -> float:
         return signed * (robot.estimate.heading - start.heading)
 
-    for state in pace.states(travelled):
+    for state in pace.states(travelled, lambda way: start.along_arc(signed, way / signed)):
         along = travelled()
         here = start.along_arc(signed, along / signed)
         _, across = here.offset_of(robot.estimate.x, robot.estimate.y)

@@ -87,8 +87,12 @@ class Pace:
         self.finished = False
         """True once the profile has ended; the robot may still be closing in."""
 
-    def states(self, progress: Callable[[], float]) -> Iterator[ProfileState]:
-        """One state a tick; raises MotionTimeout when it takes too long or a wheel does not turn."""
+    def states(self, progress: Callable[[], float], place: Callable[[float], Pose]) -> Iterator[ProfileState]:
+        """One state a tick; raises MotionTimeout when it takes too long or a wheel does not turn.
+
+        progress: how far the robot is. place: where on the path so far is; a motion that is ended early was
+        meant to end where it came to.
+        """
         robot, profile = self._robot, self.profile
         sign = -1.0 if profile.distance < 0.0 else 1.0
         last = robot.time
@@ -107,6 +111,7 @@ class Pace:
                     raise MotionTimeout(self._explain(progress()))
         finally:
             robot.drive.stop()
+            robot.plan = place(progress())
 
     @property
     def doubt(self) -> float:

@@ -143,16 +143,20 @@ def _follow(
     walk = profile(path.length, top, motion.acceleration, motion.jerk)
     pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted, "path")
     progress = [0.0]
-    for state in pace.states(lambda: progress[0]):
+
+    def place(way: float) -> Pose:
+        pose = path.at(way).pose
+        return Pose(pose.x, pose.y, pose.heading + turns)
+
+    for state in pace.states(lambda: progress[0], place):
         here = robot.estimate
         along = progress[0] = path.nearest(here.x, here.y, progress[0])
-        place = path.at(along)
-        _, across = place.pose.offset_of(here.x, here.y)
+        at = path.at(along)
+        _, across = at.pose.offset_of(here.x, here.y)
         if pace.finished and at_rest(robot) and abs(path.length - along) <= near:
             break
-        off = math.remainder(here.heading - place.pose.heading, math.tau)
+        off = math.remainder(here.heading - at.pose.heading, math.tau)
         velocity, turn_rate = line_command(state, along, across, off, GAINS)
-        robot.drive.velocity(velocity, turn_rate + velocity * place.curvature, state.acceleration)
+        robot.drive.velocity(velocity, turn_rate + velocity * at.curvature, state.acceleration)
         yield
-    end = path.end
-    return finish(robot, Pose(end.x, end.y, end.heading + turns), pace)
+    return finish(robot, place(path.length), pace)

@@ -1,5 +1,6 @@
 """What is ended early ends cleanly: errors in one of several, limits within limits, Ctrl-C in the middle."""
 
+import math
 from collections.abc import Callable
 
 import pytest
@@ -8,10 +9,15 @@ from raccoon import (
     Action,
     MotionTimeout,
     Robot,
+    after_angle,
+    after_distance,
     after_time,
+    arc,
     background,
+    deg,
     do,
     drive,
+    follow_path,
     open_robot,
     parallel,
     race,
@@ -123,3 +129,20 @@ def test_what_was_started_is_ended_also_where_ending_one_of_them_fails() -> None
             run(together(Action("bad", bad), Action("good", good), wait(0.1)).timeout_or(0.2, wait(0.0)))
         assert sorted(ended) == ["bad", "good"]
         ended.clear()
+
+
+@pytest.mark.parametrize("reached", [0.02, 0.04, 0.08])
+def test_what_follows_a_straight_that_was_ended_starts_where_that_came_to(reached: float) -> None:
+    _, end, _ = run(seq(straight(0.6).until(after_distance(reached)), straight(0.1)))
+    assert end.x == pytest.approx(reached + 0.1, abs=0.005)
+
+
+@pytest.mark.parametrize("reached", [5.0, 15.0, 25.0])
+@pytest.mark.parametrize(
+    "motion",
+    [turn(deg(90)), arc(0.3, deg(90)), follow_path([(0.3, 0.0), (0.3, 0.6)], rounding=0.3)],
+    ids=["turn", "arc", "path"],
+)
+def test_what_follows_a_turn_that_was_ended_keeps_it(motion: Action[object], reached: float) -> None:
+    _, end, _ = run(seq(motion.until(after_angle(deg(reached))), straight(0.1)))
+    assert math.degrees(end.heading) == pytest.approx(reached, abs=2.5)
