@@ -113,7 +113,8 @@ class RecordingPort:
         self._hand_over()
         self._writer.finish()
         if self.failure is not None:
-            warnings.warn(f"{self.path} ends early: {self.failure}", RuntimeWarning, stacklevel=3)
+            there = already_there(self.path) or self.path  # it may not have been packed
+            warnings.warn(f"{there} ends early: {self.failure}", RuntimeWarning, stacklevel=3)
 
     def _begin(self, inputs: Inputs | None) -> None:
         self._inputs = inputs

@@ -268,6 +268,20 @@ def test_a_full_disk_ends_the_recording_not_the_run(tmp_path: Path, monkeypatch:
     assert inner.closed == 1
 
 
+def test_a_recording_that_cannot_be_packed_is_told_by_the_name_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_plain: Path, _packed: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    port = RecordingPort(ScriptedPort([cycle(0)]), tmp_path / "run")
+    monkeypatch.setattr("raccoon.trace.writer.pack", full)
+    port.read()
+    with pytest.warns(RuntimeWarning, match=r"run\.jsonl ends early: .*No space left"):
+        port.close()
+    assert len(read_trace(tmp_path / "run.jsonl").ticks) == 1
+
+
 def test_what_was_written_survives_a_kill(tmp_path: Path) -> None:
     """Each cycle reaches the operating system when the next one is read, whatever becomes of the process."""
     port = RecordingPort(ScriptedPort(cycle(number) for number in range(200)), tmp_path / "run")
