@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import dropwhile
 from typing import TYPE_CHECKING
 
 from raccoon.control.motion import line_command
@@ -95,9 +96,10 @@ def follow_path(
 ) -> Action[MotionResult]:
     """Drive forwards through `points` (x, y) m of the field without stopping, from where the robot is.
 
-    The first piece leads from the robot's place to the first point; it turns on the spot where that lies
-    aside. rounding: m, radius of the arcs that round the corners. speed: m/s of the faster wheel, the
-    highest on the way. tolerance: m along the path at its end. Raises ValueError for points that are no path.
+    The first piece leads from the robot's place to the first point at which it does not stand already; it
+    turns on the spot where that lies aside. rounding: m, radius of the arcs that round the corners. speed:
+    m/s of the faster wheel, the highest on the way. tolerance: m along the path at its end. Raises ValueError
+    for points that are no path.
     """
     check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
@@ -108,8 +110,12 @@ def follow_path(
         check_way(**{f"x of points[{number}]": x, f"y of points[{number}]": y})
 
     def steps(robot: Robot) -> Steps[MotionResult]:
-        here = robot.plan
-        path = Path([(here.x, here.y), *points], rounding)
+        begin, here = robot.time, robot.plan
+        ahead = list(dropwhile(lambda point: math.dist(point, (here.x, here.y)) <= HERE, points))
+        if not ahead:
+            x, y = points[-1]
+            return _whole(robot, Pose(x, y, here.heading), begin, [])
+        path = Path([(here.x, here.y), *ahead], rounding)
         angle = math.remainder(path.start.heading - here.heading, math.tau)
         if abs(angle) > robot.config.motion.heading_tolerance:
             yield from turning(robot, angle)

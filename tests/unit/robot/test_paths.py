@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from raccoon import deg
+from raccoon import deg, seq, straight
 from raccoon.robot.motions import pivot
 from raccoon.robot.paths import drive_to, follow_path
 from robots import run
@@ -32,6 +32,16 @@ def test_a_path_is_followed_through_its_rounded_corners() -> None:
     assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.6)
     assert robot.plan.x == pytest.approx(0.6)
     assert abs(result.across) < 0.002
+
+
+def test_a_path_begins_with_the_first_point_at_which_the_robot_is_not() -> None:
+    near = [(0.3, 0.0), (0.301, 0.002)]
+    (_, there), end, _ = run(seq(straight(0.3), follow_path(near[:1])))
+    assert there.duration == 0.0
+    assert end.x == pytest.approx(0.3, abs=0.004)
+    _, end, robot = run(seq(straight(0.3), follow_path([*near, (0.5, 0.0)])))
+    assert (end.x, end.y, end.heading) == pytest.approx((0.5, 0.0, 0.0), abs=0.01)
+    assert robot.time < 7.5  # it did not turn to a point 2 mm away
 
 
 @pytest.mark.parametrize(("angle_deg", "wheel"), [(90, "left"), (90, "right"), (-60, "left")])
