@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -46,6 +47,12 @@ def always_kills_its_worker(number: int) -> int:
     if number == 2:
         os.kill(os.getpid(), signal.SIGKILL)
     return squared(number)
+
+
+def sleeps_for_long(mark: str) -> None:
+    """Longer than anybody waits; `mark` is there once it has begun."""
+    Path(mark).touch()
+    time.sleep(60.0)
 
 
 def main() -> None:

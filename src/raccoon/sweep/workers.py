@@ -10,6 +10,8 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.connection import wait as wait_for_one
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
@@ -21,17 +23,27 @@ AHEAD = 2
 
 @contextmanager
 def process_crew(workers: int | None = None) -> Iterator[Crew]:
-    """Processes of this computer, by default one for each core. Raises ConfigError."""
+    """Processes of this computer, by default one for each core. Raises ConfigError.
+
+    Where the block is left by an error or Ctrl-C they end at once, whatever they are doing.
+    """
     count = _checked(workers, len(os.sched_getaffinity(0)))
+    spawn = multiprocessing.get_context("spawn")
+    ends, held = spawn.Pipe(duplex=False)
 
     def pool() -> Executor:
-        return ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin_worker)
+        return ProcessPoolExecutor(count, spawn, initializer=_begin_worker, initargs=(ends,))
 
     crew = Crew(pool, AHEAD * count)
     try:
         yield crew
+    except BaseException:
+        held.close()  # nobody waits for what is under way: a call may take minutes
+        raise
     finally:
         crew.close()
+        held.close()
+        ends.close()
 
 
 @contextmanager
@@ -82,14 +94,15 @@ def _checked(workers: int | None, usual: int) -> int:
     return workers
 
 
-def _begin_worker() -> None:
-    """Ctrl-C is for the sweep, which ends its workers; a worker does not outlive a sweep that is killed."""
+def _begin_worker(ends: Connection) -> None:
+    """Ctrl-C is for the sweep, which ends its workers; a worker does not outlive a sweep that is killed.
+
+    ends: closed at the other side, by the sweep or by its death, where the worker is to end.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
 
-        def follow() -> None:
-            parent.join()
-            os._exit(1)
+    def follow() -> None:
+        wait_for_one([ends])
+        os._exit(1)
 
-        threading.Thread(target=follow, daemon=True).start()
+    threading.Thread(target=follow, daemon=True).start()

@@ -1,5 +1,6 @@
 """Every call gives one result, whatever becomes of the workers."""
 
+import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from functools import partial
@@ -11,7 +12,7 @@ import pytest
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.execute import Crew, run_all
 from raccoon.sweep.workers import process_crew
-from sweep_work import always_kills_its_worker, kills_its_worker_once, squared
+from sweep_work import always_kills_its_worker, kills_its_worker_once, sleeps_for_long, squared
 
 
 def nothing(number: int) -> int:
@@ -74,6 +75,21 @@ def test_a_worker_process_that_is_killed_loses_nothing(tmp_path: Path) -> None:
     assert sorted(once) == [(number, number**2) for number in range(8)]
     assert (tmp_path / "killed").exists()
     assert sorted(always) == [(0, 0), (1, 1), (2, -2), (3, 9)]
+
+
+def test_what_is_under_way_ends_with_an_interruption(tmp_path: Path) -> None:
+    begun = tmp_path / "begun"
+
+    def interrupted() -> None:
+        with process_crew(1) as crew:
+            crew.executor.submit(sleeps_for_long, str(begun))
+            while not begun.exists():
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert time.time() - begun.stat().st_mtime < 20.0  # of 60
 
 
 def test_numbers_of_workers_are_checked() -> None:

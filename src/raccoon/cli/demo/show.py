@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
-from multiprocessing import get_context
 from pathlib import Path
 
 from raccoon import replay
@@ -28,6 +26,7 @@ from raccoon.cli.numbers import check_seed
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.model.paper import MOTORS, battery_speed_ratio, extreme_motor_speeds
+from raccoon.sweep.workers import process_crew
 from raccoon.trace.format import read_trace
 
 END_LIMIT = 0.01 * DISTANCE
@@ -62,7 +61,8 @@ def _drive_all(folder: Path, seed: int, jobs: int) -> tuple[Results, Claims]:
         return [both(trial, times, record if trial == every[0] else None) for trial in every], measure_claims(
             seed
         )
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with process_crew(jobs) as crew:
+        pool = crew.executor
         claims = pool.submit(measure_claims, seed)
         times = pool.submit(measure_times, seed).result()
         records = [record if trial == every[0] else None for trial in every]
