@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
     from raccoon.cli.doing import diagnosis_shown
-    from raccoon.cli.outputs import check_folders, check_not_read
+    from raccoon.cli.outputs import check_folders, check_not_read, check_replaceable
     from raccoon.core.errors import ConfigError, TraceError
 
     outputs = (args.json, args.html, args.save_model)
@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     if not paths:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
     check_not_read(outputs, [*paths, *recordings(args.holdout), args.robot, args.model, args.causes])
+    check_replaceable(args.json, args.html, model=args.save_model)
     if len(paths) == 1:
         with diagnosis_shown():
             found = diagnose_job(job_of(args, paths[0]))

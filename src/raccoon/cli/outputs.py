@@ -6,8 +6,12 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+from raccoon.core.config import parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import is_stream
+
+KEPT = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
+"""Endings of recordings, programs and robots: hours of work that no result replaces."""
 
 
 def check_recording(path: Path) -> None:
@@ -46,6 +50,24 @@ def check_not_read(outputs: Sequence[Path | None], inputs: Iterable[Path | None]
     for path in outputs:
         if path is not None and any(_same(path, each) for each in read):
             raise ConfigError(f"{path}: this command reads it; choose another name for what it writes")
+
+
+def check_replaceable(*paths: Path | None, model: Path | None = None) -> None:
+    """Raise ConfigError where a result would replace a recording, a program or a robot.toml; a model only
+    replaces a model. None: nobody asked for it."""
+    for path in paths:
+        if path is not None and path.is_file() and path.suffix in KEPT:
+            raise ConfigError(f"{path}: it is there, and by its name no result; choose another name")
+    if model is not None and model.is_file() and not _is_model(model):
+        raise ConfigError(f"{model}: it is there, and no model.toml; choose another name for the model")
+
+
+def _is_model(path: Path) -> bool:
+    """Whether a file has what every saved model has, and no robot.toml."""
+    try:
+        return "chain" in parse_toml(path.read_bytes())
+    except ConfigError:
+        return False
 
 
 def _can_be_written(path: Path) -> bool:

@@ -51,6 +51,7 @@ def test_the_model_says_what_it_was_made_from(drive: Columns, tmp_path: Path) ->
     assert date.fromisoformat(table["provenance"]["date"])
     assert all(each["std"].keys() <= each["parameters"].keys() and each["std"] for each in table["effect"])
     assert main(["diagnose", str(path), "--model", str(model)]) == 0
+    assert main(["diagnose", str(path), "--save-model", str(model)]) == 0  # a model replaces a model
 
 
 class ClosedPipe(io.StringIO):
@@ -131,6 +132,17 @@ def test_what_is_read_is_not_overwritten(
         assert f"{out}: this command reads it" in capsys.readouterr().err
     assert main(["diagnose", str(path), "--holdout", str(link), option, str(link)]) == 2
     assert path.read_text() == "t\n0\n"
+
+
+@pytest.mark.parametrize("option", ["--json", "--html", "--save-model"])
+def test_a_result_replaces_no_work(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path / "run.csv", {"t": np.zeros(1)})
+    for name in ("robot.toml", "other.csv", "program.py", "other.jsonl.gz"):
+        work = tmp_path / name
+        work.write_text("name = 'ours'\n")
+        assert main(["diagnose", str(path), option, str(work)]) == 2
+        assert f"{work}: it is there, and " in capsys.readouterr().err
+        assert work.read_text() == "name = 'ours'\n"
 
 
 def test_two_results_need_two_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
