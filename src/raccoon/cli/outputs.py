@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from raccoon.core.config import parse_toml
+from raccoon.core.config import is_model, parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import is_stream
 
@@ -63,9 +63,8 @@ def check_replaceable(*paths: Path | None, model: Path | None = None) -> None:
 
 
 def _is_model(path: Path) -> bool:
-    """Whether a file has what every saved model has, and no robot.toml."""
     try:
-        return "chain" in parse_toml(path.read_bytes())
+        return is_model(parse_toml(path.read_bytes()))
     except ConfigError:
         return False
 

@@ -108,7 +108,10 @@ def load_robot(path: str | Path) -> RobotConfig:
     """
     path = Path(path)
     try:
-        robot = parse_robot(parse_toml(path.read_bytes()))
+        table = parse_toml(path.read_bytes())
+        if is_model(table):
+            raise ConfigError("it is a model.toml, which --model takes; name a robot.toml")
+        robot = parse_robot(table)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     full = robot.model.battery.open_circuit_voltage.value
@@ -121,6 +124,11 @@ def load_robot(path: str | Path) -> RobotConfig:
             full,
         )
     return robot
+
+
+def is_model(table: Mapping[str, Any]) -> bool:
+    """Whether these are the tables of a model.toml: a robot.toml has none of its own ones."""
+    return not table.keys().isdisjoint(("chain", "effect", "provenance"))
 
 
 def parse_toml(content: str | bytes) -> dict[str, Any]:

@@ -191,6 +191,14 @@ def test_a_file_of_a_windows_editor_is_read(tmp_path: Path) -> None:
     assert load_robot(path) == load_robot(write(tmp_path, EXAMPLE))
 
 
+@pytest.mark.parametrize("table", ["[chain]", "[[effect]]", "[provenance]"])
+def test_a_model_is_no_robot(tmp_path: Path, table: str) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(f"{table}\n")
+    with pytest.raises(ConfigError, match=r"it is a model\.toml, which --model takes; name a robot\.toml"):
+        load_robot(path)
+
+
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         load_robot(tmp_path / "nowhere.toml")
