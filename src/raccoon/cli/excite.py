@@ -62,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     if args.record is not None:
         _drive(robot, chosen, args)
         print(f"{recording_file(args.record)}: recorded {chosen!r}")
+    else:
+        print(f"nothing was driven: --record FILE drives {chosen!r} and records it")
     return 0
 
 

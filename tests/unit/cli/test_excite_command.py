@@ -31,7 +31,9 @@ def test_the_advice_names_the_nearest_rival(robot_toml: Path, capsys: pytest.Cap
     evidence = [float(each) for each in re.findall(r"evidence +([\d.]+)", said)]
     assert evidence == sorted(evidence, reverse=True)
     assert evidence[0] > 30.0
-    assert said.endswith("From an evidence of 30 on a drive decides.\n")
+    assert "\nFrom an evidence of 30 on a drive decides.\n" in said
+    best = said.partition("  ")[0]
+    assert said.endswith(f"\nnothing was driven: --record FILE drives '{best}' and records it\n")
 
 
 def test_a_fault_that_was_rehearsed_is_found(
@@ -142,7 +144,7 @@ def test_an_evidence_that_does_not_decide_is_said_not_to(
 ) -> None:
     command = ["excite", "--robot", str(robot_toml), "--cause", "drive.inertia", "--within", "0.01"]
     assert main(command) == 0
-    spin, said = capsys.readouterr().out.splitlines()
+    spin, said, _ = capsys.readouterr().out.splitlines()
     assert spin.startswith("spin")
     assert "None of them decides (from an evidence of 30 on" in said
 
