@@ -121,7 +121,9 @@ def _taped(text: str, std: float) -> TapedWay:
 def _show(entries: Mapping[str, Measured]) -> None:
     """Each value with its deviation."""
     for key, value in entries.items():
-        share = f" ({100 * value.std / abs(value.value):.2f} %)" if value.value else ""
+        # A share of what may well be 0, such as an offset, tells nothing.
+        known = value.std < abs(value.value)
+        share = f" ({100 * value.std / abs(value.value):.2f} %)" if known else ""
         battery = "" if value.battery_voltage is None else f" at {value.battery_voltage:.2f} V"
         print(f"{key:28} {value.value:.6g} +- {value.std:.2g}{share}{battery}")
 

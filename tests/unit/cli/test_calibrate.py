@@ -8,7 +8,7 @@ import pytest
 
 from drive_traces import Errors, Segment, drive
 from raccoon.cli.main import main
-from raccoon.core.config import load_robot
+from raccoon.core.config import Measured, load_robot
 
 SQUARE: list[Segment] = [(2.5, 0.2, 0.0), (0.7, 0.0, 0.0), (1.0, 0.0, 1.6), (0.7, 0.0, 0.0)] * 2
 BACK: list[Segment] = [(s, v, -w) for s, v, w in SQUARE]
@@ -80,6 +80,21 @@ def test_manoeuvre_with_a_reference_gives_the_track_too(tmp_path: Path, robot: P
     track = load_robot(robot).model.drive.track_width
     assert track.value == pytest.approx(0.16, rel=0.005)
     assert track.date is not None
+
+
+def test_an_offset_that_may_be_0_has_no_share(
+    tmp_path: Path, robot: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entries = {
+        "motor.0.bemf_offset": Measured(-0.17, std=0.24),
+        "model.drive.track_width": Measured(0.16, std=0.001),
+    }
+    monkeypatch.setattr("raccoon.cli.calibrate._manoeuvre", lambda *_: entries)
+    recording(tmp_path / "run.csv", SQUARE[:1], truth=False)
+    assert main(["calibrate", "drive", str(tmp_path / "run.csv"), "--robot", str(robot)]) == 0
+    offset, track, _ = capsys.readouterr().out.splitlines()
+    assert offset.endswith("-0.17 +- 0.24")
+    assert track.endswith("0.16 +- 0.001 (0.62 %)")
 
 
 def test_one_turning_direction_is_refused_with_the_manoeuvre_that_would_do(
