@@ -121,7 +121,9 @@ def test_a_program_that_does_nothing_is_not_the_same(
 ) -> None:
     (tmp_path / "team.py").write_text("def mission(robot): pass\n")
     assert run(recorded, "--program", tmp_path / "team.py") == 1
-    assert "tick 41: motor.0.duty was" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "tick 41: motor.0.duty was" in said
+    assert "it must do with the robot all that was done in the recording" in said
     assert run(recorded, "--program", tmp_path / "team.py", "--ignore-commands") == 0
     assert re.search(r"ran in 0 of \d+ cycles; its commands were not compared", capsys.readouterr().out)
 

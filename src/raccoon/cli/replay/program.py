@@ -36,6 +36,11 @@ def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig
             print(f"{run.name}: {difference}")
         except EOFError as end:
             print(f"{run.name}: the program still ran when {end}")
+    if diverged and not args.ignore_commands:
+        print(
+            f"mission(robot) of {args.program} is what ran, and nothing around it: "
+            "it must do with the robot all that was done in the recording, waiting for the start too"
+        )
     return 1 if diverged else 0
 
 
