@@ -35,6 +35,8 @@ class Program:
         try:
             with tokenize.open(path) as file:  # in the encoding that Python would read it in
                 return cls(path.name, file.read(), str(path.resolve().parent))
+        except FileNotFoundError:
+            raise ConfigError(f"{path}: there is no such program") from None
         except (OSError, UnicodeDecodeError, SyntaxError) as error:
             raise ConfigError(f"{path}: not a program that can be read: {error}") from None
 

@@ -107,7 +107,7 @@ def test_nothing_is_said_to_be_recorded_that_is_not(program: str, capsys: pytest
         (["drive.py", "--faults", "nan"], "--faults is nan"),
         (["drive.py", "--within-angle", "-1"], "--within-angle is -1.0"),
         (["drive.py", "--out", "nowhere/r.csv"], "there is no folder nowhere"),
-        (["nowhere.py"], "nowhere.py"),
+        (["nowhere.py"], "nowhere.py: there is no such program\n"),
         (["drive.py", "--only-varied"], "nothing is varied"),
         (["drive.py", "--vary", "drive.wheel=2"], "there is no such id"),
         (["drive.py", "--faults", "3"], "--faults is 3.0: allowed are numbers from 0 to 1"),
