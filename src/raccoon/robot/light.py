@@ -78,6 +78,17 @@ def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
         say(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
 
 
+def tell_no_lamp(robot: Robot, port: int) -> None:
+    """Say that the simulator has no lamp over analog `port`: a program would wait for ever, in silence."""
+    tophats = [each.analog for each in robot.config.tophats.values()]
+    if robot.config.controller.port == "sim" and port not in tophats:
+        say(
+            robot,
+            f"analog {port}: the simulator has no start light, so this waits for ever: "
+            "start=wait(1.0) begins a match in simulation",
+        )
+
+
 def _counts(robot: Robot, port: int) -> list[float]:
     readings: list[Inputs] = []
     robot.run(watched(wait(SECONDS), readings))

@@ -12,7 +12,7 @@ from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
 from raccoon.robot.actions import NOTHING_RUN, Action, Steps, perform
 from raccoon.robot.deadline import MatchOver, real_deadline
-from raccoon.robot.light import tell_light
+from raccoon.robot.light import tell_light, tell_no_lamp
 from raccoon.robot.limits import check_function, check_number, check_port
 from raccoon.robot.remarks import say, tell
 
@@ -123,6 +123,7 @@ def wait_for_light(port: int, calibration: StartLightCalibration | None = None) 
         from raccoon.estimate.start_light import StartLight
 
         light = StartLight(calibration)
+        tell_no_lamp(robot, port)
         while not (reading := light.update(robot.time, robot.analog(port))).fired:
             tell_light(robot, port, reading)
             yield

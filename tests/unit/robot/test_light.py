@@ -17,6 +17,7 @@ from raccoon import (
 )
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.sections import ControllerConfig
 from raccoon.estimate.start_light import StartLightCalibration
 from robots import CONFIG, simulated
 
@@ -70,6 +71,15 @@ def test_too_much_light_is_said_in_the_rehearsal() -> None:
     with open_robot(CONFIG, port=Lamp(lambda _: 60.0)) as robot:
         assert robot.run(rehearse_light(PORT, seconds=1.0)) == 0
         assert any("too bright" in said for said in robot.drive.remarks.values())
+
+
+def test_a_simulator_without_a_lamp_is_said() -> None:
+    for config, said in ((CONFIG, False), (replace(CONFIG, controller=ControllerConfig(port="sim")), True)):
+        with open_robot(config, port=Lamp(lambda _: 3000.0)) as robot:
+            with pytest.raises(MotionTimeout):
+                robot.run(wait_for_light(PORT).timeout(0.5))
+            remarks = " ".join(robot.drive.remarks.values())
+            assert ("has no start light, so this waits for ever" in remarks) is said
 
 
 def test_a_rehearsal_takes_time() -> None:
