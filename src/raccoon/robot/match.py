@@ -13,7 +13,7 @@ from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
 from raccoon.robot.actions import NOTHING_RUN, Action, Steps, perform
 from raccoon.robot.deadline import MatchOver, real_deadline
 from raccoon.robot.light import tell_light, tell_no_lamp
-from raccoon.robot.limits import check_function, check_number, check_port
+from raccoon.robot.limits import check_function, check_kind, check_number, check_port
 from raccoon.robot.remarks import say, tell
 
 if TYPE_CHECKING:
@@ -151,8 +151,14 @@ def run_match(
 
     Raises RuntimeError for a second match: open the robot again for each.
     """
+    if isinstance(program, list | tuple):
+        raise TypeError(
+            "run_match() takes one action, not a list of them: write seq(*actions) or mission(*actions)"
+        )
     if not isinstance(program, Action):
         check_function(program, "run_match()", "robot")
+    if start is not None:
+        check_kind(start, Action, "run_match(): start", ", such as wait_for_light(port) or wait(1.0)")
     check_number("seconds", seconds, "of a match, above 0")
     if not 0.0 < seconds < math.inf:
         raise ValueError(f"seconds is {seconds}: it must be above 0")

@@ -219,6 +219,15 @@ def test_a_light_on_a_port_that_is_not_there_is_refused(port: int) -> None:
                 make()
 
 
+def test_a_list_and_a_start_that_is_no_action_are_refused() -> None:
+    with open_robot(CONFIG, port=Lamp()) as robot:
+        with pytest.raises(TypeError, match=r"takes one action, not a list of them: write seq\(\*actions\)"):
+            run_match(robot, [straight(0.1)])  # type: ignore[arg-type]
+        with pytest.raises(TypeError, match=r"start takes an Action, not 5, such as wait_for_light\(port\)"):
+            run_match(robot, straight(0.1), start=5)  # type: ignore[arg-type]
+        assert robot.ticks == 0
+
+
 def test_a_match_without_time_is_refused() -> None:
     with open_robot(CONFIG, port=Lamp()) as robot, pytest.raises(ValueError, match=r"seconds is 0\.0"):
         run_match(robot, wait(1.0), seconds=0.0)
