@@ -159,7 +159,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
             _save(args, results, causes, failed)
     finally:
         for name, reason in failed.items():
-            print(f"{name}: no diagnosis: {reason}")
+            print(f"{name}: no diagnosis: {reason.removeprefix(f'{name}: ')}")
         if results:
             print(fleet_report(results, causes))
     return 0 if results else 2

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from raccoon.diagnose.fleet_changes import Change, Form, change_of, levels
-from raccoon.diagnose.result import Diagnosis, ParameterResult
+from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 
 COMMON_SHARE = 0.6
 FAR = 4.0
@@ -34,10 +34,10 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True, slots=True)
 class FleetCause:
-    """A cause over many recordings. share: of the recordings that name it. values: first parameter in
-    each, in the order of the recordings that name it. outliers: recordings whose value is far from the
-    others'. stds, nominal, unit: of that parameter. change: over all recordings in their order, one that
-    does not name the cause counting as nominal."""
+    """A cause over many recordings. share: of the recordings that can tell, those that name it. values: first
+    parameter in each, in the order of the recordings that name it. outliers: recordings whose value is far
+    from the others'. stds, nominal, unit: of that parameter. change: over all recordings in their order, one
+    that does not name the cause counting as nominal, one that cannot tell not at all."""
 
     name: str
     share: float
@@ -90,11 +90,13 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
                 found[recording] = next(iter(cause.parameters.values()))
     units = [each.unit for each in found.values()]
     usual = max(units, key=units.count)
-    share = len(found) / len(results)
+    silent = {key for key, each in results.items() if each.verdict is Verdict.NOT_IDENTIFIABLE} - found.keys()
+    share = len(found) / (len(results) - len(silent))
     # Where a current is missing a friction is in volts: it counts, and is not compared.
     found = {key: each for key, each in found.items() if each.unit == usual}
     first = next(iter(found.values()))
-    series = [found[each].value if each in found else first.nominal for each in results]
+    unknown = dict.fromkeys(silent, float("nan"))
+    series = [found[each].value if each in found else unknown.get(each, first.nominal) for each in results]
     stds = [found[each].std if each in found else float("nan") for each in results]
     change = change_of(series, stds)
     return FleetCause(

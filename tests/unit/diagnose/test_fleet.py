@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +53,15 @@ def weeks() -> dict[str, Diagnosis]:
         motor = (1.02 if week >= 6 else 1.08) + 0.003 * rng.standard_normal()
         found[f"week-{week}.csv"] = diagnosis(*causes, back_emf=motor, broken=week == 8)
     return found
+
+
+def test_a_recording_that_cannot_tell_speaks_neither_for_a_cause_nor_against_it() -> None:
+    battery = cause("battery.internal_resistance", 0.1)
+    silent = replace(diagnosis(), verdict=Verdict.NOT_IDENTIFIABLE)
+    weeks = {f"{week}.csv": diagnosis(battery) if week < 7 else silent for week in range(14)}
+    (found,) = common_causes(weeks)
+    assert found.share == 1.0
+    assert found.change is None
 
 
 def test_what_creeps_what_jumps_and_what_was_once(weeks: dict[str, Diagnosis]) -> None:
