@@ -34,6 +34,7 @@ def check_units(log: Log, robot: RobotConfig) -> None:
         guess = next((unit for most, unit in DUTY_UNITS if largest <= most), "another unit")
         raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; it looks like {guess}")
     _check_battery(log)
+    _check_plugs(log)
     _check_wheels(log, robot)
     _check_gyro(log, robot)
     _check_ways(log, robot)
@@ -73,6 +74,30 @@ def _check_wheels(log: Log, robot: RobotConfig) -> None:
             )
 
 
+def _check_plugs(log: Log) -> None:
+    """Each wheel must follow its own command, not the other one's: two columns of a log that are swapped."""
+    wheels = [log.wheel(side) for side in ("left", "right")]
+    steady = np.column_stack([_steady(log.duty[:, 0]), _steady(log.duty[:, 1])])
+    crossed = []
+    for index, wheel in enumerate(wheels):
+        if wheel is None:
+            return
+        known = np.isfinite(steady).all(axis=1) & np.isfinite(wheel.values)
+        duty, reading = steady[known], wheel.values[known]
+        if known.sum() < 50 or float(np.ptp(duty, axis=0).min()) == 0.0 or float(np.ptp(reading)) == 0.0:
+            return
+        if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MOST_ALIKE:
+            return
+        own, other = (float(np.corrcoef(duty[:, each], reading)[0, 1]) for each in (index, 1 - index))
+        crossed.append(other > FOLLOWED and own < other - CLEAR_SHARE)
+    if all(crossed):
+        left, right = (each.name for each in wheels if each is not None)
+        raise TraceError(
+            f"{left} follows the command of {right} and the other way round: the columns of the two commands "
+            "are swapped, or those of the readings"
+        )
+
+
 def _check_gyro(log: Log, robot: RobotConfig) -> None:
     gyro, left, right = (log.channel(each) for each in ("gyro", "bemf_left", "bemf_right"))
     if gyro is None or left is None or right is None:
@@ -102,6 +127,8 @@ def _check_gyro(log: Log, robot: RobotConfig) -> None:
         )
 
 
+FOLLOWED = 0.8
+"""Correlation of a wheel with the command that it follows, where it is steady."""
 MOST_ALIKE = 0.9
 """Correlation of the wheels from which nobody can tell which of them turned the robot."""
 CLEAR_SHARE = 0.5

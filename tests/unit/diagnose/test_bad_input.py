@@ -68,6 +68,13 @@ def test_one_motor_that_turns_the_other_way_is_said(good: Columns, port: int) ->
         check(good, wrong)
 
 
+@pytest.mark.parametrize("kind", ["duty", "bemf"])
+def test_columns_of_the_two_wheels_that_are_swapped_are_said(good: Columns, kind: str) -> None:
+    left, right = (f"motor.{port}.{kind}" for port in (0, 1))
+    with pytest.raises(TraceError, match="follows the command of motor"):
+        check({**good, left: good[right], right: good[left]})
+
+
 def test_an_encoder_that_counts_against_its_command_is_said_without_a_gyro(good: Columns) -> None:
     encoders = {name: each for name, each in good.items() if "bemf" not in name and "gyro" not in name}
     for port, sign in ((0, 1.0), (1, -1.0)):
