@@ -31,6 +31,7 @@ class Chain:
     What is simulated is the mean, half a cycle.
     battery_time_constant: s, of the battery reading's filter. battery_held: V by which a voltage that rises
     may be above its reading, as where the filter cuts fractions of a count off; one that falls is followed.
+    battery_loaded: the battery's reading does not see that motors coast.
     cycle: s between two back-EMF samples.
 
     The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
@@ -43,10 +44,11 @@ class Chain:
     coast_share: float = 0.0
     battery_time_constant: float = 0.0
     battery_held: float = 0.0
+    battery_loaded: bool = False
     cycle: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("median", "slots", "free_running"):
+        for name in ("median", "slots", "free_running", "battery_loaded"):
             if not isinstance(getattr(self, name), bool):
                 raise ConfigError(f"chain: {name} is {getattr(self, name)!r}: allowed are true and false")
         if self.slots and self.free_running:
@@ -66,12 +68,13 @@ class Chain:
         """The stock firmware: all motors coast for a quarter of the time, every fourth pass of its loop,
         which no row is in step with. Its battery filter, int(0.95 old + 0.05 new), needs 20 counts to rise by
         one; with a count or two of noise it ends 17 counts below a voltage that rises, and 3 below one that
-        falls."""
+        falls. So one sample in four that the coasting motors do not load does not show."""
         return cls(
             free_running=True,
             coast_share=0.24,
             battery_time_constant=0.02,
             battery_held=14.0 * BATTERY_VOLTS_PER_COUNT,
+            battery_loaded=True,
         )
 
 

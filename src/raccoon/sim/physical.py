@@ -139,6 +139,7 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         *(filter_rate(each) for each in sides.of("bemf.filter_lag", "time_constant")),
         filter_rate(chain.battery_time_constant),
         chain.battery_held,
+        chain.coast_share / (1.0 - chain.coast_share) if chain.battery_loaded else 0.0,
         1.0 if chain.median else 0.0,
         0.0,  # who knows the rows sets it; see `gyro_lag`
         *_low_pass_numbers(parameters),

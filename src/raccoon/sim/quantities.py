@@ -125,6 +125,7 @@ class Plant(NamedTuple):
     filter_rate_right: float
     battery_rate: float
     battery_held: float  # V
+    loaded_sag: float  # part of the mean sag that the battery's reading shows beyond it
     median: float
     gyro_lag: float  # s before the end of a row of commands, when the gyro looks
     low_pass: float  # s, time constant of the gyro's, 0: none

@@ -59,6 +59,9 @@ def sensed(
     filtered_right = filtered(
         raw_right, s.recent_right, s.older_right, s.filtered_right, keep_right, p.median
     )
+    source = p.open_circuit_voltage
+    source -= p.volts_per_coulomb * s.charge  # effect: battery.discharge
+    seen = s.bus + p.loaded_sag * (s.bus - source)
     bemf_left = reported(filtered_left, p.dead_zone_left)
     bemf_right = reported(filtered_right, p.dead_zone_right)
     return State(
@@ -72,5 +75,5 @@ def sensed(
         s.sampled_left, s.sampled_right, raw_left, raw_right, s.recent_left, s.recent_right,
         filtered_left, filtered_right, bemf_left, bemf_right,
         s.position_left + bemf_left * dt, s.position_right + bemf_right * dt,
-        s.battery * keep + (1.0 - keep) * followed_voltage(s.battery, s.bus, p.battery_held),
+        s.battery * keep + (1.0 - keep) * followed_voltage(s.battery, seen, p.battery_held),
     )  # fmt: skip

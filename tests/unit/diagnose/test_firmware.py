@@ -11,7 +11,7 @@ import pytest
 from blind.drives import exciting
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import SI_WORDS, SIMULATOR, Outputs
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR, Outputs
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.habits.firmware import FIRMWARES, ZONE, firmware_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
@@ -22,6 +22,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.sensing import followed_voltage
 from raccoon.trace.columns import recording_of
 from raccoon.trace.format import Tick, Trace
 from raccoon.trace.header import Header
@@ -103,14 +104,13 @@ def test_the_battery_is_as_unsure_as_its_readings() -> None:
     exact = replace(ROBOT.model.battery, internal_resistance=replace(number, std=0.0))
     robot = replace(ROBOT, model=replace(ROBOT.model, battery=exact))
     assert stock.known_of(robot) is robot
-    assert FIRMWARES[RACCOON_21.name].known_of(ROBOT) is ROBOT
 
 
-def truncated(raw: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """The stock firmware's back-EMF filter in whole counts."""
-    value, found = 0, []
+def truncated(raw: np.ndarray[Any, Any], share: float = 0.25, start: int = 0) -> np.ndarray[Any, Any]:
+    """A filter of the stock firmware, in whole counts."""
+    value, found = start, []
     for each in raw:
-        value = int(0.25 * each + 0.75 * value)
+        value = int(share * each + (1.0 - share) * value)
         found.append(value)
     return np.array(found, float)
 
@@ -124,3 +124,18 @@ def test_what_the_filter_cuts_off_is_given_back(speed: float) -> None:
     assert whole["motor.0.bemf"][500:].mean() == pytest.approx(speed, abs=0.25)
     assert not whole["motor.1.bemf"].any()
     assert FIRMWARES[RACCOON_21.name].before_cutting(seen, (0, 1)) is seen
+
+
+def test_the_battery_is_held_where_it_rises_and_followed_where_it_falls() -> None:
+    """As the chain says, to two counts, with a count of noise as a converter has."""
+    counts = np.concatenate([np.linspace(760.0, 700.0, 600), np.linspace(700.0, 760.0, 600)])
+    raw = np.round(counts + np.random.default_rng(4).standard_normal(1200))
+    volts = BATTERY_VOLTS_PER_COUNT * truncated(raw, 0.05, start=760)
+    seen = FIRMWARES[STOCK.name].before_cutting({"battery.voltage": volts}, (0, 1))["battery.voltage"]
+    reading, held = counts[0] * BATTERY_VOLTS_PER_COUNT, Chain.stock().battery_held
+    simulated = []
+    for volt in counts * BATTERY_VOLTS_PER_COUNT:
+        reading = 0.95 * reading + 0.05 * followed_voltage(reading, volt, held)
+        simulated.append(reading)
+    assert np.abs(seen - simulated).max() < 5.0 * BATTERY_VOLTS_PER_COUNT
+    assert np.abs(seen - simulated).mean() < 2.0 * BATTERY_VOLTS_PER_COUNT

@@ -12,6 +12,7 @@ from raccoon.core.schema import Measured
 from raccoon.model.battery import battery_current, open_circuit_voltage, terminal_voltage
 from raccoon.model.motor import stall_torque, steady_speed, time_constant, torque, voltage_for_speed
 from raccoon.model.paper import MOTORS
+from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.rollout import Rollout, rollout
@@ -63,6 +64,30 @@ def test_a_stalled_motor_draws_the_stall_current_and_the_battery_sags_by_it() ->
     expected = terminal_voltage(VOLTAGE, sag, battery_current((1.0, 1.0), (current, current)))
     assert ended["battery.voltage"][0, -1] == pytest.approx(expected)
     assert open_circuit_voltage(expected, sag, 2 * current) == pytest.approx(VOLTAGE)
+
+
+def test_a_reading_that_never_sees_motors_coast_has_the_sag_of_those_that_are_driven() -> None:
+    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
+    mean, loaded = (
+        run(robot.with_chain(Chain(coast_share=0.24, battery_loaded=each)), 1.0, 1.0)["battery.voltage"][
+            0, -1
+        ]
+        for each in (False, True)
+    )
+    assert VOLTAGE - loaded == pytest.approx((VOLTAGE - mean) / 0.76, rel=1e-9)
+
+
+def test_a_reading_that_is_held_follows_a_falling_voltage_and_stays_below_a_rising_one() -> None:
+    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
+    duty = np.where(TIME < 1.0, 1.0, 0.2)
+    held = robot.with_chain(Chain(battery_time_constant=0.02, battery_held=0.1))
+    commands = Commands.of_wheels(TIME, duty, duty, True)
+    plain = rollout(robot, commands)["battery.voltage"][0]
+    reading = rollout(held, commands)["battery.voltage"][0]
+    at_full, after = int(np.searchsorted(TIME, 0.99)), -1
+    assert reading[at_full] == pytest.approx(plain[at_full], abs=1e-9)
+    assert plain[after] - plain[at_full] > 0.2
+    assert reading[after] == pytest.approx(plain[after] - 0.1, abs=1e-9)
 
 
 def test_speeding_up_follows_the_time_constant() -> None:

@@ -14,27 +14,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import Device
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, Device
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import SIDES, Parameters
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-ZONE = "bemf.dead_zone"
+ZONE, BATTERY = "bemf.dead_zone", "battery.voltage"
 
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
-    """A firmware's habits. name: as a report says it. chain: of its samples. dead_zone: counts of back-EMF
-    below which it says 0. cut: counts by which its filter's readings are too near to 0, on the average.
-    sag: part of the battery's resistance that its readings do not tell. smooths: whether the gyro is the
-    board's own, which it sets to 41 Hz."""
+    """A firmware's habits.
+
+    name: as a report says it. chain: of its samples. dead_zone: counts of back-EMF below which it says 0.
+    cut: counts by which its filter's readings are too near to 0, on the average. low: V by which the
+    battery's readings are too low where it falls. sag: part of the battery's resistance that its readings do
+    not tell. smooths: whether the gyro is the board's own, which it sets to 41 Hz.
+    """
 
     name: str
     chain: Chain
     dead_zone: float = 0.0
     cut: float = 0.0
+    low: float = 0.0
     sag: float = 0.0
     smooths: bool = True
 
@@ -61,23 +65,28 @@ class Firmware:
         return [each for each in causes if not (self.dead_zone and each.id == ZONE)]
 
     def before_cutting(self, columns: Columns, ports: Sequence[int]) -> Columns:
-        """The columns with back-EMF as it was before the filter cut fractions of a count off."""
+        """The columns as they were before filters cut fractions of a count off."""
         names = [f"motor.{port}.bemf" for port in ports if f"motor.{port}.bemf" in columns]
-        if not self.cut:
-            return columns
-        return {**columns} | {name: columns[name] + self.cut * np.sign(columns[name]) for name in names}
+        whole = {name: columns[name] + self.cut * np.sign(columns[name]) for name in names if self.cut}
+        if self.low and BATTERY in columns:
+            whole[BATTERY] = columns[BATTERY] + self.low
+        return {**columns, **whole} if whole else columns
 
 
 _RACCOON = Chain(median=True, free_running=True, coast_share=0.1)
 STOCK_CUT = 0.375 / 0.25
 """Counts. int(0.25 new + 0.75 old) cuts off 0, 1, 2 or 3 quarters, and settles four times as much lower."""
-STOCK_SAG = 0.2
-"""The motors coast in one of four readings of the battery, or in none: its source does not say when in a pass
-the converter gets to it. A reading that never sees them coast sags by a third more than the mean."""
+STOCK_LOW = 3.0 * BATTERY_VOLTS_PER_COUNT
+"""V, with a count of noise: int(0.95 old + 0.05 new) loses a count whenever a sample is below it."""
+SAG = 0.06
+"""When in a slot the converter gets to the battery is in no source. A reading that never sees RaccoonOS's
+motors coast sags by a ninth more than the mean."""
 FIRMWARES = {
-    "wombat-stock": Firmware("the stock firmware", Chain.stock(), 10.0 + STOCK_CUT, STOCK_CUT, STOCK_SAG),
-    "wombat-raccoon-17": Firmware("RaccoonOS 17", _RACCOON),
-    "wombat-raccoon-21": Firmware("RaccoonOS 21", _RACCOON, 25.0),
+    "wombat-stock": Firmware(
+        "the stock firmware", Chain.stock(), 10.0 + STOCK_CUT, STOCK_CUT, STOCK_LOW, SAG
+    ),
+    "wombat-raccoon-17": Firmware("RaccoonOS 17", _RACCOON, sag=SAG),
+    "wombat-raccoon-21": Firmware("RaccoonOS 21", _RACCOON, 25.0, sag=SAG),
 }
 """By the name of the device of a recording."""
 
