@@ -53,8 +53,11 @@ def circuit(s: State, p: Plant, u: Command, h: float) -> Circuit:
     bus = source + sag * (gain_left * volts_left + gain_right * volts_right)
     free_left = gain_left * bus - wire_left * volts_left * scale
     free_right = gain_right * bus - wire_right * volts_right * scale
-    held_left = beyond(free_left, p.limit_left * scale, p.limit_left)  # effect: motor.current_limit
-    held_right = beyond(free_right, p.limit_right * scale, p.limit_right)  # effect: motor.current_limit
+    # Currents are means over pauses for samples, a limit is that of a motor while it is driven.
+    held_left = u.closed_left * p.limit_left  # effect: motor.current_limit
+    held_right = u.closed_right * p.limit_right  # effect: motor.current_limit
+    held_left = beyond(free_left, held_left * scale, held_left)  # effect: motor.current_limit
+    held_right = beyond(free_right, held_right * scale, held_right)  # effect: motor.current_limit
     wire_left = wire_left if held_left == 0.0 else 0.0  # effect: motor.current_limit
     wire_right = wire_right if held_right == 0.0 else 0.0  # effect: motor.current_limit
     gain_left = gain_left if held_left == 0.0 else 0.0  # effect: motor.current_limit

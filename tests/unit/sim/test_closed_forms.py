@@ -66,6 +66,14 @@ def test_a_stalled_motor_draws_the_stall_current_and_the_battery_sags_by_it() ->
     assert open_circuit_voltage(expected, sag, 2 * current) == pytest.approx(VOLTAGE)
 
 
+def test_a_limit_of_the_current_is_that_of_a_motor_while_it_is_driven() -> None:
+    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
+    robot = robot.with_effect("motor.current_limit", None, limit=1.5)
+    for share in (0.0, 0.24):
+        ended = run(robot.with_chain(Chain(coast_share=share)), 1.0, 1.0)
+        assert ended["motor.0.current"][0, -1] == pytest.approx((1.0 - share) * 1.5)
+
+
 def test_a_reading_that_never_sees_motors_coast_has_the_sag_of_those_that_are_driven() -> None:
     robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
     mean, loaded = (
