@@ -98,7 +98,8 @@ class Habits:
     """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
     whether the command of a row was in force until then (past) instead of from then on, how wheels slide, and
     whether the gyro's chip smooths the turn rate (low_pass). swing: s in which commands swing, 0 where they
-    do not; see `quality.swing`. known: the controller's are those of a firmware that the recording names."""
+    do not; see `quality.swing`. known: the controller's are those of a firmware that the recording names.
+    silent: counts up to which that may say 0, where it is more than its dead zone."""
 
     chain: Chain
     brake: bool
@@ -107,6 +108,7 @@ class Habits:
     low_pass: bool = False
     swing: float = 0.0
     known: bool = False
+    silent: float = 0.0
 
 
 class PlantRollout:
@@ -148,7 +150,8 @@ class PlantRollout:
         for index, (side, measured, flickers) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)
-            samples[deaf, index] = heard(samples[deaf, index], zones[deaf, None], measured, flickers)
+            silent = self._habits.silent
+            samples[deaf, index] = heard(samples[deaf, index], zones[deaf, None], measured, flickers, silent)
         return samples, step
 
     def _of_possible(self, variants: Sequence[Settings], possible: NDArray[np.bool_]) -> tuple[Array, float]:
@@ -244,7 +247,9 @@ def _readings(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
     }
 
 
-def heard(samples: Array, zones: Array, measured: Array, flickers: NDArray[np.bool_]) -> Array:
+def heard(
+    samples: Array, zones: Array, measured: Array, flickers: NDArray[np.bool_], silent: float = 0.0
+) -> Array:
     """Simulated readings (variants, rows) under dead zones (variants, 1), given what was measured (rows,).
 
     A reading of 0 says that the speed is inside the zone: the simulated one is wrong by as much as it is
@@ -258,10 +263,13 @@ def heard(samples: Array, zones: Array, measured: Array, flickers: NDArray[np.bo
     flickers (rows,): readings that noise lifted out of the zone in the midst of silent ones. They say what a
     silent one says: each is far from the speed, and always away from 0. Ten of 631 such made an offset of
     -8.0 +- 0.2 counts of one of -3.4.
+
+    silent: counts up to which a reading of 0 may be, where a filter in whole counts leaves 0 later than it
+    comes back to it.
     """
     zones = np.where(zones < LEAST_ZONE, 0.0, zones)
     size = np.abs(samples)
-    outside = np.sign(samples) * np.maximum(size - zones, 0.0)
+    outside = np.sign(samples) * np.maximum(size - np.maximum(zones, silent * (zones > 0.0)), 0.0)
     lacking = np.maximum(zones - np.abs(measured) - HALF_A_COUNT, 0.0)
     louder = samples + IMPOSSIBLE * np.sign(measured) * lacking
     louder = np.where(flickers & (zones > 0.0), measured + outside, louder)

@@ -80,6 +80,7 @@ def test_a_firmware_is_known_by_its_devices_name() -> None:
     assert stock is not None
     assert firmware_of(replace(STOCK, name="wombat-stock+mpu6050")) == replace(stock, smooths=False)
     assert FIRMWARES["wombat-raccoon-21"].dead_zone == RACCOON_21.bemf_dead_zone
+    assert FIRMWARES["wombat-stock"].silent == STOCK.bemf_dead_zone
 
 
 def test_a_dead_zone_that_is_known_is_not_asked_for() -> None:

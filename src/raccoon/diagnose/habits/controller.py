@@ -132,7 +132,7 @@ def controller_of(
     usual, other = USUAL_CHAINS
     first = Habits(usual, False)
     if firmware is not None:
-        first = Habits(firmware.chain, False, low_pass=firmware.smooths, known=True)
+        first = Habits(firmware.chain, False, low_pass=firmware.smooths, known=True, silent=firmware.silent)
     if not any(each.role in WHEELS for each in log.channels):
         return log, first
 

@@ -29,14 +29,16 @@ class Firmware:
     """A firmware's habits.
 
     name: as a report says it. chain: of its samples. dead_zone: counts of back-EMF below which it says 0.
-    cut: counts by which its filter's readings are too near to 0, on the average. low: V by which the
-    battery's readings are too low where it falls. sag: part of the battery's resistance that its readings do
-    not tell. smooths: whether the gyro is the board's own, which it sets to 41 Hz.
+    silent: counts up to which it may say 0. cut: counts by which its filter's readings are too near to 0, on
+    the average. low: V by which the battery's readings are too low where it falls. sag: part of the battery's
+    resistance that its readings do not tell. smooths: whether the gyro is the board's own, which it sets to
+    41 Hz.
     """
 
     name: str
     chain: Chain
     dead_zone: float = 0.0
+    silent: float = 0.0
     cut: float = 0.0
     low: float = 0.0
     sag: float = 0.0
@@ -76,6 +78,8 @@ class Firmware:
 _RACCOON = Chain(median=True, free_running=True, coast_share=0.1)
 STOCK_CUT = 0.375 / 0.25
 """Counts. int(0.25 new + 0.75 old) cuts off 0, 1, 2 or 3 quarters, and settles four times as much lower."""
+STOCK_SILENT = 10.0 / 0.25
+"""Counts: a quarter of a sample must be 10 for the filter to leave 0."""
 STOCK_LOW = 3.0 * BATTERY_VOLTS_PER_COUNT
 """V, with a count of noise: int(0.95 old + 0.05 new) loses a count whenever a sample is below it."""
 SAG = 0.06
@@ -83,7 +87,7 @@ SAG = 0.06
 motors coast sags by a ninth more than the mean."""
 FIRMWARES = {
     "wombat-stock": Firmware(
-        "the stock firmware", Chain.stock(), 10.0 + STOCK_CUT, STOCK_CUT, STOCK_LOW, SAG
+        "the stock firmware", Chain.stock(), 10.0 + STOCK_CUT, STOCK_SILENT, STOCK_CUT, STOCK_LOW, SAG
     ),
     "wombat-raccoon-17": Firmware("RaccoonOS 17", _RACCOON, sag=SAG),
     "wombat-raccoon-21": Firmware("RaccoonOS 21", _RACCOON, 25.0, sag=SAG),
