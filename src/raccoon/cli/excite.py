@@ -38,16 +38,21 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", type=Path, help="with --simulate: model.toml of the robot to drive, effects and all"
     )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the simulated robot's noise (default 0): another drive of it"
+    )
     parser.add_argument("--record", type=Path, help="recording to write; without it nothing is driven")
 
 
 def run(args: argparse.Namespace) -> int:
     """Print the advice; drive and record where a recording is asked for."""
+    from raccoon.cli.numbers import check_seed
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.manoeuvres import CHECKUP
     from raccoon.trace.loading import recording_file
 
+    check_seed(args.seed)
     robot = load_robot(args.robot)
     _check(args)
     if args.model is not None and not args.simulate:
@@ -143,5 +148,5 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
 
         driven = Parameters.from_robot(robot) if args.model is None else load_model(args.model)
         # The free space that was asked for: the usual table has a wall nearer than that.
-        port = SimPort(driven, World.empty(), robot=robot, rate_hz=robot.controller.rate_hz)
+        port = SimPort(driven, World.empty(), robot=robot, seed=args.seed, rate_hz=robot.controller.rate_hz)
     drive_and_record(robot, manoeuvre(name), args.record, port)

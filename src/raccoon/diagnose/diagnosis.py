@@ -125,7 +125,10 @@ def _searched(
         other = drive_problem(unseen, robot, causes, habits, model)
         other = replace(other, neutral=search.problem.neutral)
     search, judged = _proven(search, other)
-    return _diagnosis(log, search, judged, habits, firmware, begin)
+    found = _diagnosis(log, search, judged, habits, firmware, begin)
+    if other is None or not found.causes or judged.size_after < judged.size_before:
+        return found
+    return replace(found, notes=(*found.notes, _worse(judged)))
 
 
 def _adds_up(found: Diagnosis) -> bool:
@@ -164,6 +167,15 @@ def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
         search = estimated(pruned(search, worst))
         judged = held_out(search, other)
     return search, judged
+
+
+def _worse(judged: HeldOut) -> str:
+    """That another recording is no better for what was found in this one."""
+    before, after = judged.size_before, judged.size_after
+    return (
+        f"on the other recording the better model is off by {after:.2f} times the noise, and robot.toml's by "
+        f"{before:.2f}: is it the same robot, with the same battery and load?"
+    )
 
 
 def _nothing_to_see(log: Log, begin: float) -> Diagnosis:

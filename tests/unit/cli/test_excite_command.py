@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from raccoon.cli.main import main
@@ -48,6 +49,20 @@ def test_a_fault_that_was_rehearsed_is_found(
     assert main(["diagnose", str(run), "--robot", str(robot_toml)]) == 0
     said = capsys.readouterr().out
     assert "30 ms late" in said
+
+
+def test_another_seed_is_another_drive_of_the_same_robot(robot_toml: Path, tmp_path: Path) -> None:
+    columns = []
+    for name, seed in (("a", "0"), ("b", "0"), ("c", "5")):
+        run = tmp_path / f"{name}.jsonl.gz"
+        command = ["excite", "--robot", str(robot_toml), "--manoeuvre", "steps", "--simulate"]
+        assert main([*command, "--seed", seed, "--record", str(run)]) == 0
+        columns.append(load_run(run).recording.columns)
+    gyros = [each["imu.gyro.z"] for each in columns]
+    np.testing.assert_array_equal(gyros[0], gyros[1])
+    assert not np.array_equal(gyros[0], gyros[2])
+    np.testing.assert_array_equal(columns[0]["motor.0.duty"], columns[2]["motor.0.duty"])
+    assert main([*command, "--seed", "-1"]) == 2
 
 
 def test_a_robot_with_tophats_drives_a_model_that_names_none(robot_toml: Path, tmp_path: Path) -> None:

@@ -37,6 +37,17 @@ def sagging() -> Diagnosis:
     return diagnose(columns, ROBOT)
 
 
+def test_a_recording_of_another_robot_does_not_prove_a_cause() -> None:
+    hidden = draw("battery.internal_resistance", np.random.default_rng(8))
+    columns, clean = make(8, [hidden], seconds=12.0).columns, make(9, seconds=8.0).columns
+    said = diagnose(dict(columns), ROBOT, holdout=dict(clean))
+    assert [each.name for each in said.causes] == ["battery.internal_resistance"]
+    assert any("is it the same robot" in note for note in said.notes)
+    again = make(8, [hidden], seconds=8.0, drive="contest").columns
+    proven = diagnose(dict(columns), ROBOT, holdout=dict(again))
+    assert not any("is it the same robot" in note for note in proven.notes)
+
+
 def test_the_json_has_the_contract_keys(sagging: Diagnosis, tmp_path: Path) -> None:
     sagging.save_json(tmp_path / "out.json")
     read = json.loads((tmp_path / "out.json").read_text())
