@@ -197,7 +197,7 @@ def simulate(
                 draw = u_l * current[0] + u_r * current[1]
             charge += draw * dt
             for side in range(2):
-                square = current[side] ** 2
+                square = current[side] ** 2 / (1.0 - coast_share)  # a mean of what flows while it is driven
                 heat_fast[side] += dt * (square - heat_fast[side]) / (0.5 * heat_tau)
                 heat_slow[side] += dt * (square - heat_slow[side]) / (1.2 * heat_tau)
                 drive = ke[side] * current[side] + slope_x * np.cos(heading) + slope_y * np.sin(heading)

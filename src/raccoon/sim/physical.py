@@ -69,7 +69,8 @@ def _motor_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         value("battery.discharge", "volts_per_coulomb"),
         *sides.resistance(),
         *sides.back_emf(),
-        *sides.of("motor.heating", "gain"),
+        # Heat is fed by means over the pauses for samples, and heated by the square while a motor is driven.
+        *(gain / (1.0 - parameters.chain.coast_share) for gain in sides.of("motor.heating", "gain")),
         *(1.0 / each for each in sides.of("motor.heating", "time_constant")),
         *sides.of("motor.current_limit", "limit"),
     )
