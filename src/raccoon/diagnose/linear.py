@@ -19,9 +19,8 @@ Array = NDArray[np.float64]
 BLOCKS = 8
 FLOOR_SECONDS = 4.0
 """Correlation time of friction that wanders with the floor."""
-CREEP_SECONDS, CREEP_VOLTS = 10.0, 0.003
-"""Correlation time and size of what a battery's voltage creeps by after its current: in ten seconds through
-some hundredths of an ohm."""
+CREEP_SECONDS = 10.0
+"""Correlation time of what a battery's voltage creeps by."""
 A_LITTLE = 0.1
 """Widths of Coulomb friction over which its torque is as good as straight."""
 GRID_PART = 0.2
@@ -133,7 +132,7 @@ def slow_battery(problem: Problem, linear: Linear) -> Array:
     course = courses(problem.features.time, CREEP_SECONDS) if "battery" in roles else np.zeros((0, 0))
     columns = np.zeros((len(course), *linear.residual.shape))
     if len(course):
-        columns[:, :, roles.index("battery")] = CREEP_VOLTS * course
+        columns[:, :, roles.index("battery")] = problem.creep * course
     return columns
 
 

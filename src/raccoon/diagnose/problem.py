@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 Key = tuple[float, ...]
 
 BASE_STEP = 0.005
+CREEP_VOLTS = 0.003
+"""What a battery's voltage creeps by after its current: in ten seconds through some hundredths of an ohm."""
 REMEMBERED = 32e6
 """Bytes of the latest simulations that are kept: of some 500 robots on 40 s, of which a search asks for every
 seventh once more."""
@@ -109,7 +111,7 @@ class Problem:
     """Everything a fit needs: what was measured, how to simulate it, what may differ.
 
     told: causes that the readings show apart from any simulation, with the log evidence of that and the least
-    first coordinate with which they are it.
+    first coordinate with which they are it. creep: V by which the battery's reading wanders slowly.
     """
 
     features: Features
@@ -119,6 +121,7 @@ class Problem:
     base: tuple[Coordinate, ...]
     causes: Mapping[str, Cause]
     told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    creep: float = CREEP_VOLTS
     _latest: OrderedDict[Key, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.diagnose.features import BIN, Features
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits.firmware import Firmware
@@ -21,7 +22,7 @@ from raccoon.diagnose.hypotheses import Cause, Settings, added, multiplied, neut
 from raccoon.diagnose.log import WHEELS, Log
 from raccoon.diagnose.noise import white_noise
 from raccoon.diagnose.open_numbers import Wheels, base_coordinates
-from raccoon.diagnose.problem import Point, Problem, Whitener
+from raccoon.diagnose.problem import CREEP_VOLTS, Point, Problem, Whitener
 from raccoon.diagnose.quality import brakes
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.diagnose.silence import told
@@ -82,6 +83,8 @@ def drive_problem(
         ),
         by_name,
         told(by_name, log),
+        # A reading that is held between two edges is off by a count or so of their mean.
+        BATTERY_VOLTS_PER_COUNT if habits.chain.battery_held else CREEP_VOLTS,
     )
 
 
