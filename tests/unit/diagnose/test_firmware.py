@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR, Outputs
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.habits.firmware import FIRMWARES, ZONE, firmware_of
+from raccoon.diagnose.habits.lags import _open_instead
+from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21, STOCK
@@ -140,3 +143,20 @@ def test_the_battery_is_held_where_it_rises_and_followed_where_it_falls() -> Non
         simulated.append(reading)
     assert np.abs(seen - simulated).max() < 5.0 * BATTERY_VOLTS_PER_COUNT
     assert np.abs(seen - simulated).mean() < 2.0 * BATTERY_VOLTS_PER_COUNT
+
+
+def test_a_lag_that_the_firmware_may_have_is_added_to_what_is_open(problem: Problem) -> None:
+    key = ("actuation.latency", None, "seconds")
+    width = problem.causes["actuation.latency"].coordinates[0].value(1.0)
+    nominal = problem.nominal()
+    for seconds, open_ in ((0.0005, True), (0.02, False)):
+        point = nominal.with_cause("actuation.latency", np.array([seconds / width]))
+        search: Any = SimpleNamespace(problem=problem, fit=SimpleNamespace(point=point))
+        start = _open_instead(search, "actuation.latency")
+        assert (start is not None) is open_
+        if start is not None:
+            assert start.active == {}
+            assert problem.settings(start)[key] == pytest.approx(problem.settings(point)[key])
+    slip = nominal.with_cause("drive.wheel_slip", np.array([0.1]))
+    search = SimpleNamespace(problem=problem, fit=SimpleNamespace(point=slip))
+    assert _open_instead(search, "drive.wheel_slip") is None

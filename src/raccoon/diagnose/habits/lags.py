@@ -6,16 +6,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, USUAL_CHAINS, with_battery
 from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
 from raccoon.diagnose.open_numbers import LOW_PASS
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around
 from raccoon.diagnose.select.refits import SMOOTHS, lag_as
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import whole
+from raccoon.diagnose.select.search import gone_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown import probes_for
 from raccoon.diagnose.watch import tell
@@ -79,6 +81,38 @@ def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
     if len(others) == 1 or "battery" not in search.problem.features.roles:
         return others[0]
     return by_the_battery(search, {each: under(each) for each in others}, [search.fit.point])
+
+
+def left_to_the_firmware(search: Search, habits: Habits) -> Search:
+    """The search without a lag that is no more than a known firmware may have anyway.
+
+    Rows make steps of what a latency does, and a fit of what is open stops on one: a sound robot of which 3.4
+    ms were found open had 0.8 ms more with 42 of log evidence, and none where all 4.2 are tried as open.
+    """
+    for name in _late(search) if habits.known else ():
+        start = _open_instead(search, name)
+        if start is None:
+            continue
+        fit = fit_point(search.problem, search.whitener, start)
+        if lead(search.problem, search.fit, fit) < gate(name):
+            search.failed[name] = "no later than the firmware itself may be"
+            problem = search.problem
+            found = look_around(problem, probes_for(problem), fit.point, search.whitener, search.unknown)
+            found.failed.update(search.failed)
+            return gone_on(found)
+    return search
+
+
+def _open_instead(search: Search, name: str) -> Point | None:
+    """Where a search ended, with a lag added to what is open of the same number; None where nothing is."""
+    point, (coordinate,) = search.fit.point, search.problem.causes[name].coordinates
+    for index, each in enumerate(search.problem.base):
+        if each.settings == coordinate.settings:
+            base = point.base.copy()
+            base[index] += coordinate.value(float(point.active[name][0])) / each.value(1.0)
+            if each.low <= base[index] <= each.high:
+                return replace(point.without_cause(name), base=base)
+    return None
 
 
 def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:

@@ -25,6 +25,7 @@ from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
     SLIP,
     lags_instead,
+    left_to_the_firmware,
     or_a_smooth_gyro,
     with_readings_that_lag,
 )
@@ -97,6 +98,7 @@ def searched(
         search, habits = _braking(search, habits, under)
     search, habits = _as_logged(search, habits, under)
     search, habits = _with_the_slip_that_fits(search, habits, under)
+    search = left_to_the_firmware(search, habits)
     or_a_smooth_gyro(search, habits, under)
     return search, habits, restored
 
