@@ -283,6 +283,8 @@ def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | 
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ([] if cause is None else [cause])
     assert PAST in said.notes
+    assert said.model is not None
+    assert said.model.chain == Chain.firmware()
 
 
 @pytest.mark.parametrize("cause", [None, "drive.inertia"])

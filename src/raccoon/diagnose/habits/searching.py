@@ -152,8 +152,10 @@ def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Ha
         return search, habits
     search, habits = with_a_slow_battery(search, habits, under)
     search, habits = with_readings_that_lag(search, habits, under)
-    firmware = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)
-    past = [replace(habits, chain=chain, past=True) for chain in dict.fromkeys((habits.chain, firmware))]
+    firmware = Chain.firmware()  # a plain filter that stood in for it may have taken the battery's with it
+    seen = replace(firmware, battery_time_constant=habits.chain.battery_time_constant)
+    chains = dict.fromkeys((habits.chain, seen, firmware))
+    past = [replace(habits, chain=chain, past=True) for chain in chains]
     return first_ahead(search, habits, past, under)
 
 
