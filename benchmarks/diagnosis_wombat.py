@@ -27,19 +27,13 @@ import numpy as np
 
 from blind.drives import exciting
 from blind.hidden import CAUSES, Hidden, draw
-from raccoon.core.clock import SteppedClock
+from emulated_drives import recorded
 from raccoon.core.config import Measured, RobotConfig
-from raccoon.core.readings import SI_WORDS, Outputs
+from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Diagnosis
-from raccoon.hal.wombat.emulator import Emulator, Firmware
-from raccoon.hal.wombat.port import WombatPort
-from raccoon.robot.emulated import SimulatedPlant
+from raccoon.hal.wombat.emulator import Firmware
 from raccoon.sim.parameters import Parameters
-from raccoon.trace.columns import recording_of
-from raccoon.trace.format import Tick, Trace
-from raccoon.trace.header import Header
-from raccoon.trace.recording import Recording
 
 OF_THE_ROBOT = tuple(
     each for each in CAUSES if each.startswith(("battery.", "motor.", "friction.", "drive."))
@@ -62,7 +56,7 @@ def main() -> None:
             _one(f"{name}/{kind}/{index}", FIRMWARES[name], kind, seed, args.seconds, args.as_csv)
             for index, kind in enumerate(kinds)
         ]
-        rows.append(_row(name, [each for each in said if each is not None]))
+        rows.append(_row(name, said))
     titles = ("firmware", "clean with a name", "first", "wrong", "alone", "CPU, middle / 90 %")
     print(f"\n| {' | '.join(titles)} |\n|{'---|' * len(titles)}")
     print("\n".join(rows))
@@ -81,7 +75,7 @@ def _arguments() -> argparse.Namespace:
 def _one(key: str, firmware: Firmware, kind: str, seed: int, seconds: float, as_csv: bool) -> dict[str, Any]:
     rng = np.random.default_rng([seed, zlib.crc32(key.encode())])
     hidden = None if kind == CLEAN else draw(kind, rng)
-    recording = _recorded(firmware, _robot(hidden, rng), exciting(rng, seconds), int(rng.integers(2**31)))
+    recording = recorded(firmware, _robot(hidden, rng), exciting(rng, seconds), int(rng.integers(2**31)))
     begin = time.process_time()
     said = diagnose_recording(
         recording.columns, RobotConfig(), device=SI_WORDS if as_csv else recording.device
@@ -122,19 +116,6 @@ def _scattered(section: Any, rng: np.random.Generator) -> Any:
         moved = number.value + SPREAD * number.std * float(rng.standard_normal())
         changed[each.name] = replace(number, value=moved)
     return replace(section, **changed)
-
-
-def _recorded(firmware: Firmware, robot: Parameters, duty: Any, seed: int) -> Recording:
-    clock = SteppedClock()
-    link = Emulator(SimulatedPlant(robot), firmware, clock=clock, seed=seed)
-    port = WombatPort(link, clock=clock, rate_hz=200.0, reset_line=link)
-    ticks = []
-    for left, right in duty:
-        inputs, outputs = port.read(), Outputs((float(left), float(right), 0.0, 0.0))
-        port.write(outputs)
-        ticks.append(Tick(inputs, (outputs,)))
-    port.close()
-    return recording_of(Trace(Header(), ticks))
 
 
 def _row(name: str, results: list[dict[str, Any]]) -> str:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
+from raccoon.diagnose.firmware import Firmware
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
-from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
@@ -125,7 +125,7 @@ def _searched(
         other = drive_problem(unseen, robot, causes, habits, model)
         other = replace(other, neutral=search.problem.neutral)
     search, judged = _proven(search, other)
-    found = _diagnosis(log, search, judged, habits, firmware, begin)
+    found = _diagnosis(log, search, judged, habits, begin)
     if other is None or not found.causes or judged.size_after < judged.size_before:
         return found
     return replace(found, notes=(*found.notes, _worse(judged)))
@@ -196,9 +196,7 @@ def _nothing_to_see(log: Log, begin: float) -> Diagnosis:
     )
 
 
-def _diagnosis(
-    log: Log, search: Search, judged: HeldOut, habits: Habits, firmware: Firmware | None, begin: float
-) -> Diagnosis:
+def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Diagnosis:
     spread = Spread.of(search)
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
@@ -216,7 +214,7 @@ def _diagnosis(
         extended(search.problem, spread, causes, habits.chain),
         (
             *log.notes,
-            *notes_of(habits, causes, spread, firmware),
+            *notes_of(habits, causes, spread),
             *_not_in_model(search),
         ),
         curves=_curves(log, judged),

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import Measured, RobotConfig
-from raccoon.diagnose.features import HALF_A_COUNT
+from raccoon.diagnose.firmware import Firmware
+from raccoon.diagnose.heard import LEAST_ZONE, flickering, heard
 from raccoon.diagnose.hypotheses import Settings, neutral_settings
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.open_numbers import Wheels
@@ -74,14 +75,6 @@ def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConf
     return replace(robot, model=replace(robot.model, drive=changed))
 
 
-LEAST_ZONE = 2.0
-"""Counts. Readings are whole numbers cut towards 0: a zone of one count in itself, and none below two can be
-told from it."""
-IMPOSSIBLE = 10.0
-"""By how much more a reading counts that no such zone lets through than another error of as many counts: it
-is no noise. At 1, beside twice the usual noise, zones came out at up to three times their size."""
-AROUND, MOSTLY = 20, 0.75
-"""Rows to either side of a reading that flickers, and the part of them that is silent."""
 _ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")]
 COLUMNS = {
     "bemf_left": "motor.{left}.bemf",
@@ -98,8 +91,8 @@ class Habits:
     """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
     whether the command of a row was in force until then (past) instead of from then on, how wheels slide, and
     whether the gyro's chip smooths the turn rate (low_pass). swing: s in which commands swing, 0 where they
-    do not; see `quality.swing`. known: the controller's are those of a firmware that the recording names.
-    silent: counts up to which that may say 0, where it is more than its dead zone."""
+    do not; see `quality.swing`. firmware: the controller's, where the recording names it; nothing of it is
+    asked for then."""
 
     chain: Chain
     brake: bool
@@ -107,8 +100,7 @@ class Habits:
     wheels: Wheels = Wheels.GIVING
     low_pass: bool = False
     swing: float = 0.0
-    known: bool = False
-    silent: float = 0.0
+    firmware: Firmware | None = None
 
 
 class PlantRollout:
@@ -132,6 +124,7 @@ class PlantRollout:
         self._neutral = neutral_settings(robot)
         ports = {"left": robot.drive.left, "right": robot.drive.right}
         self._heard = {} if plain else _readings(log)
+        self._silent = 0.0 if habits.firmware is None else habits.firmware.silent
         self._names = tuple(COLUMNS[each.role].format(**ports) for each in log.channels)
         self._roles = tuple(each.role for each in log.channels)
         self._own = tuple(own)
@@ -150,8 +143,8 @@ class PlantRollout:
         for index, (side, measured, flickers) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)
-            silent = self._habits.silent
-            samples[deaf, index] = heard(samples[deaf, index], zones[deaf, None], measured, flickers, silent)
+            loud = samples[deaf, index]
+            samples[deaf, index] = heard(loud, zones[deaf, None], measured, flickers, self._silent)
         return samples, step
 
     def _of_possible(self, variants: Sequence[Settings], possible: NDArray[np.bool_]) -> tuple[Array, float]:
@@ -245,43 +238,6 @@ def _readings(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
         for index, each in enumerate(log.channels)
         if each.role.startswith("bemf_")
     }
-
-
-def heard(
-    samples: Array, zones: Array, measured: Array, flickers: NDArray[np.bool_], silent: float = 0.0
-) -> Array:
-    """Simulated readings (variants, rows) under dead zones (variants, 1), given what was measured (rows,).
-
-    A reading of 0 says that the speed is inside the zone: the simulated one is wrong by as much as it is
-    outside. One that is not 0 is compared as it is, and is wrong by `IMPOSSIBLE` times what it lacks to have
-    been heard at all, half a count of which was cut off. (Up to a whole one may have been, but zones go as
-    far as they are let: they would come out half a count too wide.) Nothing jumps, neither over the zone's
-    width nor where a wheel stops a moment earlier than simulated: thresholding the simulated reading itself
-    cost a true zone of 14 counts 31 units of log evidence, where this gives it 95. A reading that is missing
-    (NaN) says nothing.
-
-    flickers (rows,): readings that noise lifted out of the zone in the midst of silent ones. They say what a
-    silent one says: each is far from the speed, and always away from 0. Ten of 631 such made an offset of
-    -8.0 +- 0.2 counts of one of -3.4.
-
-    silent: counts up to which a reading of 0 may be, where a filter in whole counts leaves 0 later than it
-    comes back to it.
-    """
-    zones = np.where(zones < LEAST_ZONE, 0.0, zones)
-    size = np.abs(samples)
-    outside = np.sign(samples) * np.maximum(size - np.maximum(zones, silent * (zones > 0.0)), 0.0)
-    lacking = np.maximum(zones - np.abs(measured) - HALF_A_COUNT, 0.0)
-    louder = samples + IMPOSSIBLE * np.sign(measured) * lacking
-    louder = np.where(flickers & (zones > 0.0), measured + outside, louder)
-    return np.where(measured == 0.0, outside, np.where(np.isnan(measured), samples, louder))
-
-
-def flickering(measured: Array) -> NDArray[np.bool_]:
-    """Which readings (rows,) are not 0 where nearly all around them are."""
-    known = np.isfinite(measured)
-    window = np.ones(2 * AROUND + 1)
-    silent = np.convolve(known & (measured == 0.0), window, "same")
-    return np.asarray(known & (measured != 0.0) & (silent > MOSTLY * np.convolve(known, window, "same")))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import math
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
-from raccoon.estimate.drive.wheels import resting_counts
+from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
@@ -105,20 +105,25 @@ class SimulatedPlant:
 
 
 def open_emulated(
-    config: RobotConfig, firmware: Firmware = "stock", *, seed: int = 0, world: World | None = None
+    config: RobotConfig,
+    firmware: Firmware = "stock",
+    *,
+    seed: int = 0,
+    world: World | None = None,
+    robot: Parameters | None = None,
 ) -> WombatPort:
     """A Wombat in software with the simulated robot on it, as fast as the computer can (its clock is
     stepped).
 
-    firmware: "stock", 17 or 21.
+    firmware: "stock", 17 or 21. robot: the simulated one, which may be another than `config` has it.
     """
     clock = SteppedClock()
-    plant = SimulatedPlant(Parameters.from_robot(config), world)
+    plant = SimulatedPlant(Parameters.from_robot(config) if robot is None else robot, world)
     link = Emulator(plant, firmware, clock=clock, seed=seed)
     return WombatPort(
         link,
         clock=clock,
         rate_hz=config.controller.rate_hz,
         reset_line=link,
-        resting_bemf=[resting_counts(config, motor) for motor in range(MOTOR_PORTS)],
+        resting_bemf=all_resting_counts(config),
     )

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.port import Port
-from raccoon.core.readings import MOTOR_PORTS
-from raccoon.estimate.drive.wheels import resting_counts
+from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions import Action, perform
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.robot import Robot
@@ -117,7 +116,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
             rate_hz=controller.rate_hz,
             device=controller.device or SPI_DEVICE,
             bemf_rate_hz=controller.counter_rate_hz or None,
-            resting_bemf=[resting_counts(config, motor) for motor in range(MOTOR_PORTS)],
+            resting_bemf=all_resting_counts(config),
         )
     if kind == "create":
         from raccoon.hal.create.port import SERIAL_PORT, open_create

@@ -12,8 +12,8 @@ from blind.hidden import draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.heard import IMPOSSIBLE, flickering, heard
 from raccoon.diagnose.log import log_from_columns
-from raccoon.diagnose.rollout import IMPOSSIBLE, flickering, heard
 from raccoon.diagnose.silence import Gaps, asked_for, gap
 
 ROBOT = RobotConfig()

@@ -10,49 +10,30 @@ import numpy as np
 import pytest
 
 from blind.drives import exciting
-from raccoon.core.clock import SteppedClock
+from emulated_drives import recorded
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR, Outputs
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.habits.firmware import FIRMWARES, ZONE, firmware_of
+from raccoon.diagnose.firmware import FIRMWARES, firmware_of
 from raccoon.diagnose.habits.lags import _open_instead
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.diagnose.silence import ZONE
 from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21, STOCK
-from raccoon.hal.wombat.emulator import Emulator, Firmware
-from raccoon.hal.wombat.port import WombatPort
-from raccoon.robot.emulated import SimulatedPlant
+from raccoon.hal.wombat.emulator import Firmware
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.sensing import followed_voltage
-from raccoon.trace.columns import recording_of
-from raccoon.trace.format import Tick, Trace
-from raccoon.trace.header import Header
-from raccoon.trace.recording import Recording
 
 ROBOT = RobotConfig()
-
-
-def recorded(firmware: Firmware, robot: Parameters, seconds: float) -> Recording:
-    """A drive behind the bytes, pauses, filters and clock of an emulated Wombat."""
-    clock = SteppedClock()
-    link = Emulator(SimulatedPlant(robot), firmware, clock=clock, seed=1)
-    port = WombatPort(link, clock=clock, rate_hz=200.0, reset_line=link)
-    ticks = []
-    for left, right in exciting(np.random.default_rng(1), seconds):
-        inputs, outputs = port.read(), Outputs((float(left), float(right), 0.0, 0.0))
-        port.write(outputs)
-        ticks.append(Tick(inputs, (outputs,)))
-    port.close()
-    return recording_of(Trace(Header(), ticks))
 
 
 def diagnosed(firmware: Firmware, seconds: float, **factor: float) -> Diagnosis:
     robot = Parameters.from_robot(ROBOT)
     if factor:
         robot = robot.with_effect("motor.back_emf_constant", "left", **factor)
-    recording = recorded(firmware, robot, seconds)
+    recording = recorded(firmware, robot, exciting(np.random.default_rng(1), seconds), seed=1)
     return diagnose_recording(recording.columns, ROBOT, device=recording.device)
 
 

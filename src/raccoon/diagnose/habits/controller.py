@@ -15,8 +15,8 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.diagnose.features import BIN, Features
+from raccoon.diagnose.firmware import Firmware
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses import Cause, Settings, added, multiplied, neutral_settings
 from raccoon.diagnose.log import WHEELS, Log
@@ -79,7 +79,7 @@ def drive_problem(
             wheels=habits.wheels,
             low_pass=habits.low_pass,
             free_running=habits.chain.free_running,
-            wombat=habits.known,
+            wombat=habits.firmware is not None,
         ),
         by_name,
         told(by_name, log),
@@ -104,18 +104,14 @@ def starting_settings(robot: RobotConfig, model: Parameters | None) -> Settings:
 
 
 def problem_of(
-    log: Log,
-    robot: RobotConfig,
-    causes: Sequence[Cause],
-    model: Parameters | None = None,
-    firmware: Firmware | None = None,
+    log: Log, robot: RobotConfig, causes: Sequence[Cause], model: Parameters | None = None
 ) -> tuple[Problem, Habits]:
     """The problem under the controller's habits that fit the recording best after a base fit.
 
     The firmware's filter is left only for a clearly better one. Wheels that stop at once may also be slow
     ones that rub: both are tried then.
     """
-    restored_log, habits = controller_of(log, robot, causes, model, firmware)
+    restored_log, habits = controller_of(log, robot, causes, model)
     return drive_problem(restored_log, robot, causes, habits, model), habits
 
 
@@ -135,7 +131,7 @@ def controller_of(
     usual, other = USUAL_CHAINS
     first = Habits(usual, False)
     if firmware is not None:
-        first = Habits(firmware.chain, False, low_pass=firmware.smooths, known=True, silent=firmware.silent)
+        first = Habits(firmware.chain, False, low_pass=firmware.smooths, firmware=firmware)
     if not any(each.role in WHEELS for each in log.channels):
         return log, first
 
@@ -148,12 +144,12 @@ def controller_of(
         return _Fitted(misfit, point, habits)
 
     found = fitted(first)
-    slow = None if first.known else _slow_battery(first, partial(loose, wheels), found.point)
+    slow = None if firmware else _slow_battery(first, partial(loose, wheels), found.point)
     if slow is not None:
         found = fitted(with_battery(first, slow))
     if brakes(log):
         found = fitted(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
-    if not first.known:
+    if firmware is None:
         plain = replace(found.habits, chain=other)
         plain = plain if slow is None else with_battery(plain, slow)
         found = fitted(plain, found.point).instead_of(found, USUAL)

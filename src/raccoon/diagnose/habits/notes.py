@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from raccoon.diagnose.firmware import Firmware
 from raccoon.diagnose.habits.controller import SLOW_BATTERY
-from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout import Habits
@@ -17,11 +17,9 @@ PAST = (
 )
 
 
-def notes_of(
-    habits: Habits, causes: Sequence[CauseResult], spread: Spread, firmware: Firmware | None = None
-) -> tuple[str, ...]:
+def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
     """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
-    known = () if firmware is None else (_of_the_firmware(firmware),)
+    known = () if habits.firmware is None else (_of_the_firmware(habits.firmware),)
     return (*known, *_of_the_controller(habits, causes), *_of_the_gyro(habits, causes, spread))
 
 
@@ -51,7 +49,7 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
         notes.append(
             f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
         )
-    if chain.free_running and not habits.known:
+    if chain.free_running and habits.firmware is None:
         notes.append(
             "back-EMF readings are taken for samples of a controller whose cycle has a clock of its own: up "
             "to a cycle old when a row reads them, as commands are when it takes them up"

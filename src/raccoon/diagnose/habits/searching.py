@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.firmware import Firmware
 from raccoon.diagnose.habits.controller import (
     controller_of,
     drive_problem,
@@ -20,7 +21,6 @@ from raccoon.diagnose.habits.controller import (
     usual_chain,
     with_lost_changes,
 )
-from raccoon.diagnose.habits.firmware import Firmware
 from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
     SLIP,
@@ -107,7 +107,7 @@ def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habit
     """A search that has only begun, begun again under what a whole one would find out about wheels and
     filters: under wrong habits most of its time goes to sets of causes that are not there."""
     search, habits = as_wheels_give(search, habits, under, begun)
-    if habits.known:
+    if habits.firmware is not None:
         return search, habits
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
@@ -130,7 +130,7 @@ def _under_another_filter(
     before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
     as much less, and a latency of a sample the gyro alone under a median.
     """
-    chains = [] if habits.known else other_chains(habits.chain)
+    chains = [] if habits.firmware is not None else other_chains(habits.chain)
     for other in under.new(search, habits, (replace(habits, chain=each) for each in chains)):
         firmware = usual_chain(other.chain) == Chain.firmware()
         imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
@@ -148,7 +148,7 @@ def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Ha
     Commands in the row after theirs seem early, as nothing in the catalogue is; that made a filter without a
     median, a latency of 3 ms and a gear that loses torque.
     """
-    if habits.known:
+    if habits.firmware is not None:
         return search, habits
     search, habits = with_a_slow_battery(search, habits, under)
     search, habits = with_readings_that_lag(search, habits, under)

@@ -16,7 +16,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.candidates import drive_causes, own_cause
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.extend import with_causes
-from raccoon.diagnose.habits.firmware import firmware_of
+from raccoon.diagnose.firmware import firmware_of
 from raccoon.diagnose.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass
 
 from raccoon.core.config import BemfModel, MotorConfig, RobotConfig
-from raccoon.core.readings import Device, Fault, Inputs
+from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs
 from raccoon.model.bemf import counter_lag
 
 SAMPLE_TIME = 0.005
@@ -98,6 +98,11 @@ def resting_counts(robot: RobotConfig, port: int) -> float:
     """Back-EMF counts of the motor on `port` at standstill, in the sign of the board."""
     own = robot.motor(port).bemf_offset
     return (robot.model.bemf.offset if own is None else own).value
+
+
+def all_resting_counts(robot: RobotConfig) -> list[float]:
+    """The same of each motor port, in their order."""
+    return [resting_counts(robot, port) for port in range(MOTOR_PORTS)]
 
 
 class _Wheel:

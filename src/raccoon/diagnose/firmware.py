@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, Device
 from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.silence import ZONE
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import SIDES, Parameters
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-ZONE, BATTERY = "bemf.dead_zone", "battery.voltage"
+BATTERY = "battery.voltage"
 
 
 @dataclass(frozen=True, slots=True)
