@@ -81,8 +81,7 @@ def diagnose(
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     begin = time.perf_counter()
-    log = log_from_columns(columns, robot)
-    check_units(log, robot)
+    log = _log(columns, robot, firmware)
     with threadpool_limits(
         1
     ):  # the matrices are small: threads that wait for each other cost more than they do
@@ -95,8 +94,7 @@ def diagnose(
 
         other = None
         if holdout is not None:
-            other = log_from_columns(holdout, robot)
-            check_units(other, robot)
+            other = _log(holdout, robot, firmware)
         found = judged(log, other)
         if not (log.lost and _adds_up(found)):
             return found
@@ -107,6 +105,12 @@ def diagnose(
             f"{ADDS_UP}: only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
         )
         return judged(replace(part, notes=(*log.notes, told)), unseen)
+
+
+def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
+    log = log_from_columns(columns, robot)
+    check_units(log, robot)
+    return log if firmware is None else firmware.understood(log, columns, robot)
 
 
 def _searched(

@@ -14,33 +14,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, Device
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, MOTOR_PORTS, Device
 from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.log import Log
+from raccoon.diagnose.sample_clock import arrivals, counted, of_one_age, sample_clock, wheel_of_one_age
 from raccoon.diagnose.silence import ZONE
+from raccoon.hal.wombat.counters import StockBemf
+from raccoon.hal.wombat.devices import RACCOON_21_DEAD_ZONE, RACCOON_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import SIDES, Parameters
 
 Columns = Mapping[str, NDArray[np.float64]]
 
 BATTERY = "battery.voltage"
+LEVELS = 400
+"""Of either firmware's PWM."""
 
 
 @dataclass(frozen=True, slots=True)
 class Firmware:
     """A firmware's habits.
 
-    name: as a report says it. chain: of its samples. dead_zone: counts of back-EMF below which it says 0.
-    silent: counts up to which it may say 0. cut: counts by which its filter's readings are too near to 0, on
-    the average. low: V by which the battery's readings are too low where it falls. sag: part of the battery's
+    name: as a report says it. chain: of its samples. rates: samples of each motor a second, at least and at
+    most, and gyro_rates of the gyro
+    where they follow no row. tick:
+    counts of one sample that move a position by one. sums: whether its positions are all that it shows of
+    samples. waits: how many times from sample to sample commands come into force. lead: s from then until a
+    sample can be read. dead_zone: counts of back-EMF below which it says 0. silent: counts up to which it may
+    say 0. low: V by which the battery's readings are too low where it falls. sag: part of the battery's
     resistance that its readings do not tell. smooths: whether the gyro is the board's own, which it sets to
     41 Hz.
     """
 
     name: str
     chain: Chain
+    rates: tuple[float, float]
+    tick: float
+    gyro_rates: tuple[float, float] | None = None
+    sums: bool = False
+    waits: int = 1
+    lead: float = 0.0
     dead_zone: float = 0.0
     silent: float = 0.0
-    cut: float = 0.0
     low: float = 0.0
     sag: float = 0.0
     smooths: bool = True
@@ -64,21 +79,48 @@ class Firmware:
         return start
 
     def asked_for(self, causes: Sequence[Cause]) -> list[Cause]:
-        """The causes less what is known."""
-        return [each for each in causes if not (self.dead_zone and each.id == ZONE)]
+        """The causes less what is known: a dead zone, or that there is none."""
+        return [each for each in causes if each.id != ZONE]
 
-    def before_cutting(self, columns: Columns, ports: Sequence[int]) -> Columns:
-        """The columns as they were before filters cut fractions of a count off."""
-        names = [f"motor.{port}.bemf" for port in ports if f"motor.{port}.bemf" in columns]
-        whole = {name: columns[name] + self.cut * np.sign(columns[name]) for name in names if self.cut}
-        if self.low and BATTERY in columns:
-            whole[BATTERY] = columns[BATTERY] + self.low
-        return {**columns, **whole} if whole else columns
+    def before_cutting(self, columns: Columns) -> Columns:
+        """The columns with the battery as it was before its filter cut fractions of a count off. (What
+        back-EMF loses so is made up for where it is read.)"""
+        if not self.low or BATTERY not in columns:
+            return columns
+        return {**columns, BATTERY: columns[BATTERY] + self.low}
+
+    def understood(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
+        """The log with commands as the drivers get them, a whole number of `LEVELS`, of which a motor coasts
+        at 0; with the clocks of its samples where their counters tell them, and back-EMF by these."""
+        clocks, channels = [], list(log.channels)
+        for side in SIDES:
+            port = getattr(robot.drive, side)
+            channel, position = log.channel(f"bemf_{side}"), columns.get(f"motor.{port}.position")
+            clock = None
+            if channel is not None and position is not None:
+                ticks = position * (-1.0 if robot.motor(port).inverted else 1.0)
+                seen = (log.time, channel.values, ticks, self.tick)
+                clock = sample_clock(log.time, counted(*seen), self.rates, self.waits, self.lead)
+                if clock is not None:
+                    even = wheel_of_one_age(clock, *seen, self.sums, self.dead_zone)
+                    channels[channels.index(channel)] = replace(channel, values=even)
+            clocks.append(clock)
+        gyro = log.channel("gyro")
+        if gyro is not None and self.gyro_rates is not None:
+            clock = sample_clock(log.time, arrivals(log.time, gyro.values), self.gyro_rates)
+            if clock is not None:
+                even = of_one_age(clock, log.time, gyro.values)
+                channels[channels.index(gyro)] = replace(gyro, values=even)
+        duty = np.rint(LEVELS * log.duty) / LEVELS
+        return replace(log, duty=duty, channels=tuple(channels), clocks=(clocks[0], clocks[1]))
 
 
-_RACCOON = Chain(median=True, free_running=True, coast_share=0.1)
-STOCK_CUT = 0.375 / 0.25
-"""Counts. int(0.25 new + 0.75 old) cuts off 0, 1, 2 or 3 quarters, and settles four times as much lower."""
+_RACCOON = Chain(median=True, free_running=True, coast_share=0.1, pause=0.000544)
+RACCOON_RATES = (172.0, 199.0)
+"""Of four motors 175 to 187 were measured, of 200 by design."""
+RACCOON_LEAD = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - 0.000544
+"""s: a motor's slot less 500 us of coasting and 44 of conversion. Then it is driven as commanded, and its
+reading is ready at the end of the slot. Version 17 drives each motor anew in every slot."""
 STOCK_SILENT = 10.0 / 0.25
 """Counts: a quarter of a sample must be 10 for the filter to leave 0."""
 STOCK_LOW = 3.0 * BATTERY_VOLTS_PER_COUNT
@@ -88,10 +130,29 @@ SAG = 0.06
 motors coast sags by a ninth more than the mean."""
 FIRMWARES = {
     "wombat-stock": Firmware(
-        "the stock firmware", Chain.stock(), 10.0 + STOCK_CUT, STOCK_SILENT, STOCK_CUT, STOCK_LOW, SAG
+        "the stock firmware",
+        Chain.stock(),
+        rates=(225.0, 275.0),
+        tick=STOCK_COUNTS_PER_TICK,
+        gyro_rates=(170.0, 199.0),
+        sums=True,
+        dead_zone=10.0 + StockBemf.TRUNCATION,
+        silent=STOCK_SILENT,
+        low=STOCK_LOW,
+        sag=SAG,
     ),
-    "wombat-raccoon-17": Firmware("RaccoonOS 17", _RACCOON, sag=SAG),
-    "wombat-raccoon-21": Firmware("RaccoonOS 21", _RACCOON, 25.0, sag=SAG),
+    "wombat-raccoon-17": Firmware(
+        "RaccoonOS 17", _RACCOON, rates=RACCOON_RATES, tick=1.0, waits=MOTOR_PORTS, lead=RACCOON_LEAD, sag=SAG
+    ),
+    "wombat-raccoon-21": Firmware(
+        "RaccoonOS 21",
+        _RACCOON,
+        rates=RACCOON_RATES,
+        tick=RACCOON_BEMF_RATE_HZ,
+        lead=RACCOON_LEAD,
+        dead_zone=RACCOON_21_DEAD_ZONE,
+        sag=SAG,
+    ),
 }
 """By the name of the device of a recording."""
 
@@ -100,4 +161,4 @@ def firmware_of(device: Device) -> Firmware | None:
     """The firmware that a recording names, None where it does not or nothing is known of it."""
     name, _, added = device.name.partition("+")
     known = FIRMWARES.get(name)
-    return replace(known, smooths=False) if known is not None and added else known
+    return replace(known, smooths=False, gyro_rates=None) if known is not None and added else known

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.sample_clock import SampleClock
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,8 @@ class Log:
     """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
 
     lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
-    there. Nothing is compared in them.
+    there. Nothing is compared in them. clocks: of the samples of the left and the right wheel, where they are
+    known; the wheels' readings are then as if each were half a cycle old, and commands wait for them.
     """
 
     time: Array
@@ -59,6 +61,7 @@ class Log:
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
     lost: tuple[tuple[float, float], ...] = ()
+    clocks: tuple[SampleClock | None, SampleClock | None] = (None, None)
 
     @property
     def seconds(self) -> float:
@@ -79,7 +82,7 @@ class Log:
         parts = tuple(
             Channel(each.name, each.role, each.unit, each.values[keep], each.floor) for each in self.channels
         )
-        return Log(self.time[keep], self.duty[keep], parts, self.missing, self.notes, self.lost)
+        return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts)
 
     def longest_part(self) -> Log:
         """The longest part without a gap, all of it where there is none."""

@@ -16,6 +16,7 @@ from raccoon.diagnose.hypotheses import Settings, neutral_settings
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
+from raccoon.diagnose.sample_clock import in_force
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
@@ -129,6 +130,7 @@ class PlantRollout:
         self._roles = tuple(each.role for each in log.channels)
         self._own = tuple(own)
         self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)
+        self._clocks = log.clocks
         if habits.past:
             self._duty = np.concatenate([self._duty[1:], self._duty[-1:]])
         self._commands = self._commanded(self._duty)
@@ -157,7 +159,15 @@ class PlantRollout:
         return samples, step
 
     def _commanded(self, duty: Array) -> Commands:
-        return Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
+        given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
+        left, right = given.left, given.right
+        closed_left, closed_right = given.closed_left, given.closed_right
+        for_left, for_right = self._clocks
+        if for_left is not None:
+            left, closed_left = in_force(for_left, self._time, left, closed_left)
+        if for_right is not None:
+            right, closed_right = in_force(for_right, self._time, right, closed_right)
+        return Commands(self._time, left, right, closed_left, closed_right)
 
     def _samples(self, lanes: Lanes, commands: Commands, step: float) -> Array:
         """What the sensors say, (variants, channels, rows)."""

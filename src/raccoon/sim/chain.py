@@ -12,6 +12,7 @@ _RANGES = (
     ("coast_share", 0.0, 0.9),
     ("battery_time_constant", 0.0, 5.0),
     ("battery_held", 0.0, 1.0),
+    ("pause", 0.0, 0.005),
     ("cycle", 0.001, 0.1),
 )
 
@@ -31,7 +32,10 @@ class Chain:
     What is simulated is the mean, half a cycle.
     battery_time_constant: s, of the battery reading's filter. battery_held: V by which a voltage that rises
     may be above its reading, as where the filter cuts fractions of a count off; one that falls is followed.
-    battery_loaded: the battery's reading does not see that motors coast.
+    pause: s for which a motor has coasted when it is sampled: its wheel is slower then than on average, by
+    half of what it loses in a pause.
+    together: motors coast all at once. While they are driven the battery sags under all of their current, and
+    its readings are of then.
     cycle: s between two back-EMF samples.
 
     The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
@@ -44,11 +48,12 @@ class Chain:
     coast_share: float = 0.0
     battery_time_constant: float = 0.0
     battery_held: float = 0.0
-    battery_loaded: bool = False
+    together: bool = False
+    pause: float = 0.0
     cycle: float = 0.005
 
     def __post_init__(self) -> None:
-        for name in ("median", "slots", "free_running", "battery_loaded"):
+        for name in ("median", "slots", "free_running", "together"):
             if not isinstance(getattr(self, name), bool):
                 raise ConfigError(f"chain: {name} is {getattr(self, name)!r}: allowed are true and false")
         if self.slots and self.free_running:
@@ -74,7 +79,8 @@ class Chain:
             coast_share=0.24,
             battery_time_constant=0.02,
             battery_held=14.0 * BATTERY_VOLTS_PER_COUNT,
-            battery_loaded=True,
+            together=True,
+            pause=0.00102,
         )
 
 

@@ -62,15 +62,16 @@ def check_nominal(model: NominalModel) -> None:
 
 
 def _motor_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
-    value = parameters.value
+    value, chain = parameters.value, parameters.chain
     return (
         value("battery.open_circuit_voltage", "voltage"),
-        value("battery.internal_resistance", "resistance"),
+        # Currents are means over the pauses; those that flow together flow in the rest of the time.
+        value("battery.internal_resistance", "resistance") / (1.0 - chain.coast_share * chain.together),
         value("battery.discharge", "volts_per_coulomb"),
         *sides.resistance(),
         *sides.back_emf(),
         # Heat is fed by means over the pauses for samples, and heated by the square while a motor is driven.
-        *(gain / (1.0 - parameters.chain.coast_share) for gain in sides.of("motor.heating", "gain")),
+        *(gain / (1.0 - chain.coast_share) for gain in sides.of("motor.heating", "gain")),
         *(1.0 / each for each in sides.of("motor.heating", "time_constant")),
         *sides.of("motor.current_limit", "limit"),
     )
@@ -140,11 +141,21 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         *(filter_rate(each) for each in sides.of("bemf.filter_lag", "time_constant")),
         filter_rate(chain.battery_time_constant),
         chain.battery_held,
-        chain.coast_share / (1.0 - chain.coast_share) if chain.battery_loaded else 0.0,
         1.0 if chain.median else 0.0,
+        *_dips(parameters),
         0.0,  # who knows the rows sets it; see `gyro_lag`
         *_low_pass_numbers(parameters),
     )
+
+
+def _dips(parameters: Parameters) -> Numbers:
+    """Between pauses a wheel gains what it loses in them: half of that it is off its mean at their end. What
+    a pause takes away is the mean of the motor's torque."""
+    drive, chain = parameters.robot.model.drive, parameters.chain
+    factor = 0.5 * chain.pause / parameters.value("drive.inertia", "factor")
+    per_sum, per_difference = 1.0 / drive.inertia_straight.value, 1.0 / drive.inertia_turn.value
+    own, other = 0.5 * (per_sum + per_difference), 0.5 * (per_sum - per_difference)
+    return factor * own, factor * other * chain.together
 
 
 def _low_pass_numbers(parameters: Parameters) -> Numbers:

@@ -125,8 +125,9 @@ class Plant(NamedTuple):
     filter_rate_right: float
     battery_rate: float
     battery_held: float  # V
-    loaded_sag: float  # part of the mean sag that the battery's reading shows beyond it
     median: float
+    dip_own: float  # rad/s a N m, by which a motor's own pause slows its wheel until it is sampled
+    dip_other: float  # the same of the other wheel's
     gyro_lag: float  # s before the end of a row of commands, when the gyro looks
     low_pass: float  # s, time constant of the gyro's, 0: none
     low_pass_rate: float  # 1/s, of it

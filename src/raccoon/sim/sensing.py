@@ -45,6 +45,11 @@ def followed_voltage(reading: float, voltage: float, held: float) -> float:
     return min(voltage, max(reading, voltage - held))
 
 
+def dipped(speed: float, dip: float) -> float:
+    """A wheel's speed at the end of a pause; one that stands does so in the pause."""
+    return speed - dip if abs(speed) > abs(dip) else speed
+
+
 def sensed(
     s: State, p: Plant, dt: float, keeps: tuple[float, float, float], noise_left: float, noise_right: float
 ) -> State:
@@ -52,16 +57,17 @@ def sensed(
 
     dt: s since the last cycle. keeps: `kept_shares` of it. noise: counts on the raw samples.
     """
-    raw_left = p.counts_left * s.sampled_left + p.offset_left + noise_left
-    raw_right = p.counts_right * s.sampled_right + p.offset_right + noise_right
+    torque_left = p.back_emf_left * s.current_left
+    torque_right = p.back_emf_right * s.current_right
+    looked_left = dipped(s.sampled_left, p.dip_own * torque_left + p.dip_other * torque_right)
+    looked_right = dipped(s.sampled_right, p.dip_own * torque_right + p.dip_other * torque_left)
+    raw_left = p.counts_left * looked_left + p.offset_left + noise_left
+    raw_right = p.counts_right * looked_right + p.offset_right + noise_right
     keep_left, keep_right, keep = keeps
     filtered_left = filtered(raw_left, s.recent_left, s.older_left, s.filtered_left, keep_left, p.median)
     filtered_right = filtered(
         raw_right, s.recent_right, s.older_right, s.filtered_right, keep_right, p.median
     )
-    source = p.open_circuit_voltage
-    source -= p.volts_per_coulomb * s.charge  # effect: battery.discharge
-    seen = s.bus + p.loaded_sag * (s.bus - source)
     bemf_left = reported(filtered_left, p.dead_zone_left)
     bemf_right = reported(filtered_right, p.dead_zone_right)
     return State(
@@ -75,5 +81,5 @@ def sensed(
         s.sampled_left, s.sampled_right, raw_left, raw_right, s.recent_left, s.recent_right,
         filtered_left, filtered_right, bemf_left, bemf_right,
         s.position_left + bemf_left * dt, s.position_right + bemf_right * dt,
-        s.battery * keep + (1.0 - keep) * followed_voltage(s.battery, seen, p.battery_held),
+        s.battery * keep + (1.0 - keep) * followed_voltage(s.battery, s.bus, p.battery_held),
     )  # fmt: skip

@@ -74,15 +74,13 @@ def test_a_limit_of_the_current_is_that_of_a_motor_while_it_is_driven() -> None:
         assert ended["motor.0.current"][0, -1] == pytest.approx((1.0 - share) * 1.5)
 
 
-def test_a_reading_that_never_sees_motors_coast_has_the_sag_of_those_that_are_driven() -> None:
+def test_motors_that_coast_together_load_the_battery_with_all_of_their_current_in_between() -> None:
     robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
-    mean, loaded = (
-        run(robot.with_chain(Chain(coast_share=0.24, battery_loaded=each)), 1.0, 1.0)["battery.voltage"][
-            0, -1
-        ]
-        for each in (False, True)
-    )
-    assert VOLTAGE - loaded == pytest.approx((VOLTAGE - mean) / 0.76, rel=1e-9)
+    alone = run(robot, 1.0, 1.0)
+    together = run(robot.with_chain(Chain(coast_share=0.24, together=True)), 1.0, 1.0)
+    for name in ("motor.0.current", "motor.1.current"):
+        assert together[name][0, -1] == pytest.approx(0.76 * alone[name][0, -1], rel=1e-9)
+    assert together["battery.voltage"][0, -1] == pytest.approx(alone["battery.voltage"][0, -1], rel=1e-9)
 
 
 def test_a_reading_that_is_held_follows_a_falling_voltage_and_stays_below_a_rising_one() -> None:
@@ -172,3 +170,18 @@ def test_a_measured_motor_can_be_named_in_the_robot() -> None:
     robot = Parameters.from_robot(replace(RobotConfig(), model=replace(MODEL, left=strong)))
     ended = run(robot, 1.0, 1.0)
     assert ended["motor.0.speed"][0, -1] < ended["motor.1.speed"][0, -1]
+
+
+def test_a_motor_is_sampled_when_its_pause_has_taken_half_of_what_the_wheel_gains_between() -> None:
+    """Two motors that drag the same: half a pause of their torque over the inertia, off the mean speed."""
+    pause, chain = 0.001, Chain(coast_share=0.2, together=True, pause=0.001)
+    robot = Parameters.from_robot(RobotConfig())
+    drive = robot.robot.model.drive
+    for duty in ((0.6, 0.6), (0.6, -0.6)):
+        inertia = drive.inertia_straight.value if duty[0] == duty[1] else drive.inertia_turn.value
+        ended = run(robot.with_chain(chain), *duty)
+        dip = 0.5 * pause * torque(ended["motor.0.current"][0, -1], K) / inertia
+        low = ended["motor.0.speed"][0, -1] - ended["motor.0.bemf"][0, -1] * BEMF_VOLTS_PER_COUNT / K
+        assert low == pytest.approx(dip, rel=1e-3)
+    stalled = run(robot.with_effect("friction.coulomb", torque=5.0).with_chain(chain), 1.0, 1.0)
+    assert stalled["motor.0.bemf"][0, -1] == 0.0

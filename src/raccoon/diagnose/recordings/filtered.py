@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from raccoon.core.config import BemfModel, RobotConfig
 from raccoon.core.readings import Device
+from raccoon.diagnose.firmware import firmware_of
 from raccoon.model.bemf import counter_lag
 
 LAG_STD = 0.003
 """S. A device's lag is counted in its own samples, some with a median among them and some not: half a sample
 and one of about 5 ms are between it and the time constant of the simulated filter."""
+KNOWN_LAG_STD = 0.0005
+"""The same where it is known which samples a median saw: what a filter by 4.3 or 5.5 ms differs from one by
+5, and what the rate of the firmware's loop may be off."""
 SHORTEST = 0.001
 """S, a filter of less does nothing in a simulation of steps of 1 ms."""
 
@@ -28,8 +33,18 @@ def with_lag_of(device: Device, robot: RobotConfig, cycle: float = 0.005) -> Rob
         return robot
     if abs(lag - counter_lag(own.value, cycle)) < 1e-6:
         return robot
-    value = max(lag, SHORTEST)
-    told = replace(own, value=value, std=min(LAG_STD, 0.25 * value))
+    firmware = firmware_of(device)
+    if firmware is None:
+        value = max(lag, SHORTEST)
+        told = replace(own, value=value, std=min(LAG_STD, 0.25 * value))
+    else:
+        value = _time_constant(lag - cycle * firmware.chain.median, cycle)
+        told = replace(own, value=value, std=KNOWN_LAG_STD)
     return replace(
         robot, model=replace(robot.model, bemf=replace(robot.model.bemf, filter_time_constant=told))
     )
+
+
+def _time_constant(lag: float, cycle: float) -> float:
+    """s of the filter by samples of that cycle whose sums are behind by so many s; see `counter_lag`."""
+    return cycle / math.log1p(cycle / lag)

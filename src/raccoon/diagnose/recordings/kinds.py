@@ -180,10 +180,9 @@ def _drive(
     holdout = None if holdout is None else without_broken(holdout, robot).columns
     firmware = firmware_of(device)
     if firmware is not None:
-        ports = (robot.drive.left, robot.drive.right)
         robot = firmware.known_of(robot)
-        columns = firmware.before_cutting(columns, ports)
-        holdout = None if holdout is None else firmware.before_cutting(holdout, ports)
+        columns = firmware.before_cutting(columns)
+        holdout = None if holdout is None else firmware.before_cutting(holdout)
     if commands_volts(columns, robot):
         changed, stiff, causes = as_duty(columns, robot)
         other = None if holdout is None else as_duty(holdout, robot)[0]

@@ -14,6 +14,7 @@ from raccoon.core.readings import (
     BATTERY_VOLTS_PER_COUNT,
     BEMF_VOLTS_PER_COUNT,
     MOTOR_PORTS,
+    Vector,
 )
 from raccoon.hal.wombat.emulator.faults import Faults
 from raccoon.hal.wombat.emulator.plant import COAST, Drive, Plant, PlantState
@@ -25,6 +26,8 @@ ANALOG_NOISE = 1.5
 BATTERY_NOISE = 1.0
 GYRO_NOISE = math.radians(0.1)
 """Rad/s."""
+GYRO_POLE = 0.0025
+"""s, of each of the two poles that make a low-pass of 41 Hz, as both firmwares set the chip (DLPF 3)."""
 ACCEL_NOISE = 0.03
 """m/s2."""
 
@@ -41,11 +44,17 @@ class Board:
         self._sweep = 0.0
         self.drives: tuple[Drive, ...] = COAST
         self.state: PlantState = plant.advance(0.0, COAST)
+        self._followed = self._smoothed = self.state.gyro
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> None:
         """Let time pass with the drivers set this way."""
         self.drives = drives
+        before = self.state.gyro
         self.state = self._plant.advance(seconds, self._broken(drives))
+        share = -math.expm1(-seconds / GYRO_POLE)
+        turned = _towards(self._followed, before, self.state.gyro, share)
+        self._smoothed = _towards(self._smoothed, self._followed, turned, share)
+        self._followed = turned
 
     def _broken(self, drives: tuple[Drive, ...]) -> tuple[Drive, ...]:
         stalled, blown = self._faults.stalled, self._faults.blown_fuse
@@ -95,8 +104,8 @@ class Board:
         )
 
     def gyro(self) -> tuple[float, float, float]:
-        """Rad/s about forward, left, up."""
-        x, y, z = (rate + self._gauss(GYRO_NOISE) for rate in self.state.gyro)
+        """Rad/s about forward, left, up, as the chip smooths them."""
+        x, y, z = (rate + self._gauss(GYRO_NOISE) for rate in self._smoothed)
         if self._faults.gyro_sweep:
             # Old boards: -600 to 1700 units of 1/1.025 deg/s while at rest.
             self._sweep += 0.02
@@ -111,3 +120,9 @@ class Board:
     def digital_bits(self) -> int:
         """Bit n is 1 where port n is pulled low."""
         return sum(1 << port for port, pressed in enumerate(self.state.digital) if pressed)
+
+
+def _towards(value: Vector, before: Vector, after: Vector, share: float) -> Vector:
+    """What follows something between `before` and `after`: by a share of what it is behind their middle."""
+    x, y, z = (each + share * (0.5 * (a + b) - each) for each, a, b in zip(value, before, after, strict=True))
+    return x, y, z
