@@ -17,7 +17,14 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, MOTOR_PORTS, Device
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log
-from raccoon.diagnose.sample_clock import arrivals, counted, of_one_age, sample_clock, wheel_of_one_age
+from raccoon.diagnose.sample_clock import (
+    SampleClock,
+    arrivals,
+    counted,
+    of_one_age,
+    sample_clock,
+    wheel_of_one_age,
+)
 from raccoon.diagnose.silence import ZONE
 from raccoon.hal.wombat.counters import StockBemf
 from raccoon.hal.wombat.devices import RACCOON_21_DEAD_ZONE, RACCOON_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK
@@ -112,7 +119,18 @@ class Firmware:
                 even = of_one_age(clock, log.time, gyro.values)
                 channels[channels.index(gyro)] = replace(gyro, values=even)
         duty = np.rint(LEVELS * log.duty) / LEVELS
-        return replace(log, duty=duty, channels=tuple(channels), clocks=(clocks[0], clocks[1]))
+        notes = (*log.notes, *_told([each for each in clocks if each is not None]))
+        return replace(log, duty=duty, channels=tuple(channels), clocks=(clocks[0], clocks[1]), notes=notes)
+
+
+def _told(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
+    if not clocks:
+        return ()
+    rate = 1.0 / clocks[0].period
+    return (
+        f"the counters tell when the controller took its samples, {rate:.1f} a second: readings are compared "
+        "as if each were half a cycle old, and commands come into force where they did",
+    )
 
 
 _RACCOON = Chain(median=True, free_running=True, coast_share=0.1, pause=0.000544)

@@ -49,6 +49,7 @@ def test_a_sound_robot_with_the_stock_firmware_has_no_cause() -> None:
     assert said.causes == ()
     assert said.verdict is Verdict.ADEQUATE
     assert any("the stock firmware" in note for note in said.notes)
+    assert any("counters tell when" in note and "235.0 a second" in note for note in said.notes)
     assert said.model is not None
     assert said.model.chain == Chain.stock()
     assert said.model.value(ZONE, "counts", "left") == FIRMWARES["wombat-stock"].dead_zone
