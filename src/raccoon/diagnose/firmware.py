@@ -31,11 +31,14 @@ from raccoon.hal.wombat.devices import RACCOON_21_DEAD_ZONE, RACCOON_BEMF_RATE_H
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import SIDES, Parameters
 
-Columns = Mapping[str, NDArray[np.float64]]
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
 LEVELS = 400
 """Of either firmware's PWM."""
+NEAR = 0.75
+"""Part of the largest reading from which one that stays, as its counter does, is kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +50,8 @@ class Firmware:
     where they follow no row. tick:
     counts of one sample that move a position by one. sums: whether its positions are all that it shows of
     samples. waits: how many times from sample to sample commands come into force. lead: s from then until a
-    sample can be read. dead_zone: counts of back-EMF below which it says 0. silent: counts up to which it may
+    sample can be read. most: counts of back-EMF, of which it keeps the last
+    less than these. dead_zone: counts below which it says 0. silent: counts up to which it may
     say 0. low: V by which the battery's readings are too low where it falls. sag: part of the battery's
     resistance that its readings do not tell. smooths: whether the gyro is the board's own, which it sets to
     41 Hz.
@@ -61,6 +65,7 @@ class Firmware:
     sums: bool = False
     waits: int = 1
     lead: float = 0.0
+    most: float = math.inf
     dead_zone: float = 0.0
     silent: float = 0.0
     low: float = 0.0
@@ -98,29 +103,39 @@ class Firmware:
 
     def understood(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
         """The log with commands as the drivers get them, a whole number of `LEVELS`, of which a motor coasts
-        at 0; with the clocks of its samples where their counters tell them, and back-EMF by these."""
-        clocks, channels = [], list(log.channels)
+        at 0; with the clocks of its samples where their counters tell them, and readings by these."""
+        channels = {each.role: each.values for each in log.channels}
+        clocks: list[SampleClock | None] = []
         for side in SIDES:
             port = getattr(robot.drive, side)
-            channel, position = log.channel(f"bemf_{side}"), columns.get(f"motor.{port}.position")
+            values, position = channels.get(f"bemf_{side}"), columns.get(f"motor.{port}.position")
             clock = None
-            if channel is not None and position is not None:
+            if values is not None and position is not None:
+                values = self._in_range(values, position)
                 ticks = position * (-1.0 if robot.motor(port).inverted else 1.0)
-                seen = (log.time, channel.values, ticks, self.tick)
+                seen = (log.time, values, ticks, self.tick)
                 clock = sample_clock(log.time, counted(*seen), self.rates, self.waits, self.lead)
                 if clock is not None:
-                    even = wheel_of_one_age(clock, *seen, self.sums, self.dead_zone)
-                    channels[channels.index(channel)] = replace(channel, values=even)
+                    values = wheel_of_one_age(clock, *seen, self.sums, self.dead_zone)
+                channels[f"bemf_{side}"] = values
             clocks.append(clock)
-        gyro = log.channel("gyro")
-        if gyro is not None and self.gyro_rates is not None:
-            clock = sample_clock(log.time, arrivals(log.time, gyro.values), self.gyro_rates)
+        if "gyro" in channels and self.gyro_rates is not None:
+            clock = sample_clock(log.time, arrivals(log.time, channels["gyro"]), self.gyro_rates)
             if clock is not None:
-                even = of_one_age(clock, log.time, gyro.values)
-                channels[channels.index(gyro)] = replace(gyro, values=even)
-        duty = np.rint(LEVELS * log.duty) / LEVELS
-        notes = (*log.notes, *_told([each for each in clocks if each is not None]))
-        return replace(log, duty=duty, channels=tuple(channels), clocks=(clocks[0], clocks[1]), notes=notes)
+                channels["gyro"] = of_one_age(clock, log.time, channels["gyro"])
+        return replace(
+            log,
+            duty=np.rint(LEVELS * log.duty) / LEVELS,
+            channels=tuple(replace(each, values=channels[each.role]) for each in log.channels),
+            clocks=(clocks[0], clocks[1]),
+            notes=(*log.notes, *_told([each for each in clocks if each is not None])),
+        )
+
+    def _in_range(self, bemf: Array, position: Array) -> Array:
+        """Back-EMF without the readings that are kept while the wheel is faster than can be read."""
+        kept = (np.diff(position, prepend=position[:1]) == 0.0) & (np.abs(bemf) > NEAR * self.most)
+        twice = kept & (np.roll(kept, 1) | np.roll(kept, -1))
+        return np.where(twice, np.nan, bemf)
 
 
 def _told(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
@@ -139,6 +154,8 @@ RACCOON_RATES = (172.0, 199.0)
 RACCOON_LEAD = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - 0.000544
 """s: a motor's slot less 500 us of coasting and 44 of conversion. Then it is driven as commanded, and its
 reading is ready at the end of the slot. Version 17 drives each motor anew in every slot."""
+RACCOON_MOST = 2000.0
+"""Counts: beyond it neither the reading nor its counter moves."""
 STOCK_SILENT = 10.0 / 0.25
 """Counts: a quarter of a sample must be 10 for the filter to leave 0."""
 STOCK_LOW = 3.0 * BATTERY_VOLTS_PER_COUNT
@@ -160,13 +177,21 @@ FIRMWARES = {
         sag=SAG,
     ),
     "wombat-raccoon-17": Firmware(
-        "RaccoonOS 17", _RACCOON, rates=RACCOON_RATES, tick=1.0, waits=MOTOR_PORTS, lead=RACCOON_LEAD, sag=SAG
+        "RaccoonOS 17",
+        _RACCOON,
+        rates=RACCOON_RATES,
+        tick=1.0,
+        waits=MOTOR_PORTS,
+        lead=RACCOON_LEAD,
+        most=RACCOON_MOST,
+        sag=SAG,
     ),
     "wombat-raccoon-21": Firmware(
         "RaccoonOS 21",
         _RACCOON,
         rates=RACCOON_RATES,
         tick=RACCOON_BEMF_RATE_HZ,
+        most=RACCOON_MOST,
         lead=RACCOON_LEAD,
         dead_zone=RACCOON_21_DEAD_ZONE,
         sag=SAG,

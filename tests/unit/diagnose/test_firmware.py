@@ -98,6 +98,25 @@ def test_commands_are_those_that_the_drivers_get(understood: tuple[Firmware, Log
     assert (log.duty[faint] == 0.0).all()
 
 
+@pytest.mark.parametrize("firmware", [17, 21])
+def test_a_wheel_that_is_faster_than_can_be_read_has_no_reading(firmware: Firmware) -> None:
+    """RaccoonOS keeps the last one below 2000 counts, and its counter."""
+    fast = Parameters.from_robot(ROBOT).with_effect("battery.open_circuit_voltage", voltage=8.4)
+    duty = np.repeat([[0.5, 0.5], [1.0, 1.0], [0.5, 0.5]], 200, axis=0)
+    recording = recorded(firmware, fast, duty, seed=2)
+    known = firmware_of(recording.device)
+    assert known is not None
+    log = known.understood(log_from_columns(recording.columns, ROBOT), recording.columns, ROBOT)
+    for side, port in (("left", 0), ("right", 1)):
+        channel = log.channel(f"bemf_{side}")
+        assert channel is not None
+        said = recording.columns[f"motor.{port}.bemf"]
+        assert 1500.0 < said[300] == said[390] < 2000.0
+        assert np.isnan(channel.values[260:400]).all()
+        assert np.isfinite(channel.values[20:200]).all()
+        assert np.isfinite(channel.values[450:]).all()
+
+
 def test_the_simulation_differs_by_a_part_of_what_it_did(understood: tuple[Firmware, Log, Log]) -> None:
     """All else as it is: what is left of the wheels' errors, root mean square, once samples have one age,
     commands wait for them and are in whole levels."""
