@@ -29,6 +29,8 @@ AROUND = 0.4
 LEAST_ROWS, LEAST_NEAR = 30, 3.0
 """Rows with another number of samples than usual that make a clock, and those near a moment that tell its
 phase there."""
+FAR = 2.5
+"""Cycles between two samples from which none between them is on a line."""
 CLOSE = 1e-6
 """Part of a row that is none: sums of what is 0 are not."""
 LEAST_SHARP = 0.8
@@ -143,7 +145,8 @@ def _turns(moments: Array, rate: float) -> NDArray[np.complex128]:
 def of_one_age(clock: SampleClock, time: Array, values: Array) -> Array:
     """A channel (rows,) as if each row's sample had been taken half a cycle before; NaN where it is NaN."""
     moments, rows = _firsts(clock, time, values)
-    return _between(clock, time, values, moments, values[rows])[0]
+    even, silent = _between(clock, time, values, moments, values[rows])
+    return np.where(silent, values, even)
 
 
 def wheel_of_one_age(
@@ -185,12 +188,14 @@ def _firsts(clock: SampleClock, time: Array, values: Array) -> tuple[Array, NDAr
 def _between(
     clock: SampleClock, time: Array, channel: Array, moments: Array, values: Array
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """Lines between samples, half a cycle before each row of the channel, and whether one next to it is 0."""
+    """Lines between samples, half a cycle before each row of the channel, and whether one next to it is 0, or
+    too far away to tell."""
     if len(moments) < 2:
         return channel, np.zeros(len(channel), bool)
     at = time + clock.lead - 0.5 * clock.period
     after = np.clip(np.searchsorted(moments, at), 1, len(moments) - 1)
     silent = (values[after] == 0.0) | (values[after - 1] == 0.0)
+    silent |= moments[after] - moments[after - 1] > FAR * clock.period
     even = np.where(np.isfinite(channel), np.interp(at, moments, values), np.nan)
     return np.asarray(even, float), np.asarray(silent)
 
