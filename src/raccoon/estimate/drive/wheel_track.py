@@ -19,6 +19,8 @@ SPEED_SMOOTHING = 0.005
 """s, time constant of the speed handed to the speed loop."""
 STUCK_ANGLE = 0.15
 """rad that one of counter and back-EMF turned while the other stood still: the other is dead."""
+BETWEEN = 0.012
+"""s between two back-EMF words that follow each other; who looks more often sees none in between."""
 HOLD = 0.06
 """s for which a silent wheel is taken to turn on as before."""
 
@@ -67,14 +69,19 @@ class WheelTrack:
 
     def update(self, dt: float, speed: float | None, angle: float | None) -> None:
         """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent."""
+        between = self.silent if self.silent <= BETWEEN else 0.0
         if speed is not None and angle is not None:
-            self._compare(dt, speed, angle)
+            self._compare(between + dt, speed, angle)
             if self.stuck == "counter":
                 angle = None
             elif self.stuck == "back-EMF":
                 speed = None
         if speed is not None:
-            self._from_back_emf(dt, speed, angle)
+            self._from_back_emf(dt, speed, angle, between + dt)
+        elif angle is not None and self.fine and self.silent + dt <= BETWEEN:
+            self._behind += angle
+            self._hold(dt)
+            return
         elif angle is not None:
             self.fine = False
             self.increment = angle + self._behind
@@ -111,13 +118,14 @@ class WheelTrack:
         elif abs(alone) < 0.5 * STUCK_ANGLE:
             self.stuck = ""
 
-    def _from_back_emf(self, dt: float, speed: float, angle: float | None) -> None:
+    def _from_back_emf(self, dt: float, speed: float, angle: float | None, span: float) -> None:
+        """Take a speed; span: s since the one before."""
         before = speed if self._filtered is None else self._filtered
         self.increment = speed * dt + self._pull(dt, speed, angle) + self.lag * (speed - before)
         self._filtered = speed
         self.fine = True
         # The filter's input, half a sample newer than the increment's middle.
-        self._smooth(dt, speed + (self.lag / max(dt, SHORTEST) + 0.5) * (speed - before))
+        self._smooth(span, speed + (self.lag / max(span, SHORTEST) + 0.5) * (speed - before))
 
     def _pull(self, dt: float, speed: float, angle: float | None) -> float:
         """rad by which the counter draws the integrated back-EMF to itself in this cycle."""
