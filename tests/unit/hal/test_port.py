@@ -107,6 +107,15 @@ def test_other_rates_see_the_same(rate_hz: float) -> None:
     assert position * metres_a_tick(last) / 0.0345 == pytest.approx(bench.robot.angles[0] - lag / 2, abs=lag)
 
 
+@pytest.mark.parametrize("rate_hz", [20.0, 40.0, 60.0, 80.0, 120.0, 240.0])
+def test_no_rate_beats_with_the_updates_of_the_counters(rate_hz: float) -> None:
+    """At 235 uneven updates a second and 240 looks, two updates were now and then taken for a faster one."""
+    bench = Bench("stock", rate_hz=rate_hz)
+    bench.run(FORWARD, round(rate_hz))
+    seen = [each.bemf[0] for each in bench.run(FORWARD, round(5.0 * rate_hz)) if each.bemf[0] is not None]
+    assert max(seen) < 1.05 * min(seen)
+
+
 def test_the_same_sign_turns_the_same_way_on_every_firmware(bench: Bench) -> None:
     seen = bench.run(Outputs(duty=(-0.5, 0.5, 0.3, -0.3)), 150)
     speeds = bench.robot.speeds
