@@ -8,7 +8,8 @@ came, the sun comes slowly (and is learnt).
 How quick a fall was, the readings around it tell. Where they are far apart (a slow rate, a silent link), the
 light may have come at any pace between two of them, so it must then stand still for as long as that lasted.
 A bulb that warms up takes longer than `rise`. Its light is known once the detector has been shown the lamp:
-then it is enough that it gets there within a bulb's time and stays.
+then it is enough that it gets there within a bulb's time and stays. One that takes a second or two, and one
+that was not shown, is known by how it comes (`bulb.py`).
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from typing import NamedTuple
 
 from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.core.readings import Status
+from raccoon.estimate.start_light import bulb
+from raccoon.estimate.start_light.bulb import SlowBulb
 from raccoon.estimate.start_light.calibration import LEAST_COUNTS, StartLightCalibration
 from raccoon.estimate.start_light.history import WARM_UP_SECONDS, History, light_of
 
@@ -63,9 +66,11 @@ class StartLight:
     """Detector of one start light. Feed it every reading until it fires.
 
     calibration: lamp levels; without one the fall must be at least 35 % of the reading. hold: s that the
-    light must stay, and at least three readings. rise: s within which it must come. A calibrated lamp may
-    also warm up slower than that (time constant of up to 0.2 s), and fires 0.3 s after it is near its level.
-    rehearsal: fire again each time the lamp comes on (test mode).
+    light must stay, and at least three readings; at least 0.1 s without calibration. rise: s within which it
+    must come. A calibrated lamp may also warm up slower than that (time constant of up to 0.2 s), and fires
+    0.3 s after it is near its level. A bulb that takes up to two seconds, calibrated or not, fires when it is
+    warm if it is ten times as bright as the light before. rehearsal: fire again each time the lamp comes on
+    (test mode).
 
     Raises ConfigError for a hold or rise that is not above 0.
     """
@@ -84,7 +89,9 @@ class StartLight:
         self._lamp_light = (
             0.0 if calibration is None else light_of(calibration.on) - light_of(calibration.off)
         )
-        self._hold, self._rise, self._rehearsal = hold, rise, rehearsal
+        # Light as bright as the sun doubles as quickly as a lamp while it comes, and then goes on rising.
+        self._still = STILL_SECONDS if calibration is None else STEADY_SECONDS
+        self._hold, self._rise, self._rehearsal = max(hold, self._still), rise, rehearsal
         self._ambient = self._brightest = math.nan
         self._variance = 25.0
         self._learning: list[float] = []
@@ -92,7 +99,9 @@ class StartLight:
         self._first = self._last = math.nan
         self._unknown = True  # the ambient light
         self._recent = History()
+        self._slow = SlowBulb()
         self._bright: float | None = None  # since when it is brighter than the threshold
+        self._dark = 0.0  # the brightest light before
         self._since = math.nan  # when the candidate for a lamp that came at once began
         self._before = math.nan  # time of the last reading before it
         self._readings = 0  # of the candidate
@@ -113,6 +122,7 @@ class StartLight:
         dt, self._last = time - self._last, time
         threshold = self.threshold
         self._recent.add(time, counts)
+        self._slow.add(time, counts)
         self._unknown = time - self._first < LEARNING_SECONDS or len(self._learning) < LEARNING_READINGS
         if self._unknown:
             self._begin(counts)
@@ -136,7 +146,7 @@ class StartLight:
 
     def _decide(self, time: float, counts: float, dt: float) -> StartLightReading:
         if self._bright is None:
-            self._bright = time
+            self._bright, self._dark = time, light_of(self._brightest)
             self._begin_candidate(time)
         elif time > self._until and light_of(counts) > QUICK * self._recent.light_at(time - self._rise):
             self._begin_candidate(time)  # a lamp may come on while something else is bright
@@ -149,14 +159,16 @@ class StartLight:
         if self._lit or (self._refused and time > self._until):
             self._learn(counts, dt)
             return self._reading(fired=False)
-        if self._came_on(time, counts) or self._warmed_up(time, counts):
+        slowly = self._near is not None and self._slow.is_warm(self._dark)
+        if self._came_on(time, counts) or self._warmed_up(time, counts) or slowly:
             self._lit = True  # a rehearsal fires once until the lamp is off again
             self.fired = True
             self.fires += 1
             return self._reading(fired=True)
         # Nothing is learnt before: a lamp that warms up would be, and then never be seen.
         waited = time - (self._bright if self._near is None else self._near)
-        refused = not self._refused and waited > PATIENCE
+        warming = self._slow.rises(time) and time - self._bright < bulb.PATIENCE
+        refused = not self._refused and waited > PATIENCE and not warming
         self._refused = self._refused or refused
         return self._reading(fired=False, refused=refused)
 
@@ -181,7 +193,7 @@ class StartLight:
             self._window = max(self._hold + self._rise, time - self._before)
         light, before = light_of(counts), self._recent.least_light(time - self._window)
         # What happened in a gap, nobody saw: for as long as it lasted the light must stand still after it.
-        span = max(STEADY_SECONDS, self._gap)
+        span = max(self._still, self._gap)
         steady = STEADY if span < COARSE_SECONDS else STILL
         return light > QUICK * before and light < steady * self._recent.light_at(time - span)
 
