@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
-from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
 
 COARSE_GYRO = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""
-GAP = 0.1
-"""s between cycles that is a gap."""
 
 
 @dataclass(slots=True)
@@ -24,6 +22,8 @@ class Pending:
     """What was read since the filter last moved: s, wheel angles (rad, nominal), the gyro's turn and time."""
 
     span: float = 0.0
+    gap: bool = False
+    """Whether nobody looked for a part of it."""
     left: float = 0.0
     right: float = 0.0
     turn: float = 0.0
@@ -92,6 +92,7 @@ class DriveReadings:
             return
         pending = self.pending
         pending.span += dt
+        pending.gap = pending.gap or dt > GAP
         pending.left += left.increment
         pending.right += right.increment
 
@@ -104,6 +105,7 @@ class DriveReadings:
         while late and ahead[0] - 0.5 * late[0][0] > latency:
             span, left, right = late.popleft()
             pending.span += span
+            pending.gap = pending.gap or span > GAP
             pending.left += left
             pending.right += right
             ahead[0] -= span
@@ -119,6 +121,10 @@ class DriveReadings:
         pending = self.pending
         before = rate if watch.age > GYRO_TIMEOUT else self.rate
         age = min(watch.age, pending.span)
+        if age > GYRO_TIMEOUT:  # what it reads now is no word about a time in which nobody looked
+            self.rate = rate
+            watch.age = 0.0
+            return True
         pending.turn += 0.5 * (before + rate) * age
         pending.gyro_span += age
         pending.gyro_count += 1

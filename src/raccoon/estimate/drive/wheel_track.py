@@ -21,6 +21,8 @@ STUCK_ANGLE = 0.15
 """rad that one of counter and back-EMF turned while the other stood still: the other is dead."""
 BETWEEN = 0.012
 """s between two back-EMF words that follow each other; who looks more often sees none in between."""
+GAP = 0.1
+"""s between two cycles in which nobody saw what the wheel did; the counter alone tells how far it turned."""
 HOLD = 0.06
 """s for which a silent wheel is taken to turn on as before."""
 
@@ -69,6 +71,9 @@ class WheelTrack:
 
     def update(self, dt: float, speed: float | None, angle: float | None) -> None:
         """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent."""
+        if dt > GAP:
+            self._bridge(dt, speed, angle)
+            return
         between = self.silent if self.silent <= BETWEEN else 0.0
         if speed is not None and angle is not None:
             self._compare(between + dt, speed, angle)
@@ -92,6 +97,22 @@ class WheelTrack:
             self._hold(dt)
             return
         self.silent = 0.0
+
+    def _bridge(self, dt: float, speed: float | None, angle: float | None) -> None:
+        """Take the first cycle after a gap of dt s."""
+        if angle is None:
+            self.lost += abs(self.speed) * (self.silent + dt)
+            self.increment = 0.0
+        else:
+            before, now = self._filtered, speed
+            ahead = 0.0 if before is None or now is None else self.lag * (now - before)
+            self.increment = angle + self._behind + ahead
+        self._behind = 0.0
+        self._turned = self._moved = 0.0
+        self._filtered = speed
+        self.fine = speed is not None
+        self.speed = self.settled = 0.0 if speed is None else speed
+        self.silent = self.silent + dt if speed is None and angle is None else 0.0
 
     def restart(self, dt: float) -> None:
         """The counter jumped, or its controller restarted: what the wheel turned since the last reading stays
