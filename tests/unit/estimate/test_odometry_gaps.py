@@ -57,6 +57,33 @@ def test_motion_that_ends_unseen_is_counted(motion: Segment, seconds: float) -> 
     assert found[-1][0].status is Status.OK
 
 
+@pytest.mark.parametrize("seconds", [0.07, 0.12, 0.3, 1.0])
+@pytest.mark.parametrize("motion", [(1.0, 0.0, 1.5), (1.0, 0.15, 0.0)], ids=["turn", "straight"])
+@pytest.mark.parametrize("gyro_every", [1, 4])
+def test_a_silent_link_is_a_gap_though_cycles_come(motion: Segment, seconds: float, gyro_every: int) -> None:
+    segments: list[Segment] = [(2.0, 0.0, 0.0), motion, (2.0, 0.0, 0.0)]
+
+    def silent(inputs: Inputs) -> Inputs:
+        nothing = (None,) * 4
+        return replace(inputs, bemf=nothing, position=nothing, gyro=None)
+
+    begin = 2.6
+    cycles = drive(segments, Errors(offset_counts=OFFSETS, gyro_bias=0.003), gyro_every=gyro_every)
+    found = run(
+        (silent(inputs) if begin < inputs.time < begin + seconds else inputs, command)
+        for inputs, command in cycles
+    )
+    estimate, inputs = found[-1]
+    assert inputs.truth is not None
+    assert max(sigmas(estimate, inputs)) < 3.0
+    assert abs(estimate.heading - inputs.truth.heading) < math.radians(0.6)
+    assert math.hypot(estimate.x - inputs.truth.x, estimate.y - inputs.truth.y) < 0.005
+    assert estimate.heading_std < math.radians(1.5)
+    assert math.hypot(estimate.x_std, estimate.y_std) < 0.02
+    within = found[round((begin + min(seconds, 0.05)) / 0.005)][0]
+    assert within.x == pytest.approx(found[round(begin / 0.005)][0].x, abs=0.02)
+
+
 def later(cycles: Iterator[Cycle], after: float, seconds: float) -> Iterator[Cycle]:
     """The same with so many s of standing still between, in which the counters count their offsets."""
     for inputs, command in cycles:

@@ -50,6 +50,7 @@ class DriveReadings:
         self.time = 0.0
         self._decoder = WheelDecoder(robot)
         self._latency = imu_latency
+        self._unseen = 0.0
         self.clear()
 
     def clear(self) -> None:
@@ -68,6 +69,11 @@ class DriveReadings:
             self.time = inputs.time
             self._take_wheels(reading.dt, reading, inputs)
             fresh = self._take_gyro(reading.dt, inputs) or self.gyro.age > GYRO_TIMEOUT
+            if _is_empty(reading, inputs):  # a silent link: what was missed is taken in one piece later
+                self._unseen += reading.dt
+                fresh = False
+            else:
+                self._unseen = 0.0
         self._complain(reading, inputs)
         return fresh
 
@@ -81,18 +87,19 @@ class DriveReadings:
             right.restart(dt)
         if inputs.faults and Fault.STALE in inputs.faults:
             # A repeated frame says nothing; a counter that moved all the same does.
-            left.update(dt, None, reading.left_angle or None)
-            right.update(dt, None, reading.right_angle or None)
+            left.update(dt, None, reading.left_angle or None, self._unseen)
+            right.update(dt, None, reading.right_angle or None, self._unseen)
         else:
-            left.update(dt, reading.left_speed, reading.left_angle)
-            right.update(dt, reading.right_speed, reading.right_angle)
-        latency = self._latency
-        if latency > 0.0:
-            self._take_late(dt, latency)
+            left.update(dt, reading.left_speed, reading.left_angle, self._unseen)
+            right.update(dt, reading.right_speed, reading.right_angle, self._unseen)
+        gap = dt > GAP or self._unseen > HOLD
+        if self._latency > 0.0:
+            self._take_late(dt, 0.0 if gap else self._latency)
+            self.pending.gap = self.pending.gap or gap
             return
         pending = self.pending
         pending.span += dt
-        pending.gap = pending.gap or dt > GAP
+        pending.gap = pending.gap or gap
         pending.left += left.increment
         pending.right += right.increment
 
@@ -105,7 +112,6 @@ class DriveReadings:
         while late and ahead[0] - 0.5 * late[0][0] > latency:
             span, left, right = late.popleft()
             pending.span += span
-            pending.gap = pending.gap or span > GAP
             pending.left += left
             pending.right += right
             ahead[0] -= span
@@ -160,3 +166,9 @@ class DriveReadings:
         if inputs.faults:
             for fault in inputs.faults:
                 tell(f"port: {fault.value}", time)
+
+
+def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:
+    """Whether neither wheels nor gyro said anything in this cycle."""
+    wheels = (reading.left_speed, reading.right_speed, reading.left_angle, reading.right_angle)
+    return inputs.gyro is None and all(each is None for each in wheels)

@@ -39,6 +39,7 @@ class WheelTrack:
     """
 
     __slots__ = (
+        "_before",
         "_behind",
         "_filtered",
         "_moved",
@@ -59,6 +60,7 @@ class WheelTrack:
         self.lag = lag
         self.blind = self.lost = 0.0
         self._filtered: float | None = None
+        self._before: float | None = None  # what it was before it fell silent
         self._behind = 0.0
         self.increment = 0.0
         self.mean = 0.0
@@ -69,9 +71,12 @@ class WheelTrack:
         self.stuck = ""
         self._turned = self._moved = 0.0
 
-    def update(self, dt: float, speed: float | None, angle: float | None) -> None:
-        """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent."""
-        if dt > GAP:
+    def update(self, dt: float, speed: float | None, angle: float | None, unseen: float = 0.0) -> None:
+        """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent.
+
+        unseen: s of cycles before it in which nothing at all was read.
+        """
+        if (dt > GAP or unseen > HOLD) and not (speed is None and angle is None):
             self._bridge(dt, speed, angle)
             return
         between = self.silent if self.silent <= BETWEEN else 0.0
@@ -99,20 +104,20 @@ class WheelTrack:
         self.silent = 0.0
 
     def _bridge(self, dt: float, speed: float | None, angle: float | None) -> None:
-        """Take the first cycle after a gap of dt s."""
+        """Take the first words after a time in which there were none."""
         if angle is None:
             self.lost += abs(self.speed) * (self.silent + dt)
             self.increment = 0.0
         else:
-            before, now = self._filtered, speed
+            before, now = self._before if self._filtered is None else self._filtered, speed
             ahead = 0.0 if before is None or now is None else self.lag * (now - before)
             self.increment = angle + self._behind + ahead
         self._behind = 0.0
         self._turned = self._moved = 0.0
-        self._filtered = speed
+        self._filtered, self._before = speed, None
         self.fine = speed is not None
         self.speed = self.settled = 0.0 if speed is None else speed
-        self.silent = self.silent + dt if speed is None and angle is None else 0.0
+        self.silent = 0.0
 
     def restart(self, dt: float) -> None:
         """The counter jumped, or its controller restarted: what the wheel turned since the last reading stays
@@ -143,7 +148,7 @@ class WheelTrack:
         """Take a speed; span: s since the one before."""
         before = speed if self._filtered is None else self._filtered
         self.increment = speed * dt + self._pull(dt, speed, angle) + self.lag * (speed - before)
-        self._filtered = speed
+        self._filtered, self._before = speed, None
         self.fine = True
         # The filter's input, half a sample newer than the increment's middle.
         self._smooth(span, speed + (self.lag / max(span, SHORTEST) + 0.5) * (speed - before))
@@ -163,6 +168,8 @@ class WheelTrack:
         self.increment = self.speed * dt if self.silent <= HOLD else 0.0
         self._behind -= self.increment
         if self.silent > HOLD:
+            if self._filtered is not None:
+                self._before = self._filtered
             self._filtered = None
             self.speed = self.settled = 0.0
 
