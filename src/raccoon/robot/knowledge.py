@@ -56,6 +56,7 @@ class Knowledge:
         self.inputs: Inputs | None = None
         self._outputs = STOP
         self._plan: Pose | None = None
+        self._planned_in = 0  # the odometry's resets so far
         self._notes: Annotated | None = port if isinstance(port, Annotated) else None
 
     @property
@@ -78,11 +79,13 @@ class Knowledge:
     def plan(self) -> Pose:
         """Where the last motion was meant to end: the next one starts from there.
 
-        A plan that is far from the estimate (the robot was moved or blocked) is given up for the estimate.
+        A plan that is far from the estimate (the robot was moved or blocked) is given up for the estimate, as
+        is one from before the odometry was reset.
         """
         here = self.pose
-        if self._plan is None:
-            self._plan = here
+        if self._plan is None or self._planned_in != self.odometry.resets:
+            self.plan = here
+            return here
         ahead, aside = self._plan.offset_of(here.x, here.y)
         off = abs(here.heading - self._plan.heading)
         if max(abs(ahead), abs(aside)) > PLAN_REACH or off > PLAN_REACH_HEADING:
@@ -91,7 +94,7 @@ class Knowledge:
 
     @plan.setter
     def plan(self, pose: Pose) -> None:
-        self._plan = pose
+        self._plan, self._planned_in = pose, self.odometry.resets
 
     def replan(self) -> None:
         """Forget the plan: the next motion starts from the estimate."""

@@ -73,6 +73,8 @@ class Odometry:
         self._standstill, self._bump = Standstill(), BumpWatch()
         self._swing = Swing()
         self._configure(SIMULATOR)
+        self.resets = 0
+        """How often the pose was set anew, after which nothing planned in the one before holds."""
         self.reset(x, y, heading)
 
     @property
@@ -104,6 +106,7 @@ class Odometry:
             raise ValueError(f"pose ({x}, {y}, {heading}): every value must be finite")
         self._fusion.place(x, y, heading)
         self._readings.clear()
+        self.resets += 1
         self._estimate = self._published()
 
     def update(self, inputs: Inputs, command: Outputs = STOP) -> DriveEstimate:
