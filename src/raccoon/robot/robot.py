@@ -72,10 +72,10 @@ class Robot(Knowledge):
         self.require()
         if self._running is not None:
             raise RuntimeError(
-                f"run({action.name}) inside run({self._running}): compose actions with seq, parallel or then"
+                f"run({action.name}) inside {self._running}: compose actions with seq, parallel or then"
             )
         body = action.start(self)
-        self._running = action.name
+        self._running = f"run({action.name})"
         try:
             while True:
                 self._sense()
@@ -97,14 +97,22 @@ class Robot(Knowledge):
         """One cycle with whatever runs in the background and nothing else; the readings of it.
 
         What it drives goes on until the next cycle. The motors are stopped where it fails, as in `run`.
+        Raises RuntimeError in a `run`, which reads by itself, and in another `tick`.
         """
         self.require()
+        if self._running is not None:
+            raise RuntimeError(
+                f"tick() inside {self._running}: it reads by itself; let time pass with wait()"
+            )
+        self._running = "tick()"
         try:
             self._sense()
             self._act()
         except BaseException as error:
             self._halt(error)
             raise
+        finally:
+            self._running = None
         assert self.inputs is not None
         return self.inputs
 

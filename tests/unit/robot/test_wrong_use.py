@@ -246,6 +246,18 @@ def test_reading_a_port_that_is_not_there_is_refused() -> None:
         assert robot.digital(9) is False
 
 
+def test_a_cycle_within_a_cycle_is_refused() -> None:
+    """It took the drive's command away: the wheels stopped for a tick."""
+    with open_robot(CONFIG, port=simulated()) as robot:
+        ticks = do(lambda robot: robot.tick(), "ticks")
+        with pytest.raises(RuntimeError, match=r"tick\(\) inside run\(parallel.*let time pass with wait\(\)"):
+            robot.run(parallel(drive(0.1), seq(wait(0.2), ticks)))
+        robot.add_background(ticks)
+        with pytest.raises(RuntimeError, match=r"tick\(\) inside tick\(\)"):
+            robot.tick()
+        robot.tick()
+
+
 @pytest.mark.parametrize("taped", [0.601, lambda metres: metres], ids=["a number", "a function of something"])
 def test_a_calibration_that_cannot_ask_is_refused_before_it_drives(taped: object) -> None:
     with open_robot(CONFIG, port=simulated()) as robot:
