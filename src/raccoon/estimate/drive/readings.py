@@ -170,5 +170,5 @@ class DriveReadings:
 
 def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:
     """Whether neither wheels nor gyro said anything in this cycle."""
-    wheels = (reading.left_speed, reading.right_speed, reading.left_angle, reading.right_angle)
-    return inputs.gyro is None and all(each is None for each in wheels)
+    speeds = reading.left_speed is None and reading.right_speed is None
+    return inputs.gyro is None and speeds and reading.left_angle is None and reading.right_angle is None
