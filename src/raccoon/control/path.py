@@ -51,7 +51,10 @@ class Path:
         for x, y in points:
             if not (math.isfinite(x) and math.isfinite(y)):
                 raise ValueError(f"point ({x}, {y}): both numbers must be finite")
-        self._pieces = _pieces(_distinct(points), rounding)
+        kept = distinct(points)
+        if len(kept) < 2:
+            raise ValueError(f"{len(kept)} different points: a path needs at least 2")
+        self._pieces = _pieces(kept, rounding)
         self._begins = [0.0]
         for piece in self._pieces:
             self._begins.append(self._begins[-1] + piece.length)
@@ -89,26 +92,44 @@ class Path:
         return len(self._pieces) - 1
 
 
-def _distinct(points: Sequence[Point]) -> list[Point]:
+def distinct(points: Sequence[Point]) -> list[Point]:
+    """The points without those that lie on the one before them."""
     kept: list[Point] = []
     for point in points:
         if not kept or math.dist(kept[-1], point) > SHORTEST:
             kept.append(point)
-    if len(kept) < 2:
-        raise ValueError(f"{len(kept)} different points: a path needs at least 2")
     return kept
+
+
+def legs(points: Sequence[Point]) -> list[list[Point]]:
+    """The points, cut where the path turns back: no arc rounds that, so there one has to stop and turn."""
+    kept = distinct(points)
+    found = [kept[:2]]
+    for before, corner, after in zip(kept, kept[1:], kept[2:], strict=False):
+        if abs(_bend(_heading(before, corner), _heading(corner, after))) > SHARPEST:
+            found.append([corner])
+        found[-1].append(after)
+    return found
+
+
+def _heading(start: Point, end: Point) -> float:
+    return math.atan2(end[1] - start[1], end[0] - start[0])
+
+
+def _bend(before: float, after: float) -> float:
+    return math.remainder(after - before, math.tau)
 
 
 def _pieces(points: list[Point], rounding: float) -> list[Piece]:
     """Lines and arcs in turn."""
-    headings = [math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in itertools.pairwise(points)]
+    headings = [_heading(a, b) for a, b in itertools.pairwise(points)]
     lengths = [math.dist(a, b) for a, b in itertools.pairwise(points)]
     pieces: list[Piece] = []
     here, taken = Pose(*points[0], headings[0]), 0.0
     for index, length in enumerate(lengths):
         bend = 0.0
         if index + 1 < len(lengths):
-            bend = math.remainder(headings[index + 1] - headings[index], math.tau)
+            bend = _bend(headings[index], headings[index + 1])
         if abs(bend) > SHARPEST:
             corner = points[index + 1]
             raise ValueError(f"the path turns back at ({corner[0]:g}, {corner[1]:g}): drive it as two paths")

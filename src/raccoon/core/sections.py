@@ -34,12 +34,17 @@ JERK = Bounds(0.001, 1e6, or_zero=True)
 TOLERANCE = Bounds(1e-6, 10.0)
 
 
+CYCLE_RATE = Bounds(20.0, 500.0)
+"""Hz. In a longer cycle a wheel changes its speed by more than the speed loop and the odometry can follow: a
+motor's time constant is 30 ms."""
+
+
 @dataclass(frozen=True, slots=True)
 class ControllerConfig:
     """`[controller]`: what the program talks to."""
 
     port: str = word("wombat", "what the program talks to", CONTROLLERS)
-    rate_hz: float = number(200.0, "Hz", "cycles a second", Bounds(10.0, 500.0))
+    rate_hz: float = number(200.0, "Hz", "cycles a second", CYCLE_RATE)
     device: str = word("", "path of a serial port or SPI device; the usual one of the port where empty")
     counter_rate_hz: float = number(
         0.0,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.sample_clock import SampleClock
 
 Array = NDArray[np.float64]
@@ -171,11 +172,13 @@ def _check_rows(time: Array, rate_hz: float) -> None:
     row = float(np.median(np.diff(time)))
     if row <= max(SLOWEST_ROW, OWN_RATE / rate_hz):
         return
+    own = (
+        f", or say in robot.toml that the controller itself is as slow (controller.rate_hz = {1.0 / row:.3g})"
+    )
     raise TraceError(
         f"the recording has a row every {1000.0 * row:.3g} ms, of a controller that runs at {rate_hz:g} Hz: "
         f"when a command changed within a row is not known, and that looks like another inertia or friction; "
-        f"record at least every {1000.0 * SLOWEST_ROW:g} ms, or say in robot.toml that the controller itself "
-        f"is as slow (controller.rate_hz = {1.0 / row:.3g})"
+        f"record at least every {1000.0 * SLOWEST_ROW:g} ms{own if CYCLE_RATE.allows(1.0 / row) else ''}"
     )
 
 

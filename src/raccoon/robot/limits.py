@@ -56,15 +56,31 @@ def check_angle(turns: float = 1.0, more: str = "turns= allows more", /, **angle
         check_number(name, value, f"{most} (write deg(90) for degrees)")
         if abs(value) <= turns * math.tau * (1.0 + ROUNDING):
             continue
-        # Nobody means a broken number of degrees.
-        whole = value % 0.5 == 0.0
-        meant = f"write deg({value:g}) for degrees" if whole else f"it is {math.degrees(value):g} degrees"
+        meant = (
+            f"write deg({value:g}) for degrees"
+            if _looks_like_degrees(value)
+            else f"it is {math.degrees(value):g} degrees"
+        )
         _refuse(name, value, f"{most} ({'; '.join(filter(None, (meant, more)))})")
 
 
+def _looks_like_degrees(angle: float) -> bool:
+    """Nobody means a broken number of degrees, nor a round one of rad."""
+    return angle % 0.5 == 0.0
+
+
 def check_heading(**headings: float) -> None:
-    """Raise ValueError naming the first that is no heading in rad."""
+    """Raise ValueError naming the first that is no heading in rad.
+
+    A heading counts full turns, so more than one of them may be meant, but nobody means a whole number then.
+    """
     check_angle(MOST_TURNS, "", **headings)
+    for name, value in headings.items():
+        if abs(value) > math.tau and _looks_like_degrees(value):
+            raise ValueError(
+                f"{name} is {value:g}: beyond a full turn no heading in rad is so round "
+                f"(write deg({value:g}) for degrees)"
+            )
 
 
 def check_speed(**speeds: float | None) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
 from raccoon.robot.actions import NOTHING_RUN, Action, Steps, perform
-from raccoon.robot.deadline import MatchOver, real_deadline
+from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
 from raccoon.robot.light import tell_light, tell_no_lamp
 from raccoon.robot.limits import check_function, check_kind, check_number, check_port
 from raccoon.robot.remarks import say, tell
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MATCH_SECONDS = 120.0
+CAUGHT = (
+    "the program went on after the end of the match: it catches everything (except BaseException, or a bare "
+    "except), the end too; write except Exception"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +52,8 @@ class StepTime:
 class MatchReport:
     """How a match went.
 
-    seconds: from the light to the end. finished: the program ended by itself. steps: every `timed` step.
-    result: what the program returned. remarks: what was strange about the motors, in words.
+    seconds: from the light to the end. finished: the program ended by itself, in time. steps: every `timed`
+    step. result: what the program returned. remarks: what was strange about the motors, in words.
     """
 
     seconds: float
@@ -172,11 +176,11 @@ def run_match(
     begin, known, before = robot.time, len(robot.steps), robot.ticks
     robot.deadline = begin + seconds
     robot.note(f"match begins: {seconds:g} s")
-    result, finished = None, False
+    result, ended = None, False
     try:
-        with real_deadline(seconds) if _real(robot, alarm) else nullcontext():
+        with real_deadline(seconds) if _real(robot, alarm) else nullcontext(Alarm()) as bell:
             result = perform(robot, program)
-        finished = True
+        ended = True
     except MatchOver:
         robot.note("match over: everything off")
     finally:
@@ -185,6 +189,9 @@ def run_match(
         finally:
             robot.stop()
     robot.end_match()
+    finished = ended and not bell.rang and robot.time < robot.deadline
+    if ended and not finished:
+        say(robot, CAUGHT)
     # Where the alarm came, the last reading is older than the end.
     took = robot.time - begin if finished else max(robot.time - begin, seconds)
     steps = tuple(

@@ -21,6 +21,7 @@ from raccoon.core.readings import Device, Inputs
 from raccoon.estimate.drive.wheels import radians_per_count, resting_counts
 from raccoon.robot.actions import Action, Steps, do
 from raccoon.robot.drive import dead_time
+from raccoon.robot.holding import held, require_free
 from raccoon.robot.limits import check_angle, check_rate
 from raccoon.robot.pacing import check_finite, check_limits
 
@@ -51,6 +52,8 @@ class Mechanism:
         """Rad/s, as measured."""
         self.goal: ProfileState | None = None
         """What it is held at; None while it is released."""
+        self.moved_by: str | None = None
+        """The action that moves it now."""
         self._sign = (-1.0 if motor.inverted else 1.0) * motor.power_factor.value
         self._motor = motor
         self._offset = resting_counts(robot, config.motor)
@@ -147,17 +150,21 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
 
     speed: rad/s, its `speed` of robot.toml when None. timeout: s. The result is the angle it came to. Raises
     ValueError before it moves for more full turns than its `turns` of robot.toml; MotionTimeout, naming the
-    motor port, where it is blocked or too slow; it is released then.
+    motor port, where it is blocked or too slow; it is released then. RuntimeError where another action still
+    moves it.
     """
     check_finite(to=to)
     check_rate(speed=speed)
     check_limits(speed=speed, timeout=timeout)
 
+    label = f"move {name} to {math.degrees(to):g} deg"
+
     def steps(robot: Robot) -> Steps[float]:
         _check_turns(robot, name, to=to)
-        return (yield from _move(robot, name, lambda here: to - here, speed, timeout))
+        with held(robot.mechanism(name), label):
+            return (yield from _move(robot, name, lambda here: to - here, speed, timeout))
 
-    return Action(f"move {name} to {math.degrees(to):g} deg", steps)
+    return Action(label, steps)
 
 
 def move_by(
@@ -169,53 +176,68 @@ def move_by(
     check_limits("the sign belongs to the angle", speed=speed)
     check_limits(timeout=timeout)
 
+    label = f"move {name} by {math.degrees(angle):g} deg"
+
     def steps(robot: Robot) -> Steps[float]:
         _check_turns(robot, name, angle=angle)
-        return (yield from _move(robot, name, lambda _: angle, speed, timeout))
+        with held(robot.mechanism(name), label):
+            return (yield from _move(robot, name, lambda _: angle, speed, timeout))
 
-    return Action(f"move {name} by {math.degrees(angle):g} deg", steps)
+    return Action(label, steps)
 
 
 def spin(name: str, speed: float) -> Action[None]:
     """Turn the mechanism `name` at `speed` rad/s until ended from outside (`.until`, `.timeout`, `race`).
 
-    Then it is released. `spin("arm", -2.0).until(blocked("arm"))` drives it against its end stop.
+    Then it is released. `spin("arm", -2.0).until(blocked("arm"))` drives it against its end stop. Raises
+    RuntimeError where another action still moves it.
     """
     check_rate(speed=speed)
     check_finite(speed=speed)  # None is no default here
 
+    label = f"spin {name} at {speed:g} rad/s"
+
     def steps(robot: Robot) -> Steps[None]:
         turned = robot.mechanism(name)
-        try:
-            while True:
-                turned.goal = ProfileState(turned.angle, speed, 0.0)
-                yield
-        finally:
-            turned.release()
+        with held(turned, label):
+            try:
+                while True:
+                    turned.goal = ProfileState(turned.angle, speed, 0.0)
+                    yield
+            finally:
+                turned.release()
 
-    return Action(f"spin {name} at {speed:g} rad/s", steps)
+    return Action(label, steps)
 
 
 def release(name: str) -> Action[None]:
-    """Let the mechanism `name` go: its motor is switched off."""
+    """Let the mechanism `name` go: its motor is switched off. RuntimeError where an action moves it."""
+    label = f"release {name}"
 
     def let_go(robot: Robot) -> None:
-        robot.mechanism(name).release()
+        free = robot.mechanism(name)
+        require_free(free, label)
+        free.release()
 
-    return do(let_go, f"release {name}")
+    return do(let_go, label)
 
 
 def zero(name: str, angle: float = 0.0) -> Action[None]:
-    """From now on, where the mechanism `name` is counts as `angle` rad; it is released."""
+    """From now on, where the mechanism `name` is counts as `angle` rad; it is released.
+
+    Raises RuntimeError where an action still moves it.
+    """
     check_finite(angle=angle)
+    label = f"zero {name}"
 
     def set_angle(robot: Robot) -> None:
         here = robot.mechanism(name)
         _check_turns(robot, name, angle=angle)
+        require_free(here, label)
         here.release()
         here.angle = angle
 
-    return do(set_angle, f"zero {name}")
+    return do(set_angle, label)
 
 
 def _check_turns(robot: Robot, name: str, **angles: float) -> None:

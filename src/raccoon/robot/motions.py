@@ -37,6 +37,8 @@ __all__ = ["MotionResult", "arc", "pivot", "straight", "turn", "turn_to"]
 # A plan further than this from the estimate is not continued: somebody moved the robot.
 PLAN_REACH = 0.05
 PLAN_REACH_HEADING = 0.3
+FAR = 0.5
+"""m, radius of an arc at which heading and place tell equally well how far along it is: 0.1 deg is 1 mm."""
 
 
 def straight(
@@ -223,16 +225,23 @@ def _arc(
         "arc",
     )
 
-    def travelled() -> float:
-        return signed * (robot.estimate.heading - start.heading)
+    centre = start.x - signed * math.sin(start.heading), start.y + signed * math.cos(start.heading)
+    by_place = signed * signed / (signed * signed + FAR * FAR)
 
-    for state in pace.states(travelled, lambda way: start.along_arc(signed, way / signed)):
-        along = travelled()
-        here = start.along_arc(signed, along / signed)
+    def turned() -> float:
+        """Rad of the arc: on a tight one the heading tells it, on a wide one the place."""
+        here = robot.estimate
+        bearing = math.atan2((here.x - centre[0]) / signed, (centre[1] - here.y) / signed)
+        return here.heading - start.heading + by_place * math.remainder(bearing - here.heading, math.tau)
+
+    for state in pace.states(lambda: signed * turned(), lambda way: start.along_arc(signed, way / signed)):
+        done = turned()
+        along, here = signed * done, start.along_arc(signed, done)
         _, across = here.offset_of(robot.estimate.x, robot.estimate.y)
         if pace.finished and at_rest(robot) and abs(signed * angle - along) <= near:
             break
-        velocity, turn_rate = line_command(state, along, across, 0.0, GAINS)
+        off = robot.estimate.heading - here.heading
+        velocity, turn_rate = line_command(state, along, across, off, GAINS)
         robot.drive.velocity(
             velocity, turn_rate + velocity / signed, state.acceleration, state.acceleration / signed
         )

@@ -12,7 +12,7 @@ from itertools import dropwhile
 from typing import TYPE_CHECKING
 
 from raccoon.control.motion import line_command
-from raccoon.control.path import Path, Point
+from raccoon.control.path import Path, Point, distinct, legs
 from raccoon.control.profile import profile
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
@@ -97,14 +97,15 @@ def follow_path(
     """Drive forwards through `points` (x, y) m of the field without stopping, from where the robot is.
 
     The first piece leads from the robot's place to the first point at which it does not stand already; it
-    turns on the spot where that lies aside. rounding: m, radius of the arcs that round the corners. speed:
-    m/s of the faster wheel, the highest on the way. tolerance: m along the path at its end. Raises ValueError
-    for points that are no path.
+    turns on the spot where that lies aside. Where the points after that lead back to where it comes from, it
+    stops at that first point and turns as well. rounding: m, radius of the arcs that round the corners.
+    speed: m/s of the faster wheel, the highest on the way. tolerance: m along the path at its end. timeout: s
+    of each way without a stop. Raises ValueError for points that are no path, such as some that turn back.
     """
     check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
     _check_points(points)
-    if len(points) > 1:
+    if len(distinct(points)) > 1:
         Path(points, rounding)  # what is wrong with the points is said before anything moves
     for number, (x, y) in enumerate(points):
         check_way(**{f"x of points[{number}]": x, f"y of points[{number}]": y})
@@ -115,11 +116,15 @@ def follow_path(
         if not ahead:
             x, y = points[-1]
             return _whole(robot, Pose(x, y, here.heading), begin, [])
-        path = Path([(here.x, here.y), *ahead], rounding)
-        angle = math.remainder(path.start.heading - here.heading, math.tau)
-        if abs(angle) > robot.config.motion.heading_tolerance:
-            yield from turning(robot, angle)
-        return (yield from _follow(robot, path, speed, tolerance, timeout))
+        parts: list[MotionResult] = []
+        # Where the robot is, and so the corner at the first point, is not known before.
+        for leg in legs([(here.x, here.y), *ahead]):
+            path = Path(leg, rounding)
+            angle = math.remainder(path.start.heading - robot.plan.heading, math.tau)
+            if abs(angle) > robot.config.motion.heading_tolerance:
+                yield from turning(robot, angle)
+            parts.append((yield from _follow(robot, path, speed, tolerance, timeout)))
+        return parts[0] if len(parts) == 1 else _whole(robot, robot.plan, begin, parts)
 
     return Action(f"follow a path of {len(points)} points", steps)
 

@@ -8,28 +8,21 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.port import Port
-from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, STOP, Inputs, Outputs
-from raccoon.estimate.battery.state import PackState
-from raccoon.estimate.battery.voltage import BatteryVoltage
-from raccoon.model.pose import Pose
+from raccoon.core.readings import Inputs
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.attachments import Attachments, named
 from raccoon.robot.deadline import MatchOver
-from raccoon.robot.drive import Drive
-from raccoon.robot.limits import check_kind, check_port
-from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
-from raccoon.robot.sensors import Floor, TophatSensor
+from raccoon.robot.knowledge import Knowledge
+from raccoon.robot.limits import check_kind
+from raccoon.robot.sensors import Floor
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
     from raccoon.robot.match import StepTime
-    from raccoon.robot.mechanisms import Mechanism
-    from raccoon.robot.servos import Servo
 
 T = TypeVar("T")
 
@@ -37,20 +30,7 @@ T = TypeVar("T")
 PAUSE = 0.1
 
 
-@runtime_checkable
-class Annotated(Protocol):
-    """A port that takes what the robot believes: a recording keeps it, a replay checks it."""
-
-    def annotate(self, name: str, values: tuple[float, ...]) -> None:
-        """Numbers of this cycle under a name."""
-        ...
-
-    def event(self, text: str) -> None:
-        """A remark of this cycle."""
-        ...
-
-
-class Robot:
+class Robot(Knowledge):
     """A robot behind `port`, described by `config`. Use it as a context: leaving it stops the motors.
 
     Everything that moves goes through `run`. Whatever ends it (the action's own end, an error, Ctrl-C), the
@@ -59,20 +39,7 @@ class Robot:
     """
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
-        from raccoon.estimate.drive.odometry import Odometry
-
-        self.config = RobotConfig() if config is None else config
-        self.port = port
-        self.odometry = Odometry(self.config)
-        self.drive = Drive(self.config)
-        self.drive.followed = getattr(port, "follows_commands", True)
-        self.battery = BatteryVoltage()
-        battery = self.config.model.battery.internal_resistance
-        self.pack = PackState(
-            self.config.battery.chemistry, self.config.battery.cells, battery.value, max(battery.std, 0.05)
-        )
-        self.attachments = Attachments(self.config)
-        self.tophats = {name: TophatSensor(name, each) for name, each in self.config.tophats.items()}
+        super().__init__(port, config)
         self._floor = Floor(self.tophats)
         self.ticks = 0
         """Cycles so far."""
@@ -81,20 +48,16 @@ class Robot:
         nothing was controlled meanwhile, so nothing may make up for it at once."""
         self.paused = False
         """Whether this tick is the first after a pause, in which the program did not let the robot read."""
-        self.inputs: Inputs | None = None
         self.deadline: float | None = None
         """S, time of a reading after which nothing runs any more: the end of a match."""
         self.steps: list[StepTime] = []
         """Every timed step so far."""
-        self._outputs = STOP
         self._background: list[Steps[Any]] = []
-        self._plan: Pose | None = None
         self._closed = False
         self._match_over = False
         self._cycle = 1.0 / self.config.controller.rate_hz
         self._pause = max(PAUSE, 2.0 * self._cycle)
         self._running: str | None = None
-        self._notes: Annotated | None = port if isinstance(port, Annotated) else None
 
     # -- the loop -----------------------------------------------------------------------------------------
 
@@ -109,10 +72,10 @@ class Robot:
         self.require()
         if self._running is not None:
             raise RuntimeError(
-                f"run({action.name}) inside run({self._running}): compose actions with seq, parallel or then"
+                f"run({action.name}) inside {self._running}: compose actions with seq, parallel or then"
             )
         body = action.start(self)
-        self._running = action.name
+        self._running = f"run({action.name})"
         try:
             while True:
                 self._sense()
@@ -134,14 +97,22 @@ class Robot:
         """One cycle with whatever runs in the background and nothing else; the readings of it.
 
         What it drives goes on until the next cycle. The motors are stopped where it fails, as in `run`.
+        Raises RuntimeError in a `run`, which reads by itself, and in another `tick`.
         """
         self.require()
+        if self._running is not None:
+            raise RuntimeError(
+                f"tick() inside {self._running}: it reads by itself; let time pass with wait()"
+            )
+        self._running = "tick()"
         try:
             self._sense()
             self._act()
         except BaseException as error:
             self._halt(error)
             raise
+        finally:
+            self._running = None
         assert self.inputs is not None
         return self.inputs
 
@@ -245,84 +216,6 @@ class Robot:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-    # -- what the robot knows -----------------------------------------------------------------------------
-
-    @property
-    def time(self) -> float:
-        """S, of the last reading."""
-        return 0.0 if self.inputs is None else self.inputs.time
-
-    @property
-    def estimate(self) -> DriveEstimate:
-        """Pose, velocity and their standard deviations as of the last reading."""
-        return self.odometry.estimate
-
-    @property
-    def pose(self) -> Pose:
-        """Where the robot believes it is."""
-        here = self.odometry.estimate
-        return Pose(here.x, here.y, here.heading)
-
-    @property
-    def plan(self) -> Pose:
-        """Where the last motion was meant to end: the next one starts from there.
-
-        A plan that is far from the estimate (the robot was moved or blocked) is given up for the estimate.
-        """
-        here = self.pose
-        if self._plan is None:
-            self._plan = here
-        ahead, aside = self._plan.offset_of(here.x, here.y)
-        off = abs(here.heading - self._plan.heading)
-        if max(abs(ahead), abs(aside)) > PLAN_REACH or off > PLAN_REACH_HEADING:
-            self._plan = here
-        return self._plan
-
-    @plan.setter
-    def plan(self, pose: Pose) -> None:
-        self._plan = pose
-
-    def replan(self) -> None:
-        """Forget the plan: the next motion starts from the estimate."""
-        self._plan = None
-
-    @property
-    def battery_voltage(self) -> float | None:
-        """V under the present load, filtered; None before the first reading."""
-        return self.battery.voltage
-
-    def tophat(self, name: str) -> TophatSensor:
-        """The tophat called `name` in robot.toml; ConfigError where there is none."""
-        return named("tophat", self.tophats, name)
-
-    def servo(self, name: str) -> Servo:
-        """The servo called `name` in robot.toml; ConfigError where there is none."""
-        return named("servo", self.attachments.servos, name)
-
-    def mechanism(self, name: str) -> Mechanism:
-        """The mechanism called `name` in robot.toml; ConfigError where there is none."""
-        return named("mechanism", self.attachments.mechanisms, name)
-
-    def analog(self, port: int) -> float | None:
-        """Counts of an analog port, None where it gave nothing; ValueError where there is no such port."""
-        check_port("analog", port, ANALOG_PORTS)
-        return None if self.inputs is None else self.inputs.analog[port]
-
-    def digital(self, port: int) -> bool | None:
-        """True where the digital port is closed (pressed); ValueError where there is no such port."""
-        check_port("digital", port, DIGITAL_PORTS)
-        return None if self.inputs is None else self.inputs.digital[port]
-
-    @property
-    def outputs(self) -> Outputs:
-        """The last command."""
-        return self._outputs
-
-    def note(self, text: str) -> None:
-        """Write a remark into the recording, where there is one."""
-        if self._notes is not None:
-            self._notes.event(text)
 
 
 def _numbers(estimate: DriveEstimate) -> tuple[float, ...]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import ServoConfig
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions import Action, Steps, do
+from raccoon.robot.holding import held, require_free
 from raccoon.robot.pacing import check_limits
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ class Servo:
         self.name = name
         self.config = config
         self.pulse: float | None = None
+        self.moved_by: str | None = None
+        """The action that moves it now."""
 
     def place(self, where: str | float) -> float:
         """The pulse (us) of a named place or of a number.
@@ -58,30 +61,40 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
 
     seconds: take that long, evenly; as fast as it can when None. Ends when the servo should be there; in
     `parallel` or `background` other things go on meanwhile. Raises ConfigError for a servo or place that
-    robot.toml does not have, ValueError for a pulse outside its range.
+    robot.toml does not have, ValueError for a pulse outside its range, RuntimeError where another action
+    still moves it.
     """
     check_limits(seconds=seconds)
     if not isinstance(to, str) and not math.isfinite(to):
         raise ValueError(f"to is {to}: it must be a name or a pulse in us")
 
+    label = f"servo {name} to {to}"
+
     def steps(robot: Robot) -> Steps[None]:
         moved = robot.servo(name)
         goal = moved.place(to)
-        start = goal if moved.pulse is None or seconds is None else moved.pulse
-        lasts = moved.travel_time(goal) if seconds is None else max(seconds, moved.travel_time(goal))
-        begin = robot.time
-        while (share := (robot.time - begin) / lasts if lasts > 0.0 else 1.0) < 1.0:
-            moved.pulse = start + share * (goal - start)
-            yield
-        moved.pulse = goal
+        with held(moved, label):
+            start = goal if moved.pulse is None or seconds is None else moved.pulse
+            lasts = moved.travel_time(goal) if seconds is None else max(seconds, moved.travel_time(goal))
+            begin = robot.time
+            while (share := (robot.time - begin) / lasts if lasts > 0.0 else 1.0) < 1.0:
+                moved.pulse = start + share * (goal - start)
+                yield
+            moved.pulse = goal
 
-    return Action(f"servo {name} to {to}", steps)
+    return Action(label, steps)
 
 
 def servo_off(name: str) -> Action[None]:
-    """Switch the servo `name` off: it gives way to the hand until it is sent somewhere again."""
+    """Switch the servo `name` off: it gives way to the hand until it is sent somewhere again.
+
+    Raises ConfigError for a servo that robot.toml does not have, RuntimeError where an action still moves it.
+    """
+    label = f"servo {name} off"
 
     def switch_off(robot: Robot) -> None:
-        robot.servo(name).pulse = None
+        off = robot.servo(name)
+        require_free(off, label)
+        off.pulse = None
 
-    return do(switch_off, f"servo {name} off")
+    return do(switch_off, label)

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raccoon.control.path import Path
+from raccoon.control.path import Path, legs
 
 CORNER = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
 
@@ -49,6 +49,13 @@ def test_it_is_continuous_and_nearest_finds_its_own_points(bends: list[tuple[flo
         assert path.nearest(here.x, here.y, way - 0.002) == pytest.approx(way, abs=1e-3)
         before = here
     assert (before.x, before.y) == pytest.approx(points[-1], abs=1e-6)
+
+
+def test_legs_end_where_the_path_turns_back() -> None:
+    there, back = (1.0, 0.0), (0.0, 0.01)
+    assert legs([*CORNER, CORNER[-1]]) == [CORNER]
+    assert legs([(0.0, 0.0), there, back, (0.0, 1.0)]) == [[(0.0, 0.0), there], [there, back, (0.0, 1.0)]]
+    assert legs([there, back, there, back]) == [[there, back], [back, there], [there, back]]
 
 
 def test_nonsense_is_refused() -> None:

@@ -98,10 +98,11 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ),
         ("[motor.0]\nradians_per_tick = {value = 1, std = -1}", r"radians_per_tick.std = -1: allowed are"),
         ("[controller]\nport = 'ev3'", r"controller.port = 'ev3': allowed is wombat \| wombat-raccoon"),
-        ("[controller]\nrate_hz = nan", r"controller.rate_hz = nan: allowed are numbers from 10 to 500"),
+        ("[controller]\nrate_hz = nan", r"controller.rate_hz = nan: allowed are numbers from 20 to 500"),
+        ("[controller]\nrate_hz = 10", r"controller.rate_hz = 10: allowed are numbers from 20 to 500 Hz"),
         (
             "[controller]\nport = 'sim'\nrate_hz = 501",  # the same program must run on a Wombat
-            r"controller.rate_hz = 501: allowed are numbers from 10 to 500",
+            r"controller.rate_hz = 501: allowed are numbers from 20 to 500",
         ),
         (
             "[model.battery]\ninternal_resistance = -0.1",

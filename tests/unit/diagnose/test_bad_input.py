@@ -126,6 +126,10 @@ def test_rows_in_which_commands_change_are_refused(good: Columns) -> None:
     with pytest.raises(TraceError, match=r"a row every 15 ms.*controller\.rate_hz = 66\."):
         check(third)
     check(third, parse_robot({"controller": {"rate_hz": 66.7}}))
+    with pytest.raises(
+        TraceError, match=r"a row every 60 ms.*at least every 12\.5 ms$"
+    ):  # no robot is as slow
+        check({key: column[::12] for key, column in good.items()})
 
 
 def test_time_that_goes_back(good: Columns) -> None:

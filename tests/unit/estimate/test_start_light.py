@@ -1,5 +1,7 @@
 """Backgrounds are made here: level, noise, lamps' flicker, flashes, shadows, people, sun."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -53,18 +55,18 @@ def test_fires_on_the_lamp_alone(calibrated: bool) -> None:
     for seed in range(60):
         rng = np.random.default_rng(seed)
         dark = background(rng, 5.0)
-        lamp = np.concatenate([dark, dark[-1] + 25.0 * np.clip(np.arange(20) / 2.0, 0, 1)])
+        lamp = np.concatenate([dark, dark[-1] + 25.0 * np.clip(np.arange(40) / 2.0, 0, 1)])
         assert first_fire(counts(rng, dark), StartLight(known)) is None
         fired = first_fire(counts(rng, lamp), StartLight(known))
         assert fired is not None
-        assert 5.0 <= fired <= 5.05
+        assert 5.0 <= fired <= (5.05 if calibrated else 5.12)
 
 
 def test_fires_once_and_stays() -> None:
     light = StartLight()
-    readings = [3000.0] * 200 + [200.0] * 20 + [3000.0] * 100 + [200.0] * 20
+    readings = [3000.0] * 200 + [200.0] * 40 + [3000.0] * 100 + [200.0] * 40
     fired = [light.update(index / RATE, reading).fired for index, reading in enumerate(readings)]
-    assert fired.index(True) in range(200, 211)
+    assert fired.index(True) in range(200, 223)
     assert all(fired[fired.index(True) :])
     assert light.fires == 1
 
@@ -91,9 +93,9 @@ def test_leaving_shadow_is_no_lamp() -> None:
 
 
 def test_wait_returns_the_time_or_gives_up() -> None:
-    readings = iter([3000.0] * 200 + [200.0] * 20)
+    readings = iter([3000.0] * 200 + [200.0] * 40)
     ticks = iter(range(1000))
-    assert wait_for_light(lambda: (next(ticks) / RATE, next(readings)), StartLight()) == pytest.approx(1.04)
+    assert wait_for_light(lambda: (next(ticks) / RATE, next(readings)), StartLight()) == pytest.approx(1.10)
     with pytest.raises(MotionTimeout, match="no start light"):
         wait_for_light(lambda: (next(ticks) / RATE, 3000.0), StartLight(), timeout=0.5)
 
@@ -154,7 +156,8 @@ def test_lamp_that_comes_at_once_fires_within_three_readings(rate: int, calibrat
         light = StartLight(StartLightCalibration(3000.0, 500.0) if calibrated else None)
         found = delay(time, level(3000.0, 500.0, bulb(time, 1e-4)), light)
         assert found is not None
-        assert 0.03 <= found <= max(3.0 / rate, 0.04 + 2.0 / rate) + 1e-6
+        still = 0.04 if calibrated else 0.1  # without calibration it must stand still for longer
+        assert 0.03 <= found <= max(3.0 / rate, still + 2.0 / rate) + 1e-6
 
 
 @pytest.mark.parametrize("gap", [0.01, 0.02, 0.03, 0.05, 0.07, 0.1])
@@ -172,7 +175,7 @@ def test_readings_may_be_missing_around_the_lamp(gap: float, rate: int, calibrat
                 found = float(at) - LAMP_ON
                 break
         assert found is not None, begin
-        assert 0.03 <= found <= 0.06 + 2.0 * gap + 3.0 / rate
+        assert 0.03 <= found <= (0.06 if calibrated else 0.1) + 2.0 * gap + 3.0 / rate
 
 
 def test_lamp_that_warms_up_behind_a_gap_is_seen() -> None:
@@ -246,7 +249,45 @@ def test_lamp_over_daylight_that_was_refused_is_seen() -> None:
         light = StartLight(known)
         found = delay(time, level(3000.0, 150.0, sun + bulb(time, 1e-4)), light)
         assert found is not None
-        assert 0.03 <= found < 0.06
+        assert 0.03 <= found < (0.06 if known else 0.11)
+
+
+@pytest.mark.parametrize("rate", [50, 100, 200])
+@pytest.mark.parametrize("time_constant", [0.2, 0.3, 0.45, 0.6])
+def test_a_bulb_that_warms_up_slowly_is_seen(rate: int, time_constant: float) -> None:
+    """It has 95 % of its light after 0.6 to 1.8 s; it was shown before, or not."""
+    for off, on in ((3000.0, 150.0), (3000.0, 300.0), (2000.0, 100.0)):
+        for known in (None, StartLightCalibration(off, on)):
+            for seed in range(3):
+                time = times(rate, seed / 3.0, LAMP_ON + 4.0)
+                light = StartLight(known)
+                found = delay(time, level(off, on, bulb(time, time_constant), seed), light)
+                assert found is not None, (off, on, known, seed)
+                assert 0.03 <= found < 4.0 * time_constant + 0.5
+
+
+@pytest.mark.parametrize("rate", [25, 50, 200])
+@pytest.mark.parametrize("seconds", [0.5, 1.0, 2.0, 4.0])
+def test_the_sun_comes_out_over_a_lamp_that_was_not_shown(rate: int, seconds: float) -> None:
+    """As bright as a lamp, and evenly or with a soft edge: a start in the middle of somebody's set-up."""
+    time = times(rate, seconds=LAMP_ON + seconds + 2.0)
+    evenly = np.clip((time - LAMP_ON) / seconds, 0, 1)
+    for off, on in ((3000.0, 150.0), (3000.0, 300.0), (3000.0, 700.0)):
+        for share in (0.3, 0.6, 1.0):
+            for come in (evenly, evenly**2 * (3 - 2 * evenly)):
+                assert delay(time, level(off, on, share * come), StartLight()) is None, (off, on, share)
+
+
+@pytest.mark.parametrize("depth", [0.5, 0.8])
+@pytest.mark.parametrize("edge", [0.4, 0.8, 1.6])
+def test_one_who_shaded_it_from_the_start_leaves(depth: float, edge: float) -> None:
+    time = times(RATE, seconds=LAMP_ON + edge + 2.0)
+    gone = np.clip((time - LAMP_ON) / edge, 0, 1)
+    for off in (800.0, 2000.0, 3000.0):
+        for leaving in (gone, gone**2 * (3 - 2 * gone), np.sin(0.5 * math.pi * gone)):
+            ambient = (4095 / off - 1) * (1 - depth * (1 - leaving))
+            readings = np.clip(np.round(4095 / (1 + ambient)), 0, 4095)
+            assert delay(time, readings, StartLight()) is None, off
 
 
 def replies(readings: np.ndarray, light: StartLight) -> list[StartLightReading]:

@@ -1,4 +1,5 @@
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,57 @@ def test_damaged_file_is_named(tmp_path: Path, text: str) -> None:
     path = tmp_path / "tophats.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError, match=r"tophats\.json"):
+        TophatStore(path).history()
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "said"),
+    [
+        ("calibration.white.mean", -5.0, r"white\.mean = -5\.0: allowed are numbers from 0 to 4095"),
+        ("calibration.black.mean", 5000, r"black\.mean = 5000: allowed are numbers from 0 to 4095"),
+        ("calibration.white.mean", math.nan, r"white\.mean = nan: allowed are numbers from 0 to 4095"),
+        ("calibration.white.sd", 0.0, r"white\.sd = 0\.0: allowed are numbers above 0 up to 4095"),
+        ("calibration.white.count", 1.5, r"white\.count = 1\.5: allowed are whole numbers from 0"),
+        ("calibration.threshold", 1e9, r"threshold = 1000000000\.0: allowed are numbers from 0 to 4095"),
+        ("calibration.threshold", "700", r"threshold = '700': allowed are numbers from 0 to 4095"),
+        ("calibration.threshold", True, r"threshold = True: allowed are"),
+        ("calibration.threshold", 900.0, r": white\.mean = 12\d\d.*, threshold = 900, .*: they must rise in"),
+        ("calibration.low", None, r"calibration\.low: it is missing, the verdict needs it"),
+        ("calibration.white", None, r"calibration\.white: it is missing, the verdict needs it"),
+        ("calibration.white", [1270.0, 5.0], r"calibration\.white = \[1270\.0, 5\.0\]: it must be a table"),
+        ("calibration.white", {"mean": 1270.0}, r"calibration\.white\.sd: it is missing"),
+        ("calibration.verdict", "fine", r"verdict = 'fine': allowed is ok \| weak"),
+        ("calibration.share_black", 1.5, r"share_black = 1\.5: allowed are numbers from 0 to 1"),
+        ("calibration.separation", math.inf, r"separation = inf: allowed are numbers from 0"),
+        ("calibration.flickers", 1, r"flickers = 1: allowed are true and false"),
+        ("calibration.treshold", 1.0, r"treshold: there is no such key; did you mean threshold\?"),
+        ("battery_voltage", 67.0, r"battery_voltage = 67\.0: allowed are numbers from 0 to 30"),
+        ("generation", "newest", r"generation = 'newest': allowed are null, old and new"),
+        ("time", 5, r"time = 5: it must be a text"),
+    ],
+)
+def test_what_no_sensor_reads_is_refused_by_name(tmp_path: Path, keys: str, value: object, said: str) -> None:
+    store = TophatStore(tmp_path / "tophats.json")
+    store.add(entry("right"))
+    store.add(entry("left"))
+    table = json.loads(store.path.read_text(encoding="utf-8"))
+    *path, last = keys.split(".")
+    place = table["calibrations"][1]
+    for key in path:
+        place = place[key]
+    place[last] = value
+    store.path.write_text(json.dumps(table), encoding="utf-8")
+    for read in (store.history, lambda: store.add(entry("left"))):
+        with pytest.raises(ConfigError, match=rf"tophats\.json: calibrations\[1\] \(sensor left\).*{said}"):
+            read()
+
+
+@pytest.mark.parametrize("sensor", [5, None])
+def test_an_entry_without_a_sensor_is_told_by_its_number(tmp_path: Path, sensor: object) -> None:
+    path = tmp_path / "tophats.json"
+    table = {"sensor": sensor, "set_name": "table", "time": "", "calibration": {}}
+    path.write_text(json.dumps({"format": 1, "calibrations": [table]}), encoding="utf-8")
+    with pytest.raises(ConfigError, match=rf"calibrations\[0\]\.sensor = {sensor}: it must be a text"):
         TophatStore(path).history()
 
 

@@ -1,5 +1,7 @@
 """A wheel at rest whose back-EMF has an offset ticks on, and that is no sign of a dead sensor."""
 
+import pytest
+
 from raccoon.estimate.drive.wheel_track import WheelTrack
 
 TICK = 0.003
@@ -14,6 +16,20 @@ def test_an_offset_at_rest_is_not_taken_for_a_dead_back_emf() -> None:
         wheel.update(0.005, 0.0, counted - before - OFFSET * 0.005)
         assert wheel.stuck == ""
     assert wheel.fine
+
+
+def test_a_look_between_two_updates_of_the_back_emf_loses_nothing() -> None:
+    """The stock firmware has a new word every 4.3 ms. Who looks every 2 ms sees counters that stand, too."""
+    wheel = WheelTrack(0.0225)
+    turned = 0.0
+    for cycle in range(1000):
+        fresh = cycle % 2 == 1
+        wheel.update(0.002, 4.0 if fresh else None, 4.0 * 0.004 if fresh else 0.0)
+        turned += wheel.increment
+        assert wheel.stuck == ""
+    assert wheel.fine
+    assert wheel.speed == pytest.approx(4.0)
+    assert turned == pytest.approx(4.0 * 2.0, abs=0.02)
 
 
 def test_a_back_emf_that_stands_while_the_counter_goes_is_dead() -> None:

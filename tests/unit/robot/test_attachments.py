@@ -12,6 +12,7 @@ from raccoon import (
     MotionTimeout,
     RobotConfig,
     after_time,
+    background,
     blocked,
     deg,
     do,
@@ -19,6 +20,7 @@ from raccoon import (
     move_by,
     open_robot,
     parallel,
+    race,
     release,
     seq,
     servo,
@@ -98,6 +100,43 @@ def test_a_slow_servo_goes_evenly() -> None:
     assert pulses == sorted(pulses, key=lambda pulse: pulse or 0)
     assert pulses[140] == pytest.approx(1200 + 350, abs=5)
     assert pulses[-1] == 1900
+
+
+@pytest.mark.parametrize(
+    ("both", "second", "first"),
+    [
+        (lambda: parallel(move("arm", 1.0), move("arm", -1.0)), "move arm to -57", "move arm to 57"),
+        (lambda: parallel(servo("claw", "open"), servo("claw", "closed")), "claw to closed", "claw to open"),
+        (
+            lambda: seq(background(servo("claw", "open", 2.0)), wait(0.1), servo_off("claw")),
+            "claw off",
+            "open",
+        ),
+        (lambda: seq(background(spin("arm", 2.0)), wait(0.1), release("arm")), "release arm", "spin arm"),
+        (lambda: seq(background(move_by("arm", 1.0)), wait(0.1), zero("arm")), "zero arm", "move arm by"),
+    ],
+)
+def test_two_that_move_the_same_at_once_are_refused(
+    both: Callable[[], Action[object]], second: str, first: str
+) -> None:
+    with open_robot(CONFIG, port=Spy()) as robot:
+        robot.run(servo("claw", 1000))
+        with pytest.raises(
+            RuntimeError, match=rf"two actions move \w+ at.*{second}.* while .*{first}.*a seq"
+        ):
+            robot.run(both())
+        assert robot.outputs.duty == STOP.duty
+
+
+def test_what_moved_it_before_has_ended() -> None:
+    with open_robot(CONFIG, port=Spy()) as robot:
+        robot.run(
+            seq(background(servo("claw", "open")), wait(1.0), servo("claw", "closed"), servo_off("claw"))
+        )
+        robot.run(seq(race(spin("arm", 2.0), wait(0.2)), release("arm"), move("arm", 0.5), move("arm", 0.0)))
+        with pytest.raises(MotionTimeout):
+            robot.run(spin("arm", 1.0).timeout(0.1))
+        robot.run(zero("arm"))
 
 
 def test_a_servo_is_off_before_its_first_use_and_when_switched_off() -> None:

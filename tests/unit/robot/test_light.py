@@ -95,7 +95,7 @@ def test_light_that_stays_and_is_no_lamp_is_said_once_and_then_the_lamp_starts()
 
     with open_robot(CONFIG, port=Lamp(counts)) as robot:
         robot.run(wait_for_light(PORT))
-        assert robot.time == pytest.approx(5.045, abs=0.01)
+        assert robot.time == pytest.approx(5.105, abs=0.01)
         said = [each for each in robot.drive.remarks.values() if "start light" in each]
         assert len(said) == 1
         assert "analog 5" in said[0]

@@ -126,6 +126,8 @@ def test_the_clock_ends_it_whatever_the_program_does(program: Action[None] | Cal
     with open_robot(CONFIG, port=port) as robot:
         report = run_match(robot, program, seconds=1.0)
         assert report.seconds == pytest.approx(1.0, abs=0.05)
+        assert not report.finished
+        assert any("went on after the end" in each for each in report.remarks) == (program is ignores_the_end)
         assert port.last == STOP
         with pytest.raises(RuntimeError, match="the match of this robot is over: open the robot again"):
             robot.run(straight(0.1))
@@ -181,6 +183,29 @@ def test_the_alarm_of_the_wall_clock_ends_code_that_never_comes_back() -> None:
     assert report.steps[0].end == pytest.approx(0.1)
     assert report.steps[0].ended.startswith("MatchOver")
     assert "   0.10 s  stopped by the clock" in report.table()
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no interval timer here")
+def test_an_alarm_that_the_program_catches_is_one_and_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("raccoon.robot.deadline.AGAIN", 0.05)
+    caught = 0
+
+    def hangs(_robot: Robot) -> str:
+        nonlocal caught
+        while caught < 2:
+            try:
+                signal.pause()
+            except:  # noqa: E722
+                caught += 1
+        return "all done"
+
+    with open_robot(CONFIG, port=Lamp()) as robot:
+        report = run_match(robot, hangs, seconds=0.1, alarm=True)
+    assert caught == 2
+    assert not report.finished
+    assert report.seconds == pytest.approx(0.1)
+    assert "stopped by the clock" in report.table()
+    assert "remark: the program went on after the end of the match: it catches everything" in report.table()
 
 
 def test_a_robot_has_one_match() -> None:

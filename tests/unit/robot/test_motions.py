@@ -28,6 +28,7 @@ from raccoon import (
 from raccoon.core.config import ControllerConfig, Measured, MotorConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
+from raccoon.robot.emulated import open_emulated
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
@@ -172,3 +173,29 @@ def test_a_slow_loop_drives_as_steadily(rate_hz: float) -> None:
         assert abs(robot.run(straight(0.5)).along) < 0.002
         assert sum(abs(after - before) for before, after in pairwise(port.duties)) < 4.0
         assert abs(robot.run(turn(deg(90))).heading) < deg(0.3)
+
+
+def test_a_pose_that_was_set_anew_is_where_the_next_motion_starts() -> None:
+    """The plan is of the old frame: within its reach it was kept, and 40 mm were driven twice."""
+    port = simulated()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(seq(wait(0.5), straight(0.04), wait(0.2)))
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        begin = robot.inputs.truth.x
+        robot.odometry.reset()
+        robot.run(seq(straight(0.1), wait(0.2)))
+        assert robot.inputs.truth is not None
+        assert robot.inputs.truth.x - begin == pytest.approx(0.1, abs=0.002)
+        assert robot.plan.x == pytest.approx(0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize(("radius", "angle_deg"), [(5.0, 5.0), (2.0, -12.0), (0.6, 40.0)])
+def test_a_wide_arc_ends_on_its_mark(radius: float, angle_deg: float) -> None:
+    """A heading that is 0.3 degrees off is 27 mm of such an arc: there the place tells how far it is."""
+    with open_robot(RobotConfig(), port=open_emulated(RobotConfig(), 21, world=World.empty())) as robot:
+        robot.run(wait(1.0))
+        result = robot.run(arc(radius, deg(angle_deg)))
+    assert abs(result.along) < 0.002
+    assert abs(result.across) < 0.002
+    assert abs(result.heading) < deg(0.4)

@@ -44,6 +44,21 @@ def test_a_path_begins_with_the_first_point_at_which_the_robot_is_not() -> None:
     assert robot.time < 7.5  # it did not turn to a point 2 mm away
 
 
+def test_a_robot_that_comes_from_where_the_path_leads_stops_and_turns() -> None:
+    """Where it is, nobody knows when the path is made: in the middle of a match that must be no error."""
+    result, end, robot = run(follow_path([(0.3, 0.0), (0.3, 0.0), (0.1, 0.01), (0.1, 0.2)]))
+    assert (end.x, end.y) == pytest.approx((0.1, 0.2), abs=0.01)
+    assert math.degrees(math.remainder(end.heading, math.tau)) == pytest.approx(90.0, abs=1.0)
+    assert (robot.plan.x, robot.plan.y) == pytest.approx((0.1, 0.2))
+    assert abs(result.along) < 0.002
+    assert result.duration > 5.0
+
+
+def test_the_same_point_twice_is_one() -> None:
+    _, end, _ = run(follow_path([(0.2, 0.0), (0.2, 0.0)]))
+    assert (end.x, end.y) == pytest.approx((0.2, 0.0), abs=0.004)
+
+
 @pytest.mark.parametrize(("angle_deg", "wheel"), [(90, "left"), (90, "right"), (-60, "left")])
 def test_pivot_keeps_one_wheel_where_it_is(angle_deg: float, wheel: str) -> None:
     _, end, robot = run(pivot(deg(angle_deg), wheel))

@@ -91,6 +91,10 @@ def loose(value: object) -> Any:
         (lambda: turn(float("inf")), "angle is inf: it must be a finite number"),
         (lambda: turn(1.0, rate=90), r"rate is 90: allowed are numbers up to 20 rad/s"),
         (lambda: turn_to(-90), r"heading is -90: .*write deg\(-90\)"),
+        (lambda: turn_to(20), r"heading is 20: beyond a full turn .*write deg\(20\) for degrees"),
+        (lambda: turn_to(-22.5), r"heading is -22.5: .*write deg\(-22.5\)"),
+        (lambda: drive_to(0.4, 0.2, 15), r"heading is 15: .*write deg\(15\)"),
+        (lambda: align_on_wall(heading=-7), r"heading is -7: .*write deg\(-7\)"),
         (lambda: arc(0.2, 90), r"angle is 90: .*deg\(90\)"),
         (lambda: arc(0.0, 1.0), r"radius is 0.0 m: it must be above 0 \(turn\(\)"),
         (lambda: arc(25.0, 1.0), "radius is 25: .*30 cm are 0.30"),
@@ -138,6 +142,8 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
     for make in (
         lambda: turn(deg(360)),
         lambda: turn(-deg(90) - deg(270)),
+        lambda: turn_to(deg(720)),
+        lambda: turn_to(deg(-1000)),
         lambda: turn(deg(720), turns=2),
         lambda: arc(0.3, deg(720), turns=2),
         lambda: pivot(deg(720), "left", turns=2),
@@ -238,6 +244,18 @@ def test_reading_a_port_that_is_not_there_is_refused() -> None:
         robot.tick()
         assert robot.analog(5) is not None
         assert robot.digital(9) is False
+
+
+def test_a_cycle_within_a_cycle_is_refused() -> None:
+    """It took the drive's command away: the wheels stopped for a tick."""
+    with open_robot(CONFIG, port=simulated()) as robot:
+        ticks = do(lambda robot: robot.tick(), "ticks")
+        with pytest.raises(RuntimeError, match=r"tick\(\) inside run\(parallel.*let time pass with wait\(\)"):
+            robot.run(parallel(drive(0.1), seq(wait(0.2), ticks)))
+        robot.add_background(ticks)
+        with pytest.raises(RuntimeError, match=r"tick\(\) inside tick\(\)"):
+            robot.tick()
+        robot.tick()
 
 
 @pytest.mark.parametrize("taped", [0.601, lambda metres: metres], ids=["a number", "a function of something"])

@@ -17,6 +17,7 @@ from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.health import Reasons
 from raccoon.estimate.drive.observations import Seen, Way, checked, of_state
 from raccoon.estimate.drive.slip import SlipWatch
+from raccoon.estimate.drive.wheels import LONGEST_GAP
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.model import Array
@@ -26,6 +27,10 @@ from raccoon.model.drive import DriveGeometry
 KEPT_STEPS = 100
 DOUBTED = 100.0
 """(rad/s)^2, variance of a wheel that slips: it counts for nothing beside the others."""
+LOST_HEADING = 0.4
+"""rad, deviation after a gap beyond which nothing is known of the pose."""
+LOST = 2.0
+"""m and rad: anywhere on a table, facing anywhere."""
 RELEARN = 0.05
 """Deviation that both scales get where they turn out wrong."""
 
@@ -36,7 +41,9 @@ class Reading:
 
     values, variances: left and right wheel (rad/s, nominal scale) and, where it is there, the gyro (rad/s).
     swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
-    other less. still: the robot stood.
+    other less. still: the robot stood. now: where nobody looked for a part of the step, the wheels' speeds at
+    its end, rad/s; values are then the mean of what the counters say, variances and wobble those of the
+    angles, rad^2.
     """
 
     time: float
@@ -46,6 +53,7 @@ class Reading:
     swing: float
     wobble: float
     still: bool
+    now: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +80,7 @@ class Fusion:
         self.way = Way()
         self.distance = 0.0
         self._settings = settings
+        self._travel = 0.0
         self._steps: deque[Step] = deque(maxlen=KEPT_STEPS)
 
     def place(self, x: float, y: float, heading: float) -> None:
@@ -90,7 +99,8 @@ class Fusion:
         if reading.still:
             self._hold_still()
         flat, span = self.drive.flat, reading.span
-        self.distance += flat[State.WAY] * flat[State.VELOCITY] * span
+        bridged = reading.now is not None
+        self.distance += self._travel if bridged else flat[State.WAY] * flat[State.VELOCITY] * span
         way = self.way
         way.left += reading.values[0] * span
         way.right += reading.values[1] * span
@@ -134,9 +144,26 @@ class Fusion:
 
     def _take(self, reading: Reading) -> Flat:
         span, values, variances = reading.span, reading.values, reading.variances
+        if reading.now is not None:
+            self._bridge(reading, reading.now)
+            return ()
         if len(values) == 3:
             return self.drive.step(span, values, variances, reading.swing, reading.wobble)  # type: ignore[arg-type]
         return self.drive.step_wheels(span, values, variances, reading.wobble)  # type: ignore[arg-type]
+
+    def _bridge(self, reading: Reading, now: tuple[float, float]) -> None:
+        """Move on by the counters over a time in which nobody looked."""
+        flat, span, (left, right) = self.drive.flat, reading.span, reading.values
+        speeds = now[0] - flat[State.LEFT_OFFSET], now[1] - flat[State.RIGHT_OFFSET]
+        motion = self.geometry.body_motion(*speeds)
+        angles, variances = (left * span, right * span), (reading.variances[0], reading.variances[1])
+        self._travel = self.drive.bridge(span, angles, variances, reading.wobble, *motion)
+        self.slip.start_again()
+        if span >= LONGEST_GAP or self.deviation(State.HEADING) > LOST_HEADING:
+            # No straight line goes through so much doubt: what is learnt later would throw the pose about.
+            x, y, heading = flat[: State.VELOCITY]
+            self.drive.place(x, y, heading, LOST)
+            self._travel = 0.0
 
     def _hold_still(self) -> None:
         settings = self._settings

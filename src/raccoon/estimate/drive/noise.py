@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
-from raccoon.estimate.drive.readings import GAP
 from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import SAMPLE_TIME, counts_scale
 from raccoon.estimate.ekf.state import OdometrySettings
@@ -34,12 +33,20 @@ class WheelNoise:
             return SILENT_WHEEL / span
         steps = (self._tick / span) ** 2 / 6.0
         noise = self._bemf / span if wheel.fine else steps
-        if span > GAP:
-            noise += steps + self._bemf / SAMPLE_TIME
         slip = self._settings.slip_noise**2 * abs(speed) / (self._radius * span)
         late = self._settings.timing * (speed - wheel.mean) / span
         unseen = self._dead_zone * min(wheel.blind / span, 1.0) + (wheel.lost / span) ** 2
         return noise + slip + late * late + unseen + 1e-10
+
+    def of_angle(self, wheel: WheelTrack, angle: float, span: float) -> float:
+        """Of the angle (rad) that a wheel turned over a gap of `span` s by its counter, rad^2."""
+        if wheel.silent > HOLD:
+            return SILENT_WHEEL * span
+        steps = self._tick**2 / 3.0
+        ahead = self._bemf / SAMPLE_TIME * wheel.lag**2
+        slip = self._settings.slip_noise**2 * abs(angle) / self._radius
+        late = self._settings.timing * (wheel.speed - wheel.mean)
+        return steps + ahead + slip + late * late + wheel.lost**2 + 1e-10
 
     def wobble(self, left: float, right: float, span: float) -> float:
         """Of half the difference of both wheels' mean speeds, because they are not round.

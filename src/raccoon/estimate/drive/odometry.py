@@ -73,6 +73,8 @@ class Odometry:
         self._standstill, self._bump = Standstill(), BumpWatch()
         self._swing = Swing()
         self._configure(SIMULATOR)
+        self.resets = 0
+        """How often the pose was set anew, after which nothing planned in the one before holds."""
         self.reset(x, y, heading)
 
     @property
@@ -104,6 +106,7 @@ class Odometry:
             raise ValueError(f"pose ({x}, {y}, {heading}): every value must be finite")
         self._fusion.place(x, y, heading)
         self._readings.clear()
+        self.resets += 1
         self._estimate = self._published()
 
     def update(self, inputs: Inputs, command: Outputs = STOP) -> DriveEstimate:
@@ -201,6 +204,9 @@ class Odometry:
         """Move the filter to now over the whole time since it last moved."""
         pending, self._readings.pending = self._readings.pending, Pending()
         span, noise, left, right = pending.span, self._noise, self._left, self._right
+        if pending.gap:
+            self._bridge(pending)
+            return
         read: tuple[float, ...] = (pending.left / span, pending.right / span)
         variances: tuple[float, ...] = (
             noise.variance(left, read[0], span),
@@ -220,6 +226,22 @@ class Odometry:
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self._feel(span, still, inputs)
+
+    def _bridge(self, pending: Pending) -> None:
+        """Move the filter to now over a time in which nobody looked."""
+        span, noise, left, right = pending.span, self._noise, self._left, self._right
+        variances = noise.of_angle(left, pending.left, span), noise.of_angle(right, pending.right, span)
+        wobble = noise.wobble(pending.left, pending.right, 1.0)
+        now = left.speed, right.speed
+        left.mean, right.mean = now
+        left.blind = right.blind = left.lost = right.lost = 0.0
+        velocity, turn_rate = self._geometry.body_motion(*now)
+        self._swing.update(span, turn_rate, self._readings.rate)
+        self._standstill.interrupt()
+        self._bump.interrupt(velocity)
+        read = pending.left / span, pending.right / span
+        reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now)
+        self._fusion.advance(reading, self._reasons, False)
 
     def _feel(self, span: float, still: bool, inputs: Inputs) -> None:
         """Compare the accelerometer with the wheels."""

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
-from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
+from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
 
 COARSE_GYRO = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""
-GAP = 0.1
-"""s between cycles that is a gap."""
 
 
 @dataclass(slots=True)
@@ -24,6 +22,8 @@ class Pending:
     """What was read since the filter last moved: s, wheel angles (rad, nominal), the gyro's turn and time."""
 
     span: float = 0.0
+    gap: bool = False
+    """Whether nobody looked for a part of it."""
     left: float = 0.0
     right: float = 0.0
     turn: float = 0.0
@@ -50,6 +50,7 @@ class DriveReadings:
         self.time = 0.0
         self._decoder = WheelDecoder(robot)
         self._latency = imu_latency
+        self._unseen = 0.0
         self.clear()
 
     def clear(self) -> None:
@@ -68,6 +69,11 @@ class DriveReadings:
             self.time = inputs.time
             self._take_wheels(reading.dt, reading, inputs)
             fresh = self._take_gyro(reading.dt, inputs) or self.gyro.age > GYRO_TIMEOUT
+            if _is_empty(reading, inputs):  # a silent link: what was missed is taken in one piece later
+                self._unseen += reading.dt
+                fresh = False
+            else:
+                self._unseen = 0.0
         self._complain(reading, inputs)
         return fresh
 
@@ -81,17 +87,19 @@ class DriveReadings:
             right.restart(dt)
         if inputs.faults and Fault.STALE in inputs.faults:
             # A repeated frame says nothing; a counter that moved all the same does.
-            left.update(dt, None, reading.left_angle or None)
-            right.update(dt, None, reading.right_angle or None)
+            left.update(dt, None, reading.left_angle or None, self._unseen)
+            right.update(dt, None, reading.right_angle or None, self._unseen)
         else:
-            left.update(dt, reading.left_speed, reading.left_angle)
-            right.update(dt, reading.right_speed, reading.right_angle)
-        latency = self._latency
-        if latency > 0.0:
-            self._take_late(dt, latency)
+            left.update(dt, reading.left_speed, reading.left_angle, self._unseen)
+            right.update(dt, reading.right_speed, reading.right_angle, self._unseen)
+        gap = dt > GAP or self._unseen > HOLD
+        if self._latency > 0.0:
+            self._take_late(dt, 0.0 if gap else self._latency)
+            self.pending.gap = self.pending.gap or gap
             return
         pending = self.pending
         pending.span += dt
+        pending.gap = pending.gap or gap
         pending.left += left.increment
         pending.right += right.increment
 
@@ -119,6 +127,10 @@ class DriveReadings:
         pending = self.pending
         before = rate if watch.age > GYRO_TIMEOUT else self.rate
         age = min(watch.age, pending.span)
+        if age > GYRO_TIMEOUT:  # what it reads now is no word about a time in which nobody looked
+            self.rate = rate
+            watch.age = 0.0
+            return True
         pending.turn += 0.5 * (before + rate) * age
         pending.gyro_span += age
         pending.gyro_count += 1
@@ -154,3 +166,9 @@ class DriveReadings:
         if inputs.faults:
             for fault in inputs.faults:
                 tell(f"port: {fault.value}", time)
+
+
+def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:
+    """Whether neither wheels nor gyro said anything in this cycle."""
+    speeds = reading.left_speed is None and reading.right_speed is None
+    return inputs.gyro is None and speeds and reading.left_angle is None and reading.right_angle is None

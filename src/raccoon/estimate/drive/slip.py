@@ -107,6 +107,10 @@ class BumpWatch:
         self._sum = 0.0
         self._velocity = 0.0
 
+    def interrupt(self, velocity: float) -> None:
+        """Nobody felt anything for a while; the wheels' velocity is this now, m/s."""
+        self._sum, self._velocity = 0.0, velocity
+
     def update(self, dt: float, forward: float, velocity: float, still: bool) -> bool:
         """forward: accelerometer, m/s2. velocity: the wheels', m/s. True while the robot was bumped."""
         if still:

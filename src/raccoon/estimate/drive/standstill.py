@@ -27,6 +27,11 @@ class Standstill:
         self.still = False
         self.seconds = 0.0
 
+    def interrupt(self) -> None:
+        """Nobody looked for a while: it has to stand anew."""
+        self._quiet = self.seconds = 0.0
+        self.still = False
+
     def update(
         self, dt: float, driven: bool, wheel: tuple[float, float], gyro: tuple[float, float] | None
     ) -> bool:

@@ -19,6 +19,10 @@ SPEED_SMOOTHING = 0.005
 """s, time constant of the speed handed to the speed loop."""
 STUCK_ANGLE = 0.15
 """rad that one of counter and back-EMF turned while the other stood still: the other is dead."""
+BETWEEN = 0.012
+"""s between two back-EMF words that follow each other; who looks more often sees none in between."""
+GAP = 0.1
+"""s between two cycles in which nobody saw what the wheel did; the counter alone tells how far it turned."""
 HOLD = 0.06
 """s for which a silent wheel is taken to turn on as before."""
 
@@ -35,6 +39,7 @@ class WheelTrack:
     """
 
     __slots__ = (
+        "_before",
         "_behind",
         "_filtered",
         "_moved",
@@ -55,6 +60,7 @@ class WheelTrack:
         self.lag = lag
         self.blind = self.lost = 0.0
         self._filtered: float | None = None
+        self._before: float | None = None  # what it was before it fell silent
         self._behind = 0.0
         self.increment = 0.0
         self.mean = 0.0
@@ -65,16 +71,27 @@ class WheelTrack:
         self.stuck = ""
         self._turned = self._moved = 0.0
 
-    def update(self, dt: float, speed: float | None, angle: float | None) -> None:
-        """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent."""
+    def update(self, dt: float, speed: float | None, angle: float | None, unseen: float = 0.0) -> None:
+        """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent.
+
+        unseen: s of cycles before it in which nothing at all was read.
+        """
+        if (dt > GAP or unseen > HOLD) and not (speed is None and angle is None):
+            self._bridge(dt, speed, angle)
+            return
+        between = self.silent if self.silent <= BETWEEN else 0.0
         if speed is not None and angle is not None:
-            self._compare(dt, speed, angle)
+            self._compare(between + dt, speed, angle)
             if self.stuck == "counter":
                 angle = None
             elif self.stuck == "back-EMF":
                 speed = None
         if speed is not None:
-            self._from_back_emf(dt, speed, angle)
+            self._from_back_emf(dt, speed, angle, between + dt)
+        elif angle is not None and self.fine and self.silent + dt <= BETWEEN:
+            self._behind += angle
+            self._hold(dt)
+            return
         elif angle is not None:
             self.fine = False
             self.increment = angle + self._behind
@@ -84,6 +101,22 @@ class WheelTrack:
         else:
             self._hold(dt)
             return
+        self.silent = 0.0
+
+    def _bridge(self, dt: float, speed: float | None, angle: float | None) -> None:
+        """Take the first words after a time in which there were none."""
+        if angle is None:
+            self.lost += abs(self.speed) * (self.silent + dt)
+            self.increment = 0.0
+        else:
+            before, now = self._before if self._filtered is None else self._filtered, speed
+            ahead = 0.0 if before is None or now is None else self.lag * (now - before)
+            self.increment = angle + self._behind + ahead
+        self._behind = 0.0
+        self._turned = self._moved = 0.0
+        self._filtered, self._before = speed, None
+        self.fine = speed is not None
+        self.speed = self.settled = 0.0 if speed is None else speed
         self.silent = 0.0
 
     def restart(self, dt: float) -> None:
@@ -111,13 +144,14 @@ class WheelTrack:
         elif abs(alone) < 0.5 * STUCK_ANGLE:
             self.stuck = ""
 
-    def _from_back_emf(self, dt: float, speed: float, angle: float | None) -> None:
+    def _from_back_emf(self, dt: float, speed: float, angle: float | None, span: float) -> None:
+        """Take a speed; span: s since the one before."""
         before = speed if self._filtered is None else self._filtered
         self.increment = speed * dt + self._pull(dt, speed, angle) + self.lag * (speed - before)
-        self._filtered = speed
+        self._filtered, self._before = speed, None
         self.fine = True
         # The filter's input, half a sample newer than the increment's middle.
-        self._smooth(dt, speed + (self.lag / max(dt, SHORTEST) + 0.5) * (speed - before))
+        self._smooth(span, speed + (self.lag / max(span, SHORTEST) + 0.5) * (speed - before))
 
     def _pull(self, dt: float, speed: float, angle: float | None) -> float:
         """rad by which the counter draws the integrated back-EMF to itself in this cycle."""
@@ -134,6 +168,8 @@ class WheelTrack:
         self.increment = self.speed * dt if self.silent <= HOLD else 0.0
         self._behind -= self.increment
         if self.silent > HOLD:
+            if self._filtered is not None:
+                self._before = self._filtered
             self._filtered = None
             self.speed = self.settled = 0.0
 

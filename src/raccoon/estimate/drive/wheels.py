@@ -164,6 +164,8 @@ class _Wheel:
         self.last, self.since = ticks, 0.0
         if last is None:
             return None
+        if since >= LONGEST_GAP:
+            return None
         moved = (ticks - last) * self._tick * self._scale
         slack = 2.0 * abs(self._tick * self._scale)
         if abs(moved) > MAX_WHEEL_SPEED * since + slack or self._announced(inputs):

@@ -15,11 +15,20 @@ from typing import Any
 import numpy as np
 
 from raccoon.estimate.ekf import generated
+from raccoon.estimate.ekf.bridge import bridged
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.drive import DriveGeometry
 
+_SLOW = [
+    State.GYRO_BIAS,
+    State.LEFT_OFFSET,
+    State.RIGHT_OFFSET,
+    State.WAY,
+    State.BALANCE,
+    State.WHEEL_TURN,
+]
 _ROWS, _COLUMNS = np.triu_indices(SIZE)
 
 
@@ -166,6 +175,30 @@ class DriveFilter:
         )
         return innovations
 
+    def bridge(
+        self,
+        dt: float,
+        angles: tuple[float, float],
+        variances: tuple[float, float],
+        wobble: float,
+        velocity: float,
+        turn_rate: float,
+    ) -> float:
+        """Move on by dt s in which nobody looked, by the angles (rad, nominal) that both wheels turned; m.
+
+        variances, wobble: of the angles, rad^2. velocity, turn_rate: m/s and rad/s that it has now, about.
+        """
+        _, _, gyro_bias, offset, scale = self._noise(dt)
+        P = covariance_of(self.flat)
+        P[_SLOW, _SLOW] += (gyro_bias, offset, offset, scale, scale, scale)
+        P[State.WAY, State.WHEEL_TURN] -= scale
+        P[State.WHEEL_TURN, State.WAY] -= scale
+        noise = np.diag(variances) + wobble * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry)
+        mean[State.VELOCITY], mean[State.TURN_RATE] = velocity, turn_rate
+        self.flat = flattened(mean, P)
+        return travel
+
     def update_gyro(self, gyro: float, variance: float) -> Flat:
         """Take a gyro reading alone."""
         self.flat, innovations = generated.update_gyro(self.flat, gyro, variance)
@@ -192,7 +225,7 @@ class DriveFilter:
         return float(ekf.mahalanobis)
 
     def place(self, x: float, y: float, heading: float, std: float) -> None:
-        """Take the pose to be known (m, m, rad; std in m and rad); nothing else changes."""
+        """Take the pose to be this (m, m, rad; std in m and rad); nothing else changes."""
         mean, P = mean_of(self.flat), covariance_of(self.flat)
         pose = [State.X, State.Y, State.HEADING]
         mean[pose] = x, y, heading

@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
-from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
+from raccoon.estimate.tophat.stored import StoredCalibration, parse_entry
+
+__all__ = ["StoredCalibration", "TophatStore"]
 
 FORMAT = 1
 KEPT = 50  # calibrations of one sensor and surface
-
-
-@dataclass(frozen=True, slots=True)
-class StoredCalibration:
-    """One calibration with where it came from.
-
-    set_name: the floor or table it is for. time: ISO 8601, given by the caller. ambient: light level
-    (0 normal, 1 direct sun). battery_voltage: V. generation: "old" or "new". None: not known.
-    """
-
-    sensor: str
-    set_name: str
-    time: str
-    calibration: TophatCalibration
-    robot: str = ""
-    ambient: float | None = None
-    battery_voltage: float | None = None
-    generation: str | None = None
 
 
 class TophatStore:
@@ -43,7 +25,8 @@ class TophatStore:
     def history(self, sensor: str | None = None, set_name: str | None = None) -> list[StoredCalibration]:
         """What is stored, oldest first; of one sensor or set where given. Empty where there is no file.
 
-        Raises ConfigError naming the file where it is damaged or of another format.
+        Raises ConfigError naming the file where it is damaged or of another format, and the sensor, the value
+        and what is allowed where it says what no sensor reads.
         """
         return [
             each
@@ -75,24 +58,20 @@ class TophatStore:
             table = json.loads(self.path.read_text(encoding="utf-8"))
             if table["format"] != FORMAT:
                 raise ConfigError(f"{self.path}: format {table['format']!r}; this version reads {FORMAT}")
-            return [_entry(each) for each in table["calibrations"]]
+            entries = list(enumerate(table["calibrations"]))
         except FileNotFoundError:
             return []
-        except (ValueError, KeyError, TypeError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             if isinstance(error, ConfigError):
                 raise
             raise ConfigError(f"{self.path}: not a file of tophat calibrations: {error!r}") from error
+        try:
+            return [parse_entry(each, f"calibrations[{number}]") for number, each in entries]
+        except ConfigError as error:
+            raise ConfigError(f"{self.path}: {error}") from None
 
     def _write(self, entries: list[StoredCalibration]) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         table = {"format": FORMAT, "calibrations": [asdict(each) for each in entries]}
         text = json.dumps(table, indent=1, allow_nan=False)
         write_atomically(self.path, text)
-
-
-def _entry(table: Mapping[str, Any]) -> StoredCalibration:
-    found = dict(table["calibration"])
-    for side in ("white", "black"):
-        found[side] = None if found[side] is None else Surface(**found[side])
-    found["verdict"] = Verdict(found["verdict"])
-    return StoredCalibration(**{**table, "calibration": TophatCalibration(**found)})

@@ -11,6 +11,7 @@ from typing import Protocol, Self
 from raccoon.core.clock import Clock, RealClock, Ticker
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import MOTOR_PORTS, STOP, Fault, Inputs, Outputs
+from raccoon.core.sections import CYCLE_RATE
 from raccoon.hal.wombat.dialect import Dialect
 from raccoon.hal.wombat.link import SPI_DEVICE, Link, ResetLine, SpiLink
 from raccoon.hal.wombat.monitor import Monitor, Rates
@@ -42,7 +43,7 @@ class Guard(Protocol):
 class WombatPort:
     """A KIPR Wombat with the stock firmware or RaccoonOS 17 or 21, whichever answers.
 
-    link: the bus, or an emulator. rate_hz: cycles a second, 10 to 500. dialect: the firmware, probed where
+    link: the bus, or an emulator. rate_hz: cycles a second, 20 to 500. dialect: the firmware, probed where
     not given. guard: stops the motors if this program dies. reset_line: restarts a controller that no longer
     obeys. watch_analog: ports whose saturation is a fault. resting_bemf: counts of each motor at standstill
     that are known, and so no fault.
@@ -223,8 +224,8 @@ class WombatPort:
 
 
 def _check_rate(rate_hz: float) -> None:
-    if not 10.0 <= rate_hz <= 500.0:
-        raise ConfigError(f"rate_hz is {rate_hz}: allowed are 10 to 500")
+    if not CYCLE_RATE.allows(rate_hz):
+        raise ConfigError(f"rate_hz is {rate_hz}: allowed are {CYCLE_RATE}")
 
 
 def open_wombat(

@@ -16,6 +16,10 @@ from raccoon.hal.wombat.stock import Registers
 
 LARGEST_AFTER_BOOT = 50_000
 """Counts that a counter may hold when a restart is noticed."""
+POLL_MARGIN = 1.2
+"""Looks at the counters for each of their updates, at least. Updates are as uneven as the firmware's loop:
+with hardly more than one look each, two of them come between the same two looks now and then, and pass for
+one of a wheel that is twice as fast."""
 LARGEST_STEP = 128
 """Counts that filtered back-EMF may change by in one update before a second look: a torn byte is 256."""
 
@@ -36,7 +40,7 @@ class StockDialect:
         self._sequence = 0
 
     def polls(self, period: float) -> int:
-        return max(math.ceil(period * self._rate_hz), 1)
+        return max(math.ceil(POLL_MARGIN * period * self._rate_hz), 1)
 
     def at_rate(self, bemf_rate_hz: float) -> StockDialect:
         return StockDialect(bemf_rate_hz)

@@ -8,30 +8,30 @@ came, the sun comes slowly (and is learnt).
 How quick a fall was, the readings around it tell. Where they are far apart (a slow rate, a silent link), the
 light may have come at any pace between two of them, so it must then stand still for as long as that lasted.
 A bulb that warms up takes longer than `rise`. Its light is known once the detector has been shown the lamp:
-then it is enough that it gets there within a bulb's time and stays.
+then it is enough that it gets there within a bulb's time and stays. One that takes a second or two, and one
+that was not shown, is known by how it comes (`bulb.py`).
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise, takewhile
+from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
-from raccoon.core.errors import CalibrationError, ConfigError, MotionTimeout
+from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.core.readings import Status
+from raccoon.estimate.start_light import bulb
+from raccoon.estimate.start_light.bulb import SlowBulb
+from raccoon.estimate.start_light.calibration import LEAST_COUNTS, StartLightCalibration
+from raccoon.estimate.start_light.history import WARM_UP_SECONDS, History, light_of
 
 LEARNING_SECONDS = 0.5  # of ambient light before anything may fire
 LEARNING_READINGS = 10  # and at least so many: of five a flash is most of what they tell of the noise
 AMBIENT_SECONDS = 0.5  # time constant of the ambient level
 MEMORY_SECONDS = 60.0  # time constant in which a brighter past is forgotten
 LEAST_FALL = 0.35  # of the ambient reading, where the lamp is not calibrated
-LEAST_COUNTS = 60.0  # between ambient and threshold
 LEAST_SD = 8.0  # noise standard deviations between ambient and threshold
-LEAST_RATIO = 0.75  # lamp on over lamp off, above which a calibration is refused
-LEAST_LIGHT = 1.6  # light with the lamp over light without it, below which a calibration is refused
 QUICK = 1.8  # light over the least light just before, above which a lamp went on
 STEADY = 1.2  # light over the light STEADY_SECONDS before, below which a lamp is fully on
 STEADY_SECONDS = 0.015
@@ -43,20 +43,8 @@ LONGEST_GAP = 0.25  # s between two readings, above which nobody knows how quick
 NEAR = (0.5, 2.0)  # of the lamp's own light: a lamp as calibrated
 CLEAR = 1.45  # light over the light before: a white sleeve near the sensor adds up to 40 %
 SETTLED_SECONDS = 0.3  # that a lamp which warms up must stay near its calibrated light
-WARM_UP = (0.15, 0.75)  # shares of the new light between which a bulb's warm-up is timed
-WARM_UP_SECONDS = 0.24  # 1.2 time constants of a bulb (0.05..0.2 s); daylight takes longer
 UNKNOWN_WARM_UP_SECONDS = 0.12  # without calibration, where a shadow that leaves could look the same
 PATIENCE = 0.6  # s for a light to become the lamp, before it is refused and learnt
-HISTORY_SECONDS = 1.5  # readings kept: warm-up, SETTLED_SECONDS and PATIENCE
-FULL_SCALE = 4095.0
-
-
-@dataclass(frozen=True, slots=True)
-class StartLightCalibration:
-    """What the sensor reads with the lamp off and on, counts (on is the lower)."""
-
-    off: float
-    on: float
 
 
 class StartLightReading(NamedTuple):
@@ -74,33 +62,15 @@ class StartLightReading(NamedTuple):
     refused: bool = False
 
 
-def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLightCalibration:
-    """Levels from readings with the lamp off and then on; the median of each, at least 10 readings.
-
-    Raises ConfigError for readings that are not counts, CalibrationError where the lamp makes no difference.
-    """
-    for name, counts in (("off", off), ("on", on)):
-        if len(counts) < 10:
-            raise CalibrationError(f"{len(counts)} readings with the lamp {name}: at least 10 are needed")
-        wrong = [each for each in counts if not 0.0 <= each <= FULL_SCALE]
-        if wrong:
-            raise ConfigError(f"reading {wrong[0]} with the lamp {name}: allowed are counts from 0 to 4095")
-    dark, lit = (float(sorted(counts)[len(counts) // 2]) for counts in (off, on))
-    plain = _light(lit) >= LEAST_LIGHT * _light(dark)
-    if lit > LEAST_RATIO * dark or dark - lit < LEAST_COUNTS or not plain:
-        raise CalibrationError(
-            f"{dark:.0f} counts with the lamp off and {lit:.0f} with it on: shade the sensor from other light"
-        )
-    return StartLightCalibration(dark, lit)
-
-
 class StartLight:
     """Detector of one start light. Feed it every reading until it fires.
 
     calibration: lamp levels; without one the fall must be at least 35 % of the reading. hold: s that the
-    light must stay, and at least three readings. rise: s within which it must come. A calibrated lamp may
-    also warm up slower than that (time constant of up to 0.2 s), and fires 0.3 s after it is near its level.
-    rehearsal: fire again each time the lamp comes on (test mode).
+    light must stay, and at least three readings; at least 0.1 s without calibration. rise: s within which it
+    must come. A calibrated lamp may also warm up slower than that (time constant of up to 0.2 s), and fires
+    0.3 s after it is near its level. A bulb that takes up to two seconds, calibrated or not, fires when it is
+    warm if it is ten times as bright as the light before. rehearsal: fire again each time the lamp comes on
+    (test mode).
 
     Raises ConfigError for a hold or rise that is not above 0.
     """
@@ -116,16 +86,22 @@ class StartLight:
         if not (hold > 0.0 and rise > 0.0):
             raise ConfigError(f"hold = {hold} s, rise = {rise} s: allowed are numbers above 0")
         self._lamp = None if calibration is None else calibration.on
-        self._lamp_light = 0.0 if calibration is None else _light(calibration.on) - _light(calibration.off)
-        self._hold, self._rise, self._rehearsal = hold, rise, rehearsal
+        self._lamp_light = (
+            0.0 if calibration is None else light_of(calibration.on) - light_of(calibration.off)
+        )
+        # Light as bright as the sun doubles as quickly as a lamp while it comes, and then goes on rising.
+        self._still = STILL_SECONDS if calibration is None else STEADY_SECONDS
+        self._hold, self._rise, self._rehearsal = max(hold, self._still), rise, rehearsal
         self._ambient = self._brightest = math.nan
         self._variance = 25.0
         self._learning: list[float] = []
         self._learnt = math.nan  # the reading that was learnt last
         self._first = self._last = math.nan
         self._unknown = True  # the ambient light
-        self._recent: deque[tuple[float, float]] = deque()  # (time, counts) of the last HISTORY_SECONDS
+        self._recent = History()
+        self._slow = SlowBulb()
         self._bright: float | None = None  # since when it is brighter than the threshold
+        self._dark = 0.0  # the brightest light before
         self._since = math.nan  # when the candidate for a lamp that came at once began
         self._before = math.nan  # time of the last reading before it
         self._readings = 0  # of the candidate
@@ -145,7 +121,8 @@ class StartLight:
             self._first = self._last = time
         dt, self._last = time - self._last, time
         threshold = self.threshold
-        self._remember(time, counts)
+        self._recent.add(time, counts)
+        self._slow.add(time, counts)
         self._unknown = time - self._first < LEARNING_SECONDS or len(self._learning) < LEARNING_READINGS
         if self._unknown:
             self._begin(counts)
@@ -169,9 +146,9 @@ class StartLight:
 
     def _decide(self, time: float, counts: float, dt: float) -> StartLightReading:
         if self._bright is None:
-            self._bright = time
+            self._bright, self._dark = time, light_of(self._brightest)
             self._begin_candidate(time)
-        elif time > self._until and _light(counts) > QUICK * self._light_at(time - self._rise):
+        elif time > self._until and light_of(counts) > QUICK * self._recent.light_at(time - self._rise):
             self._begin_candidate(time)  # a lamp may come on while something else is bright
         self._readings += 1
         self._gap = max(self._gap, dt)
@@ -182,19 +159,21 @@ class StartLight:
         if self._lit or (self._refused and time > self._until):
             self._learn(counts, dt)
             return self._reading(fired=False)
-        if self._came_on(time, counts) or self._warmed_up(time, counts):
+        slowly = self._near is not None and self._slow.is_warm(self._dark)
+        if self._came_on(time, counts) or self._warmed_up(time, counts) or slowly:
             self._lit = True  # a rehearsal fires once until the lamp is off again
             self.fired = True
             self.fires += 1
             return self._reading(fired=True)
         # Nothing is learnt before: a lamp that warms up would be, and then never be seen.
         waited = time - (self._bright if self._near is None else self._near)
-        refused = not self._refused and waited > PATIENCE
+        warming = self._slow.rises(time) and time - self._bright < bulb.PATIENCE
+        refused = not self._refused and waited > PATIENCE and not warming
         self._refused = self._refused or refused
         return self._reading(fired=False, refused=refused)
 
     def _begin_candidate(self, time: float) -> None:
-        self._since, self._before = time, self._recent[-2][0]
+        self._since, self._before = time, self._recent.time_before
         self._readings, self._gap, self._window = 0, 0.0, 0.0
 
     @property
@@ -207,24 +186,20 @@ class StartLight:
         held = time - self._since
         if self._readings < LEAST_READINGS or held < max(self._hold, self._gap) - 1e-6:
             return False
-        if self._gap > LONGEST_GAP or self._recent[-2][0] > self._until:
+        if self._gap > LONGEST_GAP or self._recent.time_before > self._until:
             return False
         if self._window == 0.0:
             # However far apart the readings are, the last one before the fall is among them.
             self._window = max(self._hold + self._rise, time - self._before)
-        light = _light(counts)
-        begin = time - self._window - 1e-6
-        before = _light(
-            max(each for _, each in takewhile(lambda old: old[0] >= begin, reversed(self._recent)))
-        )
+        light, before = light_of(counts), self._recent.least_light(time - self._window)
         # What happened in a gap, nobody saw: for as long as it lasted the light must stand still after it.
-        span = max(STEADY_SECONDS, self._gap)
+        span = max(self._still, self._gap)
         steady = STEADY if span < COARSE_SECONDS else STILL
-        return light > QUICK * before and light < steady * self._light_at(time - span)
+        return light > QUICK * before and light < steady * self._recent.light_at(time - span)
 
     def _like_lamp(self, counts: float) -> bool:
         """As bright as the lamp was when it was shown; without that, clearly brighter than before."""
-        light, dark = _light(counts), _light(self._brightest)
+        light, dark = light_of(counts), light_of(self._brightest)
         if self._lamp is None:
             return light > QUICK * dark
         near = NEAR[0] * self._lamp_light <= light - dark <= NEAR[1] * self._lamp_light
@@ -234,37 +209,10 @@ class StartLight:
         """The light came within a bulb's time, however many readings saw it come, and is steady since."""
         if self._near is None or time - self._near < SETTLED_SECONDS - 1e-6:
             return False
-        if _light(counts) >= STILL * self._light_at(time - STILL_SECONDS):
+        if light_of(counts) >= STILL * self._recent.light_at(time - STILL_SECONDS):
             return False
         limit = WARM_UP_SECONDS if self._lamp is not None else UNKNOWN_WARM_UP_SECONDS
-        return self._rise_seconds(_light(counts)) <= limit
-
-    def _rise_seconds(self, lit: float) -> float:
-        """Time in which the light last rose through WARM_UP, taken to move evenly between two readings."""
-        dark = _light(self._brightest)
-        low, high = (dark + share * (lit - dark) for share in WARM_UP)
-        most, least = (FULL_SCALE / (1.0 + light) for light in (low, high))
-        end, after = math.nan, self._recent[-1]
-        for reading in reversed(self._recent):
-            if reading[1] > least and math.isnan(end):
-                end = _crossing(reading, after, high)
-            if reading[1] > most:
-                begin = _crossing(reading, after, low)
-                # Light that was on its way before has no beginning: it is daylight, learnt halfway.
-                moving = self._light_at(begin - WARM_UP_SECONDS) < dark - (low - dark)
-                # A lamp may have come on late between the two, and then the straight line begins too early.
-                return math.inf if moving else end - begin - 0.25 * (after[0] - reading[0])
-            after = reading
-        return math.inf
-
-    def _light_at(self, time: float) -> float:
-        """Light of the last reading up to `time` (s), or of the oldest that is kept."""
-        found = self._recent[0][1]
-        for at, counts in reversed(self._recent):
-            if at <= time + 1e-6:
-                found = counts
-                break
-        return _light(found)
+        return self._recent.rise_seconds(light_of(self._brightest), light_of(counts)) <= limit
 
     def _begin(self, counts: float) -> None:
         """Ambient level and noise from the median so far: a flash while learning must not pass for either."""
@@ -274,11 +222,6 @@ class StartLight:
         steps = sorted(abs(after - before) for before, after in pairwise(self._learning))
         if steps:
             self._variance = steps[len(steps) // 2] ** 2 + 9.0  # the median step of noise is 0.95 sd
-
-    def _remember(self, time: float, counts: float) -> None:
-        self._recent.append((time, counts))
-        while len(self._recent) > 4 and self._recent[0][0] < time - HISTORY_SECONDS:
-            self._recent.popleft()
 
     def _learn(self, counts: float, dt: float) -> None:
         share = min(dt / AMBIENT_SECONDS, 1.0)
@@ -298,18 +241,6 @@ class StartLight:
         else:
             status = Status.OK
         return StartLightReading(fired, self._ambient, self.threshold, status, refused)
-
-
-def _light(counts: float) -> float:
-    """Light on the sensor in units of the light that halves its reading (raccoon.model.reflectance)."""
-    return FULL_SCALE / max(counts, 1.0) - 1.0
-
-
-def _crossing(before: tuple[float, float], after: tuple[float, float], light: float) -> float:
-    """Time at which the light passed `light` between two readings (time, counts)."""
-    first, last = _light(before[1]), _light(after[1])
-    share = (light - first) / (last - first) if last > first else 1.0
-    return before[0] + min(share, 1.0) * (after[0] - before[0])
 
 
 def wait_for_light(

@@ -1,0 +1,42 @@
+"""What the sensor of the start light reads with the lamp off and on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.estimate.start_light.history import FULL_SCALE, light_of
+
+LEAST_COUNTS = 60.0
+"""Between lamp off and on, and between the ambient light and the threshold."""
+LEAST_RATIO = 0.75  # lamp on over lamp off, above which a calibration is refused
+LEAST_LIGHT = 1.6  # light with the lamp over light without it, below which a calibration is refused
+
+
+@dataclass(frozen=True, slots=True)
+class StartLightCalibration:
+    """What the sensor reads with the lamp off and on, counts (on is the lower)."""
+
+    off: float
+    on: float
+
+
+def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLightCalibration:
+    """Levels from readings with the lamp off and then on; the median of each, at least 10 readings.
+
+    Raises ConfigError for readings that are not counts, CalibrationError where the lamp makes no difference.
+    """
+    for name, counts in (("off", off), ("on", on)):
+        if len(counts) < 10:
+            raise CalibrationError(f"{len(counts)} readings with the lamp {name}: at least 10 are needed")
+        wrong = [each for each in counts if not 0.0 <= each <= FULL_SCALE]
+        if wrong:
+            raise ConfigError(f"reading {wrong[0]} with the lamp {name}: allowed are counts from 0 to 4095")
+    dark, lit = (float(sorted(counts)[len(counts) // 2]) for counts in (off, on))
+    plain = light_of(lit) >= LEAST_LIGHT * light_of(dark)
+    if lit > LEAST_RATIO * dark or dark - lit < LEAST_COUNTS or not plain:
+        raise CalibrationError(
+            f"{dark:.0f} counts with the lamp off and {lit:.0f} with it on: shade the sensor from other light"
+        )
+    return StartLightCalibration(dark, lit)

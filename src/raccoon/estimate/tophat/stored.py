@@ -1,0 +1,147 @@
+"""One stored calibration of a tophat: what it says, and the checks by which it is read back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from typing import Any
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.schema import Bounds, refuse_unknown, shown
+from raccoon.estimate.tophat.calibration import FULL_SCALE, Surface, TophatCalibration, Verdict
+
+COUNTS = Bounds(0.0, FULL_SCALE)
+SPREAD = Bounds(positive=True, high=FULL_SCALE)
+SHARE = Bounds(0.0, 1.0)
+FROM_ZERO = Bounds(0.0)
+VOLTAGE = Bounds(0.0, 30.0)
+GENERATIONS = ("old", "new")
+
+
+@dataclass(frozen=True, slots=True)
+class StoredCalibration:
+    """One calibration with where it came from.
+
+    set_name: the floor or table it is for. time: ISO 8601, given by the caller. ambient: light level
+    (0 normal, 1 direct sun). battery_voltage: V. generation: "old" or "new". None: not known.
+    """
+
+    sensor: str
+    set_name: str
+    time: str
+    calibration: TophatCalibration
+    robot: str = ""
+    ambient: float | None = None
+    battery_voltage: float | None = None
+    generation: str | None = None
+
+
+def parse_entry(table: object, where: str) -> StoredCalibration:
+    """An entry of the file, every value checked. where: its place in the file, for messages.
+
+    Raises ConfigError naming the entry, its sensor, the key, the value and what is allowed.
+    """
+    values = _table(StoredCalibration, table, where)
+    sensor = _text(values["sensor"], f"{where}.sensor")
+    here = f"{where} (sensor {sensor})"
+    generation = values.get("generation")
+    if generation is not None and generation not in GENERATIONS:
+        raise ConfigError(f"{here}.generation = {shown(generation)}: allowed are null, old and new")
+    return StoredCalibration(
+        sensor,
+        _text(values["set_name"], f"{here}.set_name"),
+        _text(values["time"], f"{here}.time"),
+        _calibration(values["calibration"], f"{here}.calibration"),
+        _text(values.get("robot", ""), f"{here}.robot"),
+        _maybe(values.get("ambient"), FROM_ZERO, f"{here}.ambient"),
+        _maybe(values.get("battery_voltage"), VOLTAGE, f"{here}.battery_voltage"),
+        generation,
+    )
+
+
+def _calibration(table: object, where: str) -> TophatCalibration:
+    values = _table(TophatCalibration, table, where)
+    verdict = values["verdict"]
+    if verdict not in tuple(Verdict):
+        raise ConfigError(f"{where}.verdict = {shown(verdict)}: allowed is {' | '.join(Verdict)}")
+    flickers = values.get("flickers", False)
+    if not isinstance(flickers, bool):
+        raise ConfigError(f"{where}.flickers = {shown(flickers)}: allowed are true and false")
+    threshold, low, high = (
+        _maybe(values.get(key), COUNTS, f"{where}.{key}") for key in ("threshold", "low", "high")
+    )
+    found = TophatCalibration(
+        Verdict(verdict),
+        _text(values["reason"], f"{where}.reason"),
+        _surface(values.get("white"), f"{where}.white"),
+        _surface(values.get("black"), f"{where}.black"),
+        threshold,
+        low,
+        high,
+        separation=_number(values.get("separation", 0.0), FROM_ZERO, f"{where}.separation"),
+        share_black=_number(values.get("share_black", 0.0), SHARE, f"{where}.share_black"),
+        error_rate=_maybe(values.get("error_rate"), SHARE, f"{where}.error_rate"),
+        flickers=flickers,
+    )
+    _check_order(found, where)
+    return found
+
+
+def _check_order(found: TophatCalibration, where: str) -> None:
+    """Raise ConfigError where the levels of a calibration with a threshold do not go together."""
+    if not found.verdict.usable and found.threshold is None:
+        return
+    levels = {
+        "white.mean": None if found.white is None else found.white.mean,
+        "low": found.low,
+        "threshold": found.threshold,
+        "high": found.high,
+        "black.mean": None if found.black is None else found.black.mean,
+    }
+    missing = [key for key, value in levels.items() if value is None]
+    if missing:
+        raise ConfigError(f"{where}.{missing[0].partition('.')[0]}: it is missing, the verdict needs it")
+    ordered = [value for value in levels.values() if value is not None]
+    if ordered != sorted(ordered) or ordered[0] == ordered[-1]:
+        said = ", ".join(f"{key} = {value:g}" for key, value in zip(levels, ordered, strict=True))
+        raise ConfigError(f"{where}: {said}: they must rise in this order")
+
+
+def _surface(table: object, where: str) -> Surface | None:
+    if table is None:
+        return None
+    values = _table(Surface, table, where)
+    count = values["count"]
+    if isinstance(count, bool) or not isinstance(count, int) or count < 0:
+        raise ConfigError(f"{where}.count = {shown(count)}: allowed are whole numbers from 0")
+    mean = _number(values["mean"], COUNTS, f"{where}.mean")
+    return Surface(mean, _number(values["sd"], SPREAD, f"{where}.sd"), count)
+
+
+def _table(kind: type[Any], table: object, where: str) -> Mapping[str, Any]:
+    """The table, with no key that `kind` does not have and all that it needs."""
+    if not isinstance(table, Mapping):
+        raise ConfigError(f"{where} = {shown(table)}: it must be a table")
+    refuse_unknown(table, tuple(each.name for each in fields(kind)), where)
+    for each in fields(kind):
+        if each.default is MISSING and each.name not in table:
+            raise ConfigError(f"{where}.{each.name}: it is missing")
+    return table
+
+
+def _text(value: object, where: str) -> str:
+    if not isinstance(value, str):
+        raise ConfigError(f"{where} = {shown(value)}: it must be a text")
+    return value
+
+
+def _number(value: object, bounds: Bounds, where: str) -> float:
+    numeric = isinstance(value, int | float) and not isinstance(value, bool)
+    if not numeric or not bounds.allows(value) or not math.isfinite(value):  # type: ignore[arg-type]
+        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _maybe(value: object, bounds: Bounds, where: str) -> float | None:
+    return None if value is None else _number(value, bounds, where)

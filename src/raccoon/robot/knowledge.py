@@ -1,0 +1,138 @@
+"""What a robot knows: its readings, what the estimators make of them, its sensors and servos by name."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.port import Port
+from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, STOP, Inputs, Outputs
+from raccoon.estimate.battery.state import PackState
+from raccoon.estimate.battery.voltage import BatteryVoltage
+from raccoon.model.pose import Pose
+from raccoon.robot.attachments import Attachments, named
+from raccoon.robot.drive import Drive
+from raccoon.robot.limits import check_port
+from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
+from raccoon.robot.sensors import TophatSensor
+
+if TYPE_CHECKING:
+    from raccoon.estimate.drive.estimate import DriveEstimate
+    from raccoon.robot.mechanisms import Mechanism
+    from raccoon.robot.servos import Servo
+
+
+@runtime_checkable
+class Annotated(Protocol):
+    """A port that takes what the robot believes: a recording keeps it, a replay checks it."""
+
+    def annotate(self, name: str, values: tuple[float, ...]) -> None:
+        """Numbers of this cycle under a name."""
+        ...
+
+    def event(self, text: str) -> None:
+        """A remark of this cycle."""
+        ...
+
+
+class Knowledge:
+    """What a robot behind `port`, described by `config`, knows of itself. `Robot` reads and drives by it."""
+
+    def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
+        from raccoon.estimate.drive.odometry import Odometry
+
+        self.config = RobotConfig() if config is None else config
+        self.port = port
+        self.odometry = Odometry(self.config)
+        self.drive = Drive(self.config)
+        self.drive.followed = getattr(port, "follows_commands", True)
+        self.battery = BatteryVoltage()
+        battery = self.config.model.battery.internal_resistance
+        self.pack = PackState(
+            self.config.battery.chemistry, self.config.battery.cells, battery.value, max(battery.std, 0.05)
+        )
+        self.attachments = Attachments(self.config)
+        self.tophats = {name: TophatSensor(name, each) for name, each in self.config.tophats.items()}
+        self.inputs: Inputs | None = None
+        self._outputs = STOP
+        self._plan: Pose | None = None
+        self._planned_in = 0  # the odometry's resets so far
+        self._notes: Annotated | None = port if isinstance(port, Annotated) else None
+
+    @property
+    def time(self) -> float:
+        """S, of the last reading."""
+        return 0.0 if self.inputs is None else self.inputs.time
+
+    @property
+    def estimate(self) -> DriveEstimate:
+        """Pose, velocity and their standard deviations as of the last reading."""
+        return self.odometry.estimate
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot believes it is."""
+        here = self.odometry.estimate
+        return Pose(here.x, here.y, here.heading)
+
+    @property
+    def plan(self) -> Pose:
+        """Where the last motion was meant to end: the next one starts from there.
+
+        A plan that is far from the estimate (the robot was moved or blocked) is given up for the estimate, as
+        is one from before the odometry was reset.
+        """
+        here = self.pose
+        if self._plan is None or self._planned_in != self.odometry.resets:
+            self.plan = here
+            return here
+        ahead, aside = self._plan.offset_of(here.x, here.y)
+        off = abs(here.heading - self._plan.heading)
+        if max(abs(ahead), abs(aside)) > PLAN_REACH or off > PLAN_REACH_HEADING:
+            self._plan = here
+        return self._plan
+
+    @plan.setter
+    def plan(self, pose: Pose) -> None:
+        self._plan, self._planned_in = pose, self.odometry.resets
+
+    def replan(self) -> None:
+        """Forget the plan: the next motion starts from the estimate."""
+        self._plan = None
+
+    @property
+    def battery_voltage(self) -> float | None:
+        """V under the present load, filtered; None before the first reading."""
+        return self.battery.voltage
+
+    def tophat(self, name: str) -> TophatSensor:
+        """The tophat called `name` in robot.toml; ConfigError where there is none."""
+        return named("tophat", self.tophats, name)
+
+    def servo(self, name: str) -> Servo:
+        """The servo called `name` in robot.toml; ConfigError where there is none."""
+        return named("servo", self.attachments.servos, name)
+
+    def mechanism(self, name: str) -> Mechanism:
+        """The mechanism called `name` in robot.toml; ConfigError where there is none."""
+        return named("mechanism", self.attachments.mechanisms, name)
+
+    def analog(self, port: int) -> float | None:
+        """Counts of an analog port, None where it gave nothing; ValueError where there is no such port."""
+        check_port("analog", port, ANALOG_PORTS)
+        return None if self.inputs is None else self.inputs.analog[port]
+
+    def digital(self, port: int) -> bool | None:
+        """True where the digital port is closed (pressed); ValueError where there is no such port."""
+        check_port("digital", port, DIGITAL_PORTS)
+        return None if self.inputs is None else self.inputs.digital[port]
+
+    @property
+    def outputs(self) -> Outputs:
+        """The last command."""
+        return self._outputs
+
+    def note(self, text: str) -> None:
+        """Write a remark into the recording, where there is one."""
+        if self._notes is not None:
+            self._notes.event(text)
