@@ -77,6 +77,10 @@ def _is_recording(path: Path) -> bool:
 def load_run(path: str | Path) -> Run:
     """One run, of whatever kind its name and first line say. Raises as `load_runs`."""
     path = recording_file(path)
+    if path.is_dir():
+        raise TraceError(f"{path}: it is a folder; name a recording in it")
+    if path.is_file() and not path.stat().st_size:
+        raise TraceError(f"{path}: the file is empty")
     if path.name.endswith(TRACE_ENDINGS):
         trace = read_trace(path)
         return Run(path.name, recording_of(trace), trace.header.config, trace)
