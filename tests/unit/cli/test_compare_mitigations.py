@@ -138,6 +138,7 @@ def test_tables_and_picture(tmp_path: Path) -> None:
         (["--condition", "moonlight"], "allowed are battery 6.1-7.0 V, battery sags"),
         (["--robots", "0"], "--robots is 0: it must be 1 or more"),
         (["--processes", "0"], "--processes is 0: it must be 1 or more"),
+        (["--plot", "map.bmp"], "--plot map.bmp: allowed are the endings .svg, .png, .pdf"),
         (["--tape", "1"], "--tape is 1.0 m: allowed are numbers from 0 to 0.1"),
     ],
 )
@@ -180,7 +181,7 @@ def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
         stored(file, 2, 0.001)
 
 
-@pytest.mark.parametrize("content", [b"\xff\n", b"3\n", b'{"seed": 1}\n'])
+@pytest.mark.parametrize("content", [b"\xff\n", b"3\n", b'{"seed": 1}\n', b"from raccoon import turn\n"])
 def test_a_file_of_something_else_is_no_file_of_results(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "results.jsonl"
     file.write_bytes(content)
