@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
@@ -54,7 +55,8 @@ def open_robot(
 ) -> Opening:
     """A robot for a `with` block; its motors stop however the block is left, SIGTERM and Ctrl-C included.
 
-    config: a robot.toml or a configuration. port: handed in by tests; otherwise robot.toml's
+    config: a robot.toml, looked for where the program was started and then beside the program, or a
+    configuration. port: handed in by tests; otherwise robot.toml's
     `controller.port` is opened, and nothing else: there is no falling back to the simulator. record: where to
     record the run; where there is such a recording, this one gets a number (`run-2`), and where none can be
     written there is a RuntimeWarning and the robot runs without. seed: of the simulator. Raises ConfigError,
@@ -67,7 +69,7 @@ def open_robot(
 def _opened(
     config: RobotConfig | str | Path, port: Port | None, record: str | Path | None, seed: int | None
 ) -> Iterator[Robot]:
-    settings = config if isinstance(config, RobotConfig) else load_robot(config)
+    settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))
     opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
     # A port that is handed in knows itself whether it is a controller, or wraps one, that waits for nobody.
     real_time = (
@@ -80,6 +82,23 @@ def _opened(
             robot = Robot(opened, settings)
             with stopped_on_exit(robot.close), punctual() if real_time else nullcontext():
                 yield robot
+
+
+def _located(name: str | Path) -> Path:
+    """A robot.toml from the folder that the program was started in, else from the program's own: an editor or
+    a service starts it from wherever it likes. Raises FileNotFoundError that names both."""
+    path = Path(name)
+    if path.is_absolute() or path.exists():
+        return path
+    program = getattr(sys.modules.get("__main__"), "__file__", None)
+    folders = [Path.cwd()] if program is None else [Path.cwd(), Path(program).absolute().parent]
+    beside = folders[-1] / path
+    if beside.exists():
+        return beside
+    places = f"in {folders[0]}, where the program was started"
+    if folders[-1] != folders[0]:
+        places += f", and none beside the program in {folders[-1]}"
+    raise FileNotFoundError(f"there is no {path} {places}; `raccoon init` writes one to start from")
 
 
 def _recorded(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:
