@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raccoon.cli.numbers import check_seed
+from raccoon.cli.outputs import check_folders
 from raccoon.core.config import REAL_CONTROLLERS, Measured, load_robot
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation
 
     check_seed(args.seed)
     config = load_robot(args.robot)
+    if args.write:
+        check_folders(args.robot)  # before anything moves
     if args.port is not None:
         config = replace(config, controller=replace(config.controller, port=args.port))
     if bare:

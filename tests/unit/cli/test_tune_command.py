@@ -74,3 +74,13 @@ def test_the_help_says_that_it_drives_and_what_for(capsys: pytest.CaptureFixture
         "make up for unequal motors without it",
     ):
         assert part in said
+
+
+def test_what_cannot_be_written_is_refused_before_the_robot_moves(
+    robot: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert main(["calibrate", "motors", "--robot", str(robot), "--write"]) == 2
+    said = capsys.readouterr()
+    assert "nothing can be written there: no permission" in said.err
+    assert "moves" not in said.out
