@@ -1,5 +1,6 @@
 """`raccoon view`: a drive drawn over its table."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -101,3 +102,26 @@ def test_a_recording_may_have_the_name_run(recording: Path, monkeypatch: pytest.
 def test_a_folder_is_no_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["view", str(tmp_path)]) == 2
     assert capsys.readouterr().err == (f"raccoon view: {tmp_path}: it is a folder; name a recording in it\n")
+
+
+def test_without_matplotlib_it_says_how_to_install_it(
+    recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    path = str(recording)
+    for words in (["view", path], ["replay", path, "--plot", "a.svg"], ["effects", "--write", "."]):
+        assert main(words) == 2
+        assert "pictures need matplotlib: pip install '.[report]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", ["svg", "gif"])
+def test_an_interruption_leaves_no_part_of_a_picture(
+    ending: str, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    for name in ("matplotlib.figure.Figure.savefig", "matplotlib.backends.backend_agg.FigureCanvasAgg.draw"):
+        monkeypatch.setattr(name, interrupted)
+    assert main(["view", str(recording), "-o", str(tmp_path / f"drive.{ending}")]) == 130
+    assert [each.name for each in tmp_path.iterdir()] == ["drive.csv"]

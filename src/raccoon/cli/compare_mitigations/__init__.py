@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.cli.numbers import check_seed
-from raccoon.cli.outputs import check_folders, check_replaceable
+from raccoon.cli.outputs import check_folders, check_pictures, check_replaceable
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 
@@ -56,6 +56,8 @@ def run(args: argparse.Namespace) -> int:
     check_replaceable(args.markdown)
     if args.plot is not None and args.plot.suffix not in PICTURES:
         raise ConfigError(f"--plot {args.plot}: allowed are the endings {', '.join(PICTURES)}")
+    if args.plot is not None:
+        check_pictures()
     robots = _robots(args)
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
     found = measured(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from raccoon.cli.outputs import check_folders, check_not_read, check_replaceable
+from raccoon.cli.outputs import check_folders, check_not_read, check_pictures, check_replaceable
 from raccoon.core.errors import ConfigError
 
 HELP = "run the odometry, or a program, on a recording and compare with what it holds"
@@ -73,6 +73,8 @@ def _check_outputs(args: argparse.Namespace) -> None:
             raise ConfigError(
                 f"--{name} {path}: --program prints what it finds and writes nothing; leave one out"
             )
+    if args.plot is not None:
+        check_pictures()
     check_folders(args.plot, args.json)
     check_not_read((args.plot, args.json), [*map(recording_file, args.file), args.robot, args.program])
     check_replaceable(args.json)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from raccoon.cli.numbers import check_start
-from raccoon.cli.outputs import check_folders
+from raccoon.cli.outputs import check_folders, check_pictures
 from raccoon.core.errors import ConfigError
 
 HELP = "draw a recorded drive over the table"
@@ -45,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     if args.start is not None:
         check_start(args.start)
     check_folders(target)
+    check_pictures()
     world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
     drive = drive_of(args.recording, args.start)
     if target.suffix == ".gif":
