@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
@@ -21,6 +22,19 @@ if TYPE_CHECKING:
     from raccoon.trace.format import Trace
 
 T = TypeVar("T")
+_handed = ContextVar("handed", default=False)
+"""Whether the program that runs is handed its robot."""
+
+
+@contextmanager
+def handed_its_robot() -> Iterator[None]:
+    """Inside, `open_robot` opens no port of its own: a program that is only to be simulated or replayed must
+    not move the robot that its robot.toml names. It raises ConfigError."""
+    before = _handed.set(True)
+    try:
+        yield
+    finally:
+        _handed.reset(before)
 
 
 class Opening:
@@ -69,6 +83,11 @@ def open_robot(
 def _opened(
     config: RobotConfig | str | Path, port: Port | None, record: str | Path | None, seed: int | None
 ) -> Iterator[Robot]:
+    if port is None and _handed.get():
+        raise ConfigError(
+            "a program that is swept or replayed is handed its robot: what it does belongs in mission(robot)"
+            ', and open_robot under `if __name__ == "__main__":`'
+        )
     settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))
     opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
     # A port that is handed in knows itself whether it is a controller, or wraps one, that waits for nobody.

@@ -212,3 +212,11 @@ def test_a_result_replaces_neither_what_is_read_nor_what_took_hours(recorded: Pa
         run(own, "--json", tmp_path / "team.py")
     assert own.read_bytes() == before
     assert (tmp_path / "team.py").read_text() == "x = 1\n"
+
+
+def test_a_program_that_is_replayed_opens_no_robot_of_its_own(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "team.py").write_text(
+        "from raccoon import open_robot\nwith open_robot() as robot:\n    pass\n"
+    )
+    with pytest.raises(ConfigError, match=r"is handed its robot: what it does belongs in mission\(robot\)"):
+        run(recorded, "--program", tmp_path / "team.py")
