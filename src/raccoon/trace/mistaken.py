@@ -19,6 +19,7 @@ OTHERS: Mapping[str, str] = {
     ".parquet": "a table of a sweep",
 }
 """What files are that people have beside their recordings, by the endings of their names."""
+SWEEP_HEADER = "run,seed,status,"
 KIND_BYTES = 4096
 SHOWN = 40
 MOST_ODD = 4
@@ -37,6 +38,8 @@ def check_is_csv(path: Path) -> None:
     if path.suffix in OTHERS and b"raccoon trace" not in line:
         raise TraceError(f"it seems to be {OTHERS[path.suffix]}; {TAKEN}")
     _check_form(start, text)
+    if text.startswith(SWEEP_HEADER):
+        raise TraceError(f"it seems to be the table of a sweep; {TAKEN}")
     if path.suffix != ".csv" and "," not in text:
         begin = text.strip()
         shown = begin if len(begin) <= SHOWN else f"{begin[:SHOWN]}..."
