@@ -20,7 +20,9 @@ def stored(path: Path, seed: int, tape_std: float) -> Found:
     """
     try:
         return _found(path, path.read_text("utf-8") if path.exists() else "", seed, tape_std)
-    except (UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
+    except UnicodeDecodeError as error:  # whose representation holds the whole file
+        raise ConfigError(f"{path}: not a file of results: {error}; take another") from None
+    except (KeyError, TypeError, AttributeError) as error:
         raise ConfigError(f"{path}: not a file of results: {error!r}; take another") from None
 
 

@@ -81,7 +81,9 @@ class TophatStore:
         except (ValueError, KeyError, TypeError) as error:
             if isinstance(error, ConfigError):
                 raise
-            raise ConfigError(f"{self.path}: not a file of tophat calibrations: {error!r}") from error
+            # One that it cannot decode has the whole file in its representation.
+            told = str(error) if isinstance(error, ValueError) else repr(error)
+            raise ConfigError(f"{self.path}: not a file of tophat calibrations: {told}") from error
 
     def _write(self, entries: list[StoredCalibration]) -> None:
         self.path.parent.mkdir(parents=True, exist_ok=True)
