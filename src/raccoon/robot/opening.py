@@ -22,19 +22,19 @@ if TYPE_CHECKING:
     from raccoon.trace.format import Trace
 
 T = TypeVar("T")
-_handed = ContextVar("handed", default=False)
-"""Whether the program that runs is handed its robot."""
+_only_read = ContextVar("only_read", default=False)
+"""Whether the program that runs is not to open a robot."""
 
 
 @contextmanager
-def handed_its_robot() -> Iterator[None]:
-    """Inside, `open_robot` opens no port of its own: a program that is only to be simulated or replayed must
-    not move the robot that its robot.toml names. It raises ConfigError."""
-    before = _handed.set(True)
+def no_robot_opened() -> Iterator[None]:
+    """Inside, `open_robot` raises ConfigError unless it is handed a port: a program that is only read,
+    simulated or replayed must not move the robot that its robot.toml names."""
+    before = _only_read.set(True)
     try:
         yield
     finally:
-        _handed.reset(before)
+        _only_read.reset(before)
 
 
 class Opening:
@@ -83,9 +83,9 @@ def open_robot(
 def _opened(
     config: RobotConfig | str | Path, port: Port | None, record: str | Path | None, seed: int | None
 ) -> Iterator[Robot]:
-    if port is None and _handed.get():
+    if port is None and _only_read.get():
         raise ConfigError(
-            "a program that is swept or replayed is handed its robot: what it does belongs in mission(robot)"
+            "a program that is read, swept or replayed opens no robot: what it does belongs in mission(robot)"
             ', and open_robot under `if __name__ == "__main__":`'
         )
     settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))

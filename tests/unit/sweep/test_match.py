@@ -164,7 +164,7 @@ def test_a_program_opens_no_robot_of_its_own(text: str, tmp_path: Path) -> None:
     file = tmp_path / "robot.toml"
     file.write_text('[controller]\nport = "wombat"\n')  # it would be the real one that drives
     row = played("from raccoon import open_robot, straight\n" + text.format(file))
-    assert row["reason"].startswith("ConfigError: a program that is swept or replayed is handed its robot")
+    assert row["reason"].startswith("ConfigError: a program that is read, swept or replayed opens no robot")
     with pytest.raises(HardwareError), open_robot(file):
         pass  # pragma: no cover - there is no controller here
 
