@@ -36,5 +36,3 @@ def test_blocks_of_a_page_run(page: Path) -> None:
     names: dict[str, object] = {"__name__": "__main__"}
     for block in BLOCK.findall(page.read_text("utf-8")):
         exec(compile(block, page.name, "exec"), names)
-    if callable(main := names.get("main")):
-        main()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from raccoon.estimate.drive_calibration.columns import TapedWay
     from raccoon.trace.loading import Run
 
-HELP = "make a calibration of recordings, and put it into robot.toml"
+HELP = "measure wheels, motors or tophats: show the numbers, and store them with --write"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -35,10 +35,23 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _add_drive(kinds: Any) -> None:
-    text = "the wheels' way a tick, track width and back-EMF offsets, of a manoeuvre with known lengths"
-    parser = kinds.add_parser("drive", help=text, description=text)
+    text = (
+        "radians a tick and back-EMF offsets of the wheels, and the track width, from drives of known length"
+    )
+    parser = kinds.add_parser(
+        "drive",
+        help=text,
+        description=(
+            "Find radians a tick and back-EMF offset of each wheel, and the track width, from recordings. "
+            "One straight drive along a tape, from rest to rest, gives the wheels (--straight METRES); a "
+            "drive with straight pieces that were measured (--tape) or a reference in it, and turns both "
+            "ways, gives the track width too. open_robot(..., record=FILE) makes the recording."
+        ),
+    )
     parser.add_argument("recording", nargs="+", type=Path, help="traces or CSV files, or folders of them")
-    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot.toml to start from")
+    parser.add_argument(
+        "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (robot.toml)"
+    )
     parser.add_argument(
         "--straight",
         type=float,
@@ -142,10 +155,17 @@ def _add_tophats(kinds: Any) -> None:
     parser = kinds.add_parser("tophats", help=text, description=text)
     parser.add_argument("recording", nargs="*", type=Path, help="traces or CSV files of a drive over a line")
     parser.add_argument(
-        "--robot", type=Path, default=Path("robot.toml"), help="names the sensors and their ports"
+        "--robot",
+        type=Path,
+        default=Path("robot.toml"),
+        help="names the sensors and their ports (robot.toml)",
     )
-    parser.add_argument("--store", type=Path, default=Path("tophats.json"), help="file of the calibrations")
-    parser.add_argument("--set", default="default", help="name of the surface, such as practice-table")
+    parser.add_argument(
+        "--store", type=Path, default=Path("tophats.json"), help="file of the calibrations (tophats.json)"
+    )
+    parser.add_argument(
+        "--set", default="default", help="name of the surface, such as practice-table (default)"
+    )
     parser.add_argument("--show", action="store_true", help="show the stored calibrations and their history")
     parser.add_argument("--write", action="store_true", help="store the result (else only show it)")
     parser.set_defaults(calibrate=_calibrate_tophats)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.outputs import check_folders
+from raccoon.cli.outputs import check_folders, check_not_read
 from raccoon.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Convert one recording; what had to be left out is printed."""
-    from raccoon.trace.loading import load_run
+    from raccoon.trace.loading import load_run, recording_file
 
     source: Path = args.source
     target: Path = args.target
@@ -36,6 +36,7 @@ def run(args: argparse.Namespace) -> int:
     if target.exists() and not args.overwrite:
         raise ConfigError(f"{target} exists and is left as it is: name another file or say --overwrite")
     check_folders(target)
+    check_not_read([target], [recording_file(source)])  # doubtful values would be blank in the only copy
     loaded = load_run(source)
     _write(loaded, target)
     for problem in loaded.recording.problems:

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from raccoon.sweep.execute import Crew
     from raccoon.trace.loading import Run
 
-ENDINGS = (".jsonl", ".jsonl.gz", ".csv", ".mcap", ".mat")
-METADATA = "metadata.csv"
-
 
 @dataclass(frozen=True, slots=True)
 class Job:
@@ -38,14 +35,13 @@ class Job:
 def recordings(paths: Sequence[Path]) -> list[Path]:
     """The files, those inside folders in the order of their names, run2 before run10; so are files that a
     shell has put in alphabetical order. Raises FileNotFoundError."""
-    from raccoon.trace.loading import counted, recording_file
+    from raccoon.trace.loading import counted, recording_file, recordings_in
 
     found: list[Path] = []
     given = list(paths)
     for path in map(recording_file, sorted(given, key=counted) if given == sorted(given) else given):
         if path.is_dir():
-            inside = sorted((each for each in path.rglob("*") if each.name.endswith(ENDINGS)), key=counted)
-            found += [each for each in inside if each.name != METADATA]
+            found += recordings_in(path)
         elif path.exists():
             found.append(path)
         else:

@@ -53,7 +53,7 @@ def build_parser() -> argparse.ArgumentParser:
         module = cast(Command, import_module(f"raccoon.cli.{name}"))
         command = commands.add_parser(name.replace("_", "-"), help=module.HELP, description=module.HELP)
         module.configure(command)
-        command.set_defaults(run=module.run)
+        command.set_defaults(run=module.run, parser=command)
     return parser
 
 
@@ -62,7 +62,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     name = "raccoon"
     try:
-        args = build_parser().parse_args(given)
+        args, unknown = build_parser().parse_known_args(given)
+        if unknown:  # in the words and with the usage of the command, not of all of them
+            args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.given = given
         name = f"raccoon {args.command}"
         return int(args.run(args))

@@ -11,20 +11,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raccoon.cli.numbers import check_seed
-from raccoon.core.config import Measured, load_robot
+from raccoon.cli.outputs import check_folders
+from raccoon.core.config import REAL_CONTROLLERS, Measured, load_robot
 
 if TYPE_CHECKING:
     from raccoon.robot.identification import Excitation, WheelFit
 
 PORTS = ("wombat", "wombat-raccoon", "sim")
+ROOM = 0.3
+"""m ahead of the robot that its drive stays within, on any battery."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of both commands."""
-    parser.add_argument("--robot", type=Path, default=Path("robot.toml"), help="the robot.toml to start from")
-    parser.add_argument("--port", choices=PORTS, help="without it robot.toml's controller.port")
-    parser.add_argument("--seed", type=int, default=0, help="of the simulator")
-    parser.add_argument("--write", action="store_true", help="put the result into robot.toml")
+    parser.add_argument(
+        "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (robot.toml)"
+    )
+    parser.add_argument(
+        "--port", choices=PORTS, help="what to drive; without it robot.toml's controller.port"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the simulator's noise (0)")
+    parser.add_argument(
+        "--write", action="store_true", help="put the result into robot.toml (else only show it)"
+    )
 
 
 def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation, tuple[WheelFit, WheelFit]]:
@@ -38,13 +47,15 @@ def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation
 
     check_seed(args.seed)
     config = load_robot(args.robot)
+    if args.write:
+        check_folders(args.robot)  # before anything moves
     if args.port is not None:
         config = replace(config, controller=replace(config.controller, port=args.port))
     if bare:
         ports = {config.drive.left, config.drive.right}
         plain = {port: replace(config.motor(port), power_factor=Measured(1.0)) for port in ports}
         config = replace(config, motors={**config.motors, **plain})
-    print("the robot moves 0.3 m ahead and back: put it on the floor with room in front")
+    print(f"the robot moves {ROOM} m ahead and back: put it on the floor with room in front")
     with open_robot(config, seed=args.seed) as robot:
         robot.run(wait(1.0))
         seen = robot.run(excite())
@@ -76,7 +87,16 @@ def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
         print(f"{args.robot} is as it was: say --write to put these values in")
         return 0
     print(put_in(args.robot, entries))
+    if simulated(args):
+        print(
+            "these are the simulated robot's values: measure again on the real one before it drives by them"
+        )
     return 0
+
+
+def simulated(args: argparse.Namespace) -> bool:
+    """Whether the robot that was driven is a simulated one."""
+    return (args.port or load_robot(args.robot).controller.port) not in REAL_CONTROLLERS
 
 
 def put_in(robot: Path, entries: Mapping[str, Measured]) -> str:
@@ -90,8 +110,18 @@ def put_in(robot: Path, entries: Mapping[str, Measured]) -> str:
 
 def add_calibration(kinds: Any) -> None:
     """`raccoon calibrate motors`."""
-    text = "static compensation k of each motor, of a short drive ahead and back"
-    parser = kinds.add_parser("motors", help=text, description=text)
+    text = "drive ahead and back, and find the factor k by which the faster motor gets less power"
+    parser = kinds.add_parser(
+        "motors",
+        help=text,
+        description=(
+            f"Drive the robot (within {ROOM} m ahead, and back) and find the factor k of each motor, "
+            "power_factor in robot.toml, that its power is multiplied by: the faster one gets less, so that "
+            "at the same power both turn alike. It takes no recording. It is for programs that give the "
+            "power themselves, such as motors(0.8, 0.8): straight, turn and the other motions make up "
+            "for unequal motors without it."
+        ),
+    )
     add_arguments(parser)
     parser.set_defaults(calibrate=calibrate)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from raccoon.core.config import is_model, parse_toml
 from raccoon.core.errors import ConfigError
+from raccoon.core.extras import install
 from raccoon.core.files import is_stream
 
 KEPT = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
@@ -42,6 +43,14 @@ def check_folders(*paths: Path | None) -> None:
     for number, path in enumerate(asked):
         if any(_same(path, each) for each in asked[:number]):
             raise ConfigError(f"{path}: two results are to be written into it; name two files")
+
+
+def check_pictures() -> None:
+    """Raise ConfigError where pictures are asked for and cannot be drawn: matplotlib is an extra."""
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError as error:
+        raise ConfigError(f"pictures need matplotlib: {install('report')} ({error})") from None
 
 
 def check_not_read(outputs: Sequence[Path | None], inputs: Iterable[Path | None]) -> None:

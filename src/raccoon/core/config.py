@@ -139,7 +139,9 @@ def parse_toml(content: str | bytes) -> dict[str, Any]:
     try:
         text = content if isinstance(content, str) else content.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise ConfigError(f"not a TOML file: {error}; save it as UTF-8") from None
+        packed = isinstance(content, bytes) and content.startswith(b"\x1f\x8b")
+        hint = "it is packed, as recordings are" if packed else f"{error}; save it as UTF-8"
+        raise ConfigError(f"not a TOML file: {hint}") from None
     text = text.removeprefix(BYTE_ORDER_MARK)
     try:
         return tomllib.loads(text)

@@ -102,6 +102,20 @@ class MotorConfig:
         Bounds(1e-6, 100.0),
     )
 
+    def before_model(self) -> dict[str, tuple[str, ...]]:
+        """The calibrations that are given, each with the keys of [model] that it goes before: a program of
+        the robot does not look at those."""
+        return {key: keys for key, keys in _BEFORE_MODEL.items() if getattr(self, key) is not None}
+
+
+_BEFORE_MODEL: Mapping[str, tuple[str, ...]] = {
+    "radians_per_tick": ("motor.back_emf_constant",),
+    "bemf_offset": ("bemf.offset",),
+    "static_voltage": ("friction.coulomb",),
+    "speed_voltage": ("motor.back_emf_constant", "friction.viscous"),
+    "acceleration_voltage": ("drive.inertia_straight",),
+}
+
 
 @dataclass(frozen=True, slots=True)
 class TophatConfig:

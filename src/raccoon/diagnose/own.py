@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
 from raccoon.diagnose.log import ROLES
+from raccoon.robot.opening import no_robot_opened
 from raccoon.sim.effects import Effect
 
 Array = NDArray[np.float64]
@@ -128,7 +129,8 @@ def load_own(path: str | Path) -> tuple[OwnEffect, ...]:
     if not path.is_file():
         raise ConfigError(f"{path}: there is no such file of causes")
     try:
-        found = runpy.run_path(str(path)).get(NAME)
+        with no_robot_opened():  # a program that is given by mistake must not drive
+            found = runpy.run_path(str(path)).get(NAME)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     except Exception as error:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
@@ -20,6 +22,19 @@ if TYPE_CHECKING:
     from raccoon.trace.format import Trace
 
 T = TypeVar("T")
+_only_read = ContextVar("only_read", default=False)
+"""Whether the program that runs is not to open a robot."""
+
+
+@contextmanager
+def no_robot_opened() -> Iterator[None]:
+    """Inside, `open_robot` raises ConfigError unless it is handed a port: a program that is only read,
+    simulated or replayed must not move the robot that its robot.toml names."""
+    before = _only_read.set(True)
+    try:
+        yield
+    finally:
+        _only_read.reset(before)
 
 
 class Opening:
@@ -54,7 +69,8 @@ def open_robot(
 ) -> Opening:
     """A robot for a `with` block; its motors stop however the block is left, SIGTERM and Ctrl-C included.
 
-    config: a robot.toml or a configuration. port: handed in by tests; otherwise robot.toml's
+    config: a robot.toml, looked for where the program was started and then beside the program, or a
+    configuration. port: handed in by tests; otherwise robot.toml's
     `controller.port` is opened, and nothing else: there is no falling back to the simulator. record: where to
     record the run; where there is such a recording, this one gets a number (`run-2`), and where none can be
     written there is a RuntimeWarning and the robot runs without. seed: of the simulator. Raises ConfigError,
@@ -67,7 +83,12 @@ def open_robot(
 def _opened(
     config: RobotConfig | str | Path, port: Port | None, record: str | Path | None, seed: int | None
 ) -> Iterator[Robot]:
-    settings = config if isinstance(config, RobotConfig) else load_robot(config)
+    if port is None and _only_read.get():
+        raise ConfigError(
+            "a program that is read, swept or replayed opens no robot: what it does belongs in mission(robot)"
+            ', and open_robot under `if __name__ == "__main__":`'
+        )
+    settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))
     opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
     # A port that is handed in knows itself whether it is a controller, or wraps one, that waits for nobody.
     real_time = (
@@ -80,6 +101,23 @@ def _opened(
             robot = Robot(opened, settings)
             with stopped_on_exit(robot.close), punctual() if real_time else nullcontext():
                 yield robot
+
+
+def _located(name: str | Path) -> Path:
+    """A robot.toml from the folder that the program was started in, else from the program's own: an editor or
+    a service starts it from wherever it likes. Raises FileNotFoundError that names both."""
+    path = Path(name)
+    if path.is_absolute() or path.exists():
+        return path
+    program = getattr(sys.modules.get("__main__"), "__file__", None)
+    folders = [Path.cwd()] if program is None else [Path.cwd(), Path(program).absolute().parent]
+    beside = folders[-1] / path
+    if beside.exists():
+        return beside
+    places = f"in {folders[0]}, where the program was started"
+    if folders[-1] != folders[0]:
+        places += f", and none beside the program in {folders[-1]}"
+    raise FileNotFoundError(f"there is no {path} {places}; `raccoon init` writes one to start from")
 
 
 def _recorded(port: Port, path: str | Path, config: RobotConfig, seed: int | None) -> Port:

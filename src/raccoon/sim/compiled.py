@@ -9,9 +9,11 @@ from __future__ import annotations
 import ast
 import hashlib
 import importlib.util
+import logging
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -23,6 +25,7 @@ from raccoon.sim.lanes import KINDS, Kind, lanes_text
 
 Advance = Callable[..., Any]
 ANY = Kind()
+NOT_KEPT = "nothing can be written in {} (the variable RACCOON_CACHE names another folder)"
 _TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
 _HEAD = """from __future__ import annotations
 
@@ -80,7 +83,8 @@ def advance_one() -> Advance:
 
     if not has_numba():
         return driver.advance
-    return _made(source()).advance  # type: ignore[no-any-return]
+    # A warning, since a program that starts shows no other remark, and would seem to hang.
+    return announced(_made(source()).advance, "the simulator", logging.WARNING)
 
 
 @cache
@@ -89,12 +93,8 @@ def advance_lanes(kind: str) -> Advance:
 
     That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
     """
-    text = source(KINDS[kind])
-    if has_numba() and not _lanes_cached(text):
-        import logging
-
-        logging.getLogger("raccoon").info("compiling the simulator of %s, the first time only", kind)
-    return _made(text).advance_lanes  # type: ignore[no-any-return]
+    made: Advance = _made(source(KINDS[kind])).advance_lanes
+    return announced(made, f"the simulator of {kind}", logging.INFO) if has_numba() else made
 
 
 @cache
@@ -121,23 +121,37 @@ def compiled_module(text: str) -> Any:
     for name in order:
         outer = name in ("advance", "advance_lanes")
         function = getattr(module, name)
-        options = {"cache": cached, "nogil": True} if outer else {"forceinline": True}
-        setattr(module, name, numba.njit(error_model="numpy", **options)(function))
+        options = {"nogil": True} if outer else {"forceinline": True}
+        made = numba.njit(error_model="numpy", **options)(function)
+        if outer and cached:
+            with suppress(RuntimeError):  # beside the file and in the user's folder nothing can be written
+                made.enable_caching()
+        setattr(module, name, made)
     return module
 
 
-def _name(text: str) -> str:
-    return f"raccoon_plant_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+def announced(function: Any, what: str, level: int) -> Advance:
+    """A compiled function that says so in the log "raccoon" when it really is compiled: not where numba
+    finds it in its cache, wherever that is."""
+    from numba.core import event
 
+    class Listener(event.Listener):  # type: ignore[misc]  # numba has no types
+        def on_start(self, event: Any) -> None:
+            if event.data["dispatcher"] is function:
+                kept = function.stats.cache_path is not None
+                often = "the first time only" if kept else f"each time: {NOT_KEPT.format(cache_folder())}"
+                logging.getLogger("raccoon").log(level, "compiling %s, %s", what, often)
 
-def _lanes_cached(text: str) -> bool:
-    """Whether the form for many robots of a text lies compiled in the cache."""
-    return any((cache_folder() / "__pycache__").glob(f"{_name(text)}.advance_lanes-*.nbi"))
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Listener())
+    return function  # type: ignore[no-any-return]
 
 
 def _module(text: str) -> tuple[ModuleType, bool]:
     """The module of a text, and whether it lies in a file beside which a cache can be kept."""
-    name = _name(text)
+    name = f"raccoon_plant_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
     try:
         path = _written(cache_folder() / f"{name}.py", text)
     except OSError:

@@ -14,6 +14,7 @@ from typing import Any
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.port import Port
+from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.sim.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world import World
 from raccoon.sweep.factors import LIGHT, Factor, robot_with
@@ -140,7 +141,7 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     port = WatchedPort(_simulated(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), _quiet():
+        with wall_limit(match.real_seconds), _quiet(), no_robot_opened():
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:
@@ -184,7 +185,6 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
     """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
     from raccoon.robot.actions import NOTHING_RUN, perform, wait
-    from raccoon.robot.opening import open_robot
 
     with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
         try:

@@ -7,11 +7,12 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_one
+from typing import Any
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
@@ -19,6 +20,20 @@ from raccoon.sweep.execute import Crew
 
 AHEAD = 2
 """Calls handed out for each worker: one to play, one to go on with."""
+
+
+class _Processes(ProcessPoolExecutor):
+    """Workers hear no Ctrl-C from their start on: one that still loads would show its own traceback.
+
+    A process is started by a call that finds none idle, and inherits which signals are held back meanwhile.
+    """
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+        try:
+            return super().submit(fn, *args, **kwargs)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -32,7 +47,7 @@ def process_crew(workers: int | None = None) -> Iterator[Crew]:
     ends, held = spawn.Pipe(duplex=False)
 
     def pool() -> Executor:
-        return ProcessPoolExecutor(count, spawn, initializer=_begin_worker, initargs=(ends,))
+        return _Processes(count, spawn, initializer=_begin_worker, initargs=(ends,))
 
     crew = Crew(pool, AHEAD * count)
     try:

@@ -19,15 +19,13 @@ import numpy as np
 
 from raccoon.core.errors import TraceError
 from raccoon.trace.format import Event
+from raccoon.trace.mistaken import check_is_csv
 from raccoon.trace.recording import Recording
 
 MAX_BYTES = 1 << 30
 MAX_LINE = 1 << 20
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
-KIND_BYTES = 4096
-MOST_ODD = 4
-"""Letters of a header that are no UTF-8: an old program may have written a few."""
 EVENT = "event"
 _SURFACE = re.compile(r"truth\.surface\.\d+")
 _COLORS = {"black": 1.0, "white": 0.0}
@@ -48,7 +46,7 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
     try:
         if path.stat().st_size > MAX_BYTES:
             raise TraceError(f"the file has more than {MAX_BYTES} bytes")
-        _check_kind(path)
+        check_is_csv(path)
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             return _Reader(file, strict).recording()
     except (TraceError, csv.Error) as error:
@@ -140,30 +138,12 @@ class _Reader:
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}")
 
 
-def _check_kind(path: Path) -> None:
-    """Raise TraceError for what is no CSV, by how it begins: its first line would be shown as a header."""
-    with path.open("rb") as file:
-        start = file.read(KIND_BYTES)
-    if start.startswith((b"\x1f\x8b", b"PK\x03\x04")):
-        raise TraceError("the file is packed: unpack it first")
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")) or start[1:40:2].count(0) > 8:
-        raise TraceError("the text is UTF-16: save it as UTF-8")
-    if start.lstrip().startswith(b"{"):
-        raise TraceError("it looks like JSON Lines, not CSV: name it .jsonl")
-    line = start.partition(b"\n")[0]
-    if b"\0" in line or line.decode("utf-8", "replace").count("\ufffd") > MOST_ODD:
-        raise TraceError("it is no text: a CSV file begins with the names of its columns")
-    for sign, name in ((b";", "semicolons"), (b"\t", "tabs")):
-        if sign in line and b"," not in line:
-            raise TraceError(
-                f"line 1: the columns are separated by {name}: commas are expected, and 0.5 for a half"
-            )
-
-
 def _header(names: list[str]) -> list[str]:
     names = [name.strip() for name in names]
     if "t" not in names:
-        raise TraceError(f"line 1: there is no column t in the header {','.join(names)[:80]!r}")
+        raise TraceError(
+            f"line 1: there is no column t in the header {','.join(names)[:80]!r}; t is the time in s"
+        )
     for name in names:
         if not name or names.count(name) > 1:
             raise TraceError(f"line 1: column name {name!r} is empty or there twice")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import os
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +16,8 @@ from raccoon.trace.format import Trace, read_trace
 from raccoon.trace.record import already_there
 from raccoon.trace.recording import Recording
 
+SWEEP = ".sweep.json"
+"""Ending of the file beside a table of matches."""
 TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
 
 
@@ -41,7 +43,7 @@ def load_runs(path: str | Path) -> list[Run]:
     path = Path(path)
     if not path.is_dir():
         return [load_run(path)]
-    runs = [run for file in _recordings(path) for run in load_runs(file)]
+    runs = [load_run(file) for file in recordings_in(path)]
     if not runs:
         raise TraceError(f"{path}: there is no recording in this folder")
     return runs
@@ -62,14 +64,19 @@ def counted(path: Path) -> list[list[tuple[int, str]]]:
     ]
 
 
-def _recordings(folder: Path) -> Iterator[Path]:
-    for path in sorted(folder.iterdir(), key=counted):
-        if path.is_dir() or _is_recording(path):
-            yield path
+def recordings_in(folder: Path) -> list[Path]:
+    """The recordings in a folder and in those inside it, run2 before run10; hidden folders (.venv, .git) and
+    what is no recording are left out."""
+    found = []
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        found += [path for path in (Path(place, name) for name in names) if _is_recording(path)]
+    return sorted(found, key=counted)
 
 
 def _is_recording(path: Path) -> bool:
-    if path.name == optiodom.METADATA:
+    """By its name: the table of a sweep and what describes the recordings beside it are none."""
+    if path.name == optiodom.METADATA or path.with_name(path.name + SWEEP).exists():
         return False
     return path.name.endswith((*TRACE_ENDINGS, ".csv", ".mcap", ".mat"))
 
@@ -77,6 +84,10 @@ def _is_recording(path: Path) -> bool:
 def load_run(path: str | Path) -> Run:
     """One run, of whatever kind its name and first line say. Raises as `load_runs`."""
     path = recording_file(path)
+    if path.is_dir():
+        raise TraceError(f"{path}: it is a folder; name a recording in it")
+    if path.is_file() and not path.stat().st_size:
+        raise TraceError(f"{path}: the file is empty")
     if path.name.endswith(TRACE_ENDINGS):
         trace = read_trace(path)
         return Run(path.name, recording_of(trace), trace.header.config, trace)

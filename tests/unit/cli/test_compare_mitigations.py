@@ -1,10 +1,14 @@
 """`raccoon compare-mitigations` on a few robots."""
 
+import signal
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
+from children import heeding
 from raccoon.cli.compare_mitigations.claims import claims
 from raccoon.cli.compare_mitigations.measure import (
     MANOEUVRES,
@@ -138,6 +142,7 @@ def test_tables_and_picture(tmp_path: Path) -> None:
         (["--condition", "moonlight"], "allowed are battery 6.1-7.0 V, battery sags"),
         (["--robots", "0"], "--robots is 0: it must be 1 or more"),
         (["--processes", "0"], "--processes is 0: it must be 1 or more"),
+        (["--plot", "map.bmp"], "--plot map.bmp: allowed are the endings .svg, .png, .pdf"),
         (["--tape", "1"], "--tape is 1.0 m: allowed are numbers from 0 to 0.1"),
     ],
 )
@@ -180,7 +185,7 @@ def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:
         stored(file, 2, 0.001)
 
 
-@pytest.mark.parametrize("content", [b"\xff\n", b"3\n", b'{"seed": 1}\n'])
+@pytest.mark.parametrize("content", [b"\xff\n", b"3\n", b'{"seed": 1}\n', b"from raccoon import turn\n"])
 def test_a_file_of_something_else_is_no_file_of_results(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "results.jsonl"
     file.write_bytes(content)
@@ -191,3 +196,22 @@ def test_a_file_of_something_else_is_no_file_of_results(tmp_path: Path, content:
 def test_a_part_of_the_work_is_a_part_of_every_column() -> None:
     order = in_turn({"a": 4, "b": 2})
     assert order == [("a", 0), ("b", 0), ("a", 1), ("a", 2), ("b", 1), ("a", 3)]
+
+
+INTERRUPTED = """
+from raccoon.cli.compare_mitigations.measure import measured
+
+if __name__ == "__main__":
+    measured({"battery 6.1-7.0 V": 24}, 1, 2, done=lambda _robot, _ends: print("one", flush=True))
+"""
+
+
+def test_no_process_outlives_one_that_is_interrupted(tmp_path: Path) -> None:
+    (tmp_path / "table.py").write_text(INTERRUPTED)
+    with heeding(signal.SIGINT):
+        command = [sys.executable, str(tmp_path / "table.py")]
+        table = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    assert table.stdout is not None
+    assert table.stdout.readline() == "one\n"
+    table.send_signal(signal.SIGINT)
+    table.communicate(timeout=30)  # the output ends when the last process has ended that holds it

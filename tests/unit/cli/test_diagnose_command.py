@@ -189,7 +189,7 @@ def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main(["diagnose", *names, "--json", str(out), "--html", str(page)]) == 0
     table = json.loads(out.read_text())
     assert set(table["recordings"]) == {"motor-5.csv", "motor-6.csv"}
-    assert "no column t" in table["failed"]["empty.csv"]
+    assert "the file is empty" in table["failed"]["empty.csv"]
     assert "friction.coulomb: 100 % (common)" in capsys.readouterr().out
     assert "2 recordings" in page.read_text()
 
@@ -197,7 +197,7 @@ def test_many_files_one_of_them_bad(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("empty", "no column t"),
+        ("empty", "the file is empty"),
         ("header", "the recording is empty"),
         ("text", "no column t"),
         ("two", "2 samples"),

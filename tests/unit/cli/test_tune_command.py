@@ -50,3 +50,37 @@ def test_a_new_static_k_does_not_build_on_the_old_one(robot: Path) -> None:
     robot.write_text(ROBOT + "[motor.0]\npower_factor = 0.8\n")
     assert main(["calibrate", "motors", "--robot", str(robot), "--write"]) == 0
     assert load_robot(robot).motor(0).power_factor.value == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("words", [[], ["--port", "sim"]])
+def test_values_of_the_simulated_robot_are_called_so(
+    words: list[str], robot: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if words:
+        robot.write_text("")
+    assert main(["calibrate", "motors", "--robot", str(robot), *words]) == 0
+    assert "the simulated robot's values" not in capsys.readouterr().out
+    assert main(["calibrate", "motors", "--robot", str(robot), *words, "--write"]) == 0
+    assert "the simulated robot's values" in capsys.readouterr().out
+
+
+def test_the_help_says_that_it_drives_and_what_for(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["calibrate", "motors", "--help"])
+    said = " ".join(capsys.readouterr().out.split())
+    for part in (
+        "within 0.3 m ahead, and back",
+        "takes no recording",
+        "make up for unequal motors without it",
+    ):
+        assert part in said
+
+
+def test_what_cannot_be_written_is_refused_before_the_robot_moves(
+    robot: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert main(["calibrate", "motors", "--robot", str(robot), "--write"]) == 2
+    said = capsys.readouterr()
+    assert "nothing can be written there: no permission" in said.err
+    assert "moves" not in said.out

@@ -1,5 +1,6 @@
-"""`raccoon view run`: a drive drawn over its table."""
+"""`raccoon view`: a drive drawn over its table."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def recording(tmp_path: Path) -> Path:
 def test_it_draws_a_picture(recording: Path, tmp_path: Path, ending: str) -> None:
     target = tmp_path / f"drive.{ending}"
     table = str(TABLES / "workshop.toml")
-    assert main(["view", "run", str(recording), "-o", str(target), "--table", table]) == 0
+    assert main(["view", str(recording), "-o", str(target), "--table", table]) == 0
     beginning = target.read_bytes()[:200]
     assert (b"<?xml" in beginning) if ending == "svg" else beginning.startswith(b"\x89PNG")
     assert [each.name for each in tmp_path.glob(".*")] == []
@@ -36,13 +37,13 @@ def test_it_draws_a_picture(recording: Path, tmp_path: Path, ending: str) -> Non
 
 def test_the_same_drive_gives_the_same_picture(recording: Path, tmp_path: Path) -> None:
     for name in ("one.svg", "two.svg"):
-        assert main(["view", "run", str(recording), "-o", str(tmp_path / name)]) == 0
+        assert main(["view", str(recording), "-o", str(tmp_path / name)]) == 0
     assert (tmp_path / "one.svg").read_bytes() == (tmp_path / "two.svg").read_bytes()
 
 
 def test_it_draws_an_animation(recording: Path, tmp_path: Path) -> None:
     target = tmp_path / "drive.gif"
-    assert main(["view", "run", str(recording), "-o", str(target), "--no-table"]) == 0
+    assert main(["view", str(recording), "-o", str(target), "--no-table"]) == 0
     assert target.read_bytes().startswith(b"GIF89a")
 
 
@@ -75,10 +76,52 @@ def test_a_recording_without_poses_is_refused(tmp_path: Path) -> None:
         (["--start", "nan", "0", "0"], "--start nan 0 0: allowed are X and Y"),
         (["--start", "1e300", "0", "0"], "--start 1e+300 0 0: allowed are X and Y"),
         (["-o", "nowhere/drive.svg"], "there is no folder nowhere"),
+        (["other.csv"], "other.csv: one recording is drawn at a time"),
     ],
 )
 def test_impossible_wishes_are_refused(
     recording: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["view", "run", str(recording), *arguments]) == 2
+    assert main(["view", str(recording), *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_word_run_may_stand_before_the_recording(recording: Path, tmp_path: Path) -> None:
+    for words in ([], ["run"]):
+        target = tmp_path / f"drive{len(words)}.svg"
+        assert main(["view", *words, str(recording), "-o", str(target)]) == 0
+        assert target.exists()
+
+
+def test_a_recording_may_have_the_name_run(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(recording.parent)
+    recording.rename("run")
+    assert main(["view", "run"]) == 0
+
+
+def test_a_folder_is_no_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["view", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == (f"raccoon view: {tmp_path}: it is a folder; name a recording in it\n")
+
+
+def test_without_matplotlib_it_says_how_to_install_it(
+    recording: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    path = str(recording)
+    for words in (["view", path], ["replay", path, "--plot", "a.svg"], ["effects", "--write", "."]):
+        assert main(words) == 2
+        assert "pictures need matplotlib: pip install '.[report]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("ending", ["svg", "gif"])
+def test_an_interruption_leaves_no_part_of_a_picture(
+    ending: str, recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    for name in ("matplotlib.figure.Figure.savefig", "matplotlib.backends.backend_agg.FigureCanvasAgg.draw"):
+        monkeypatch.setattr(name, interrupted)
+    assert main(["view", str(recording), "-o", str(tmp_path / f"drive.{ending}")]) == 130
+    assert [each.name for each in tmp_path.iterdir()] == ["drive.csv"]

@@ -233,3 +233,12 @@ def test_the_template_goes_with_a_drive_on_any_ports(tmp_path: Path) -> None:
 def test_the_page_shows_the_template() -> None:
     page = (Path(__file__).parents[3] / "docs" / "robot-toml.md").read_text(encoding="utf-8")
     assert f"```toml\n{template()}```" in page
+
+
+def test_a_recording_in_place_of_a_robot_toml_is_called_so(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl.gz"
+    path.write_bytes(b"\x1f\x8b\x08\x00")
+    with pytest.raises(
+        ConfigError, match=r"run\.jsonl\.gz: not a TOML file: it is packed, as recordings are"
+    ):
+        load_robot(path)

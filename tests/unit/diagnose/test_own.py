@@ -192,3 +192,12 @@ def test_the_example_is_what_the_page_shows() -> None:
     ids = [each.id for each in runpy.run_path(str(EXAMPLE))["CAUSES"]]
     page = (EXAMPLE.parents[1] / "docs" / "diagnosis.md").read_text()
     assert all(each in page for each in ids)
+
+
+def test_a_program_in_place_of_causes_opens_no_robot(tmp_path: Path) -> None:
+    path = tmp_path / "team.py"
+    path.write_text("from raccoon import open_robot\nwith open_robot() as robot:\n    pass\n")
+    with pytest.raises(
+        ConfigError, match=r"team\.py: a program that is read, swept or replayed opens no robot"
+    ):
+        load_own(path)

@@ -115,6 +115,14 @@ def test_an_entry_without_a_sensor_is_told_by_its_number(tmp_path: Path, sensor:
         TophatStore(path).history()
 
 
+def test_a_recording_is_named_and_not_shown(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl.gz"
+    path.write_bytes(b"\x1f\x8b" * 10_000)
+    with pytest.raises(ConfigError, match="not a file of tophat calibrations") as caught:
+        TophatStore(path).history()
+    assert len(str(caught.value)) < len(str(path)) + 150
+
+
 def test_file_is_plain_json(tmp_path: Path) -> None:
     store = TophatStore(tmp_path / "tophats.json")
     store.add(entry())

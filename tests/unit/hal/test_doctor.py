@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from datetime import date
 from types import SimpleNamespace
 from typing import Any
 
@@ -235,6 +236,17 @@ def test_an_imu_that_its_port_does_not_believe_is_told_apart() -> None:
 def test_a_sick_link_is_told_before_what_it_makes_look_sick() -> None:
     report = examine(FaultyRobot(faults={150: (Fault.RESET,)}), ROBOT)
     assert [each.subject for each in report.findings[:3]] == ["controller", "rate", "link"]
+
+
+def test_calibrations_are_listed_that_go_before_the_model() -> None:
+    ticks = Measured(0.00305, 0.00001, date(2026, 3, 1))
+    robot = replace(ROBOT, motors={0: MotorConfig(radians_per_tick=ticks), 3: MotorConfig(inverted=True)})
+    report = examine(FaultyRobot(), robot, move=False)
+    assert found(report, "calibrations").measured == (
+        "motor.0.radians_per_tick (2026-03-01): programs go by these before what [model] says"
+    )
+    assert report.well
+    assert not [each for each in examine(FaultyRobot(), ROBOT).findings if each.subject == "calibrations"]
 
 
 def test_pressed_buttons_are_told() -> None:

@@ -1,6 +1,8 @@
 """robot.toml names the port, and nothing else is opened in its place."""
 
 import math
+import subprocess
+import sys
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -83,3 +85,38 @@ def test_the_port_is_closed_where_the_robot_cannot_be_made(
     with pytest.raises(MemoryError), open_robot(RobotConfig(), port=port, record=tmp_path / "run"):
         pass  # pragma: no cover - it is not opened
     assert port.closed
+
+
+PROGRAM = """
+from raccoon import open_robot
+with open_robot("robot.toml") as robot:
+    print(robot.config.name)
+"""
+
+
+def started(program: Path, folder: Path) -> str:
+    """The last line of what a program says that is started from a folder."""
+    run = subprocess.run([sys.executable, str(program)], cwd=folder, capture_output=True, text=True)
+    return (run.stdout + run.stderr).strip().splitlines()[-1]
+
+
+def test_robot_toml_may_lie_beside_a_program_that_is_started_from_elsewhere(tmp_path: Path) -> None:
+    team, other = tmp_path / "our team", tmp_path / "elsewhere"
+    for folder in (team, other):
+        folder.mkdir()
+    program = team / "program.py"
+    program.write_text(PROGRAM)
+    for folder in (team, other):
+        (folder / "robot.toml").write_text(f'name = "{folder.name}"\n[controller]\nport = "sim"\n')
+    assert started(program, other) == "elsewhere"
+    (other / "robot.toml").unlink()
+    assert started(program, other) == "our team"
+    (team / "robot.toml").unlink()
+    assert started(program, other) == (
+        f"FileNotFoundError: there is no robot.toml in {other}, where the program was started, "
+        f"and none beside the program in {team}; `raccoon init` writes one to start from"
+    )
+    assert started(program, team) == (
+        f"FileNotFoundError: there is no robot.toml in {team}, where the program was started; "
+        "`raccoon init` writes one to start from"
+    )

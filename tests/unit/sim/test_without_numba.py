@@ -1,7 +1,6 @@
 """Without numba all of it runs, slower, and gives the same."""
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.sim import compiled, robot, rollout, running
 from raccoon.sim.commands import Commands
-from raccoon.sim.lanes import KINDS
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 
@@ -71,23 +69,3 @@ def test_the_same_numbers(work: Callable[[], Any], with_numba: Any, without_numb
         assert plain == with_numba
     else:
         np.testing.assert_allclose(plain, with_numba, rtol=1e-12, atol=1e-12)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_that_lanes_are_compiled_first_is_logged_the_first_time_only(
-    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    pytest.importorskip("numba")
-    monkeypatch.setenv("RACCOON_CACHE", str(tmp_path))
-    caplog.set_level("INFO", "raccoon")
-    _forget()
-    compiled.advance_lanes(kind)
-    assert "compiling the simulator" in caplog.text
-    (text,) = tmp_path.glob("*.py")
-    (tmp_path / "__pycache__").mkdir(exist_ok=True)
-    (tmp_path / "__pycache__" / f"{text.stem}.advance_lanes-1.py.nbi").touch()
-    caplog.clear()
-    _forget()
-    compiled.advance_lanes(kind)
-    _forget()
-    assert not caplog.text

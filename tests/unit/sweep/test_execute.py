@@ -1,5 +1,6 @@
 """Every call gives one result, whatever becomes of the workers."""
 
+import signal
 import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
@@ -98,3 +99,11 @@ def test_numbers_of_workers_are_checked() -> None:
             pass
     with pytest.raises(ValueError, match="window is 0"):
         Crew(lambda: Breaking(0), 0)
+
+
+def test_a_worker_hears_no_interruption_from_its_start_on() -> None:
+    with process_crew(2) as crew:
+        asked = [crew.executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ()) for _ in range(4)]
+        held = [each.result() for each in asked]
+    assert all(signal.SIGINT in each for each in held)
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())

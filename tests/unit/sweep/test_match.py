@@ -9,8 +9,9 @@ from typing import Any
 import pytest
 
 from raccoon.core.config import RobotConfig, TophatConfig
-from raccoon.core.errors import ConfigError
+from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.robot.opening import open_robot
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -153,6 +154,19 @@ def test_a_program_may_import_what_lies_beside_it(tmp_path: Path) -> None:
 )
 def test_a_program_that_drives_nothing_fails(text: str, reason: str) -> None:
     assert reason in played(text)["reason"]
+
+
+OPENS = "with open_robot(r'{}') as own:\n    own.run(straight(0.1))\n"
+
+
+@pytest.mark.parametrize("text", [OPENS, "def mission(robot):\n    " + OPENS.replace("\n    ", "\n        ")])
+def test_a_program_opens_no_robot_of_its_own(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text('[controller]\nport = "wombat"\n')  # it would be the real one that drives
+    row = played("from raccoon import open_robot, straight\n" + text.format(file))
+    assert row["reason"].startswith("ConfigError: a program that is read, swept or replayed opens no robot")
+    with pytest.raises(HardwareError), open_robot(file):
+        pass  # pragma: no cover - there is no controller here
 
 
 def test_an_action_that_a_mission_gives_back_is_done() -> None:

@@ -58,3 +58,11 @@ def test_bad_arguments_are_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("x\n")
     with pytest.raises(TraceError, match="no column t"):
         run(tmp_path / "a.csv", tmp_path / "b.csv")
+
+
+def test_a_recording_is_not_converted_onto_itself(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t,motor.0.duty\n0,percent\n")
+    with pytest.raises(ConfigError, match="this command reads it; choose another name"):
+        run(path, path, "--overwrite")
+    assert path.read_text() == "t,motor.0.duty\n0,percent\n"

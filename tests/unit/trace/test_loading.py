@@ -6,7 +6,7 @@ import pytest
 from raccoon.cli.diagnose_many import recordings
 from raccoon.core.errors import TraceError
 from raccoon.trace.csv import write_csv
-from raccoon.trace.loading import load_run, load_runs, recording_file
+from raccoon.trace.loading import load_run, load_runs, recording_file, recordings_in
 from raccoon.trace.recording import Recording
 from unit.trace.recordings import record
 
@@ -72,3 +72,61 @@ def test_an_mcap_file_is_a_recording(tmp_path: Path) -> None:
 
     write_mcap(Recording({"t": np.arange(3.0), "depth": np.arange(3.0)}), tmp_path / "run.mcap")
     assert len(load_run(tmp_path / "run.mcap").recording) == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("README.md", "# My robot, and t\n", "it seems to be a text; recordings are traces"),
+        ("program.py", "from raccoon import deg, turn\n", "it seems to be a Python program; recordings are"),
+        ("robot.toml", '# name = "robot"\n', "it seems to be a robot.toml, a model or a table; recordings"),
+        ("found.json", '{"verdict": "explained"}\n', "it seems to be a result in JSON; recordings are"),
+        ("run.json", '{"format": "raccoon trace"}\n', "it looks like JSON Lines, not CSV: name it .jsonl"),
+        ("picture.png", "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\0\0\0\0\0\0\0\0\0", "it seems to be a picture"),
+        ("run.txt", "hello\n", "it seems to be a text that begins with 'hello'; recordings are traces"),
+        ("run.csv", "hello\n", "line 1: there is no column t in the header 'hello'; t is the time in s"),
+        ("a.csv", "run,seed,status,reason,x\n", "it seems to be the table of a sweep; recordings are"),
+        ("run.txt", "time,x\n", "line 1: there is no column t in the header 'time,x'; t is the time in s"),
+        *((f"run{ending}", "", "the file is empty") for ending in (".csv", ".jsonl.gz", ".mcap", ".mat", "")),
+    ],
+)
+def test_what_a_file_seems_to_be_that_is_no_recording(
+    name: str, content: str, said: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_text(content, encoding="latin-1")
+    with pytest.raises(TraceError) as caught:
+        load_run(path)
+    assert str(caught.value).startswith(f"{path}: {said}")
+
+
+@pytest.mark.parametrize("name", ["run.txt", "run.md", "run"])
+def test_a_csv_may_have_any_name(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("\ufefft\n0\n1\n", encoding="utf-8")
+    assert len(load_run(tmp_path / name).recording) == 2
+
+
+def test_a_folder_is_not_one_recording(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match="it is a folder; name a recording in it"):
+        load_run(tmp_path)
+
+
+def test_the_table_of_a_sweep_is_no_recording_of_its_folder(tmp_path: Path) -> None:
+    for name in ("run.csv", "matches.csv"):
+        (tmp_path / name).write_text("t\n0\n1\n")
+    (tmp_path / "matches.csv.sweep.json").write_text("{}")
+    (tmp_path / "old.csv").mkdir()
+    assert recordings_in(tmp_path) == [tmp_path / "run.csv"]
+    assert [run.name for run in load_runs(tmp_path)] == ["run.csv"]
+    assert recordings([tmp_path]) == [tmp_path / "run.csv"]
+
+
+def test_other_folders_of_a_folder_do_not_matter(tmp_path: Path) -> None:
+    for name in ("__pycache__", ".venv", "b", "a10", "a9"):
+        (tmp_path / name).mkdir()
+        if name != "__pycache__":
+            (tmp_path / name / "run.csv").write_text("t\n0\n1\n")
+    found = [tmp_path / name / "run.csv" for name in ("a9", "a10", "b")]
+    assert recordings_in(tmp_path) == recordings([tmp_path]) == found
+    assert len(load_runs(tmp_path)) == 3
+    assert recordings_in(tmp_path / ".venv") == [tmp_path / ".venv" / "run.csv"]

@@ -1,6 +1,7 @@
 import argparse
 import json
 import re
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -178,6 +179,8 @@ def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:
         run(recorded, "--plot", "out.bmp")
     with pytest.raises(ConfigError, match="there is no folder"):
         run(recorded, "--json", tmp_path / "missing" / "out.json")
+    with pytest.raises(ConfigError, match="--program prints what it finds and writes nothing"):
+        run(recorded, "--program", tmp_path / "team.py", "--json", tmp_path / "out.json")
     with pytest.raises(ConfigError, match="no such file"):
         run(recorded, "--program", tmp_path / "team.py")
     (tmp_path / "team.py").write_text("x = 1\n")
@@ -194,3 +197,26 @@ def test_an_empty_recording_is_said_to_be_empty(tmp_path: Path, capsys: pytest.C
     (tmp_path / "run.csv").write_text("t,motor.0.position,motor.1.position\n")
     run(tmp_path / "run.csv")
     assert "nothing recorded" in capsys.readouterr().out
+
+
+def test_a_result_replaces_neither_what_is_read_nor_what_took_hours(recorded: Path, tmp_path: Path) -> None:
+    own = Path(shutil.copy(recorded, tmp_path / "run.jsonl.gz"))
+    before = own.read_bytes()
+    for written in (own, tmp_path / "." / own.name):
+        with pytest.raises(ConfigError, match="this command reads it; choose another name"):
+            run(own, "--json", written)
+    with pytest.raises(ConfigError, match="this command reads it; choose another name"):
+        run(tmp_path / "run", "--json", own)
+    (tmp_path / "team.py").write_text("x = 1\n")
+    with pytest.raises(ConfigError, match=r"team\.py: it is there, and by its name no result"):
+        run(own, "--json", tmp_path / "team.py")
+    assert own.read_bytes() == before
+    assert (tmp_path / "team.py").read_text() == "x = 1\n"
+
+
+def test_a_program_that_is_replayed_opens_no_robot_of_its_own(recorded: Path, tmp_path: Path) -> None:
+    (tmp_path / "team.py").write_text(
+        "from raccoon import open_robot\nwith open_robot() as robot:\n    pass\n"
+    )
+    with pytest.raises(ConfigError, match=r"opens no robot: what it does belongs in mission\(robot\)"):
+        run(recorded, "--program", tmp_path / "team.py")

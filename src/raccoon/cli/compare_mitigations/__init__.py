@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.cli.numbers import check_seed
-from raccoon.cli.outputs import check_folders
+from raccoon.cli.outputs import check_folders, check_pictures, check_replaceable
+from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 HELP = "measure every mitigation against every battery and motor difference, on the simulator"
 QUICK = 2
+PICTURES = (".svg", ".png", ".pdf")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +53,11 @@ def run(args: argparse.Namespace) -> int:
 
     check_seed(args.seed)
     check_folders(args.markdown, args.plot, args.results)
+    check_replaceable(args.markdown)
+    if args.plot is not None and args.plot.suffix not in PICTURES:
+        raise ConfigError(f"--plot {args.plot}: allowed are the endings {', '.join(PICTURES)}")
+    if args.plot is not None:
+        check_pictures()
     robots = _robots(args)
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
     found = measured(
@@ -97,7 +104,6 @@ def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, E
 def _robots(args: argparse.Namespace) -> dict[str, int]:
     """Robots of each column that is wanted. Raises ConfigError."""
     from raccoon.cli.compare_mitigations.measure import full_table
-    from raccoon.core.errors import ConfigError
 
     if args.robots is not None and args.robots < 1:
         raise ConfigError(f"--robots is {args.robots}: it must be 1 or more")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,6 +32,7 @@ from raccoon.robot.robot import Robot
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
+from raccoon.sweep.workers import process_crew
 
 MANOEUVRES = ("30 cm", "1 m", "square 4 x 0.5 m", "turn 90")
 GOALS = {
@@ -230,8 +230,8 @@ def measured(
     found = {robot: ends for robot, ends in (known or {}).items() if robot[1] < robots.get(robot[0], 0)}
     missing = [robot for robot in in_turn(robots) if robot not in found]
     jobs = [(*robot, seed, tape_std) for robot in missing]
-    with ProcessPoolExecutor(processes) if processes > 1 else nullcontext() as pool:
-        results = map(_job, jobs) if pool is None else pool.map(_job, jobs)
+    with process_crew(processes) if processes > 1 else nullcontext() as crew:
+        results = map(_job, jobs) if crew is None else crew.executor.map(_job, jobs)
         for robot, ends in zip(missing, results, strict=True):
             found[robot] = ends
             done(robot, ends)

@@ -10,6 +10,8 @@ from pathlib import Path
 from raccoon.cli.compare_mitigations.measure import End, Ends, Found, Number
 from raccoon.core.errors import ConfigError
 
+BEGIN = '{"condition": '
+
 
 def stored(path: Path, seed: int, tape_std: float) -> Found:
     """The robots in a file of results; none where there is no file. A line that was cut off is left out.
@@ -18,7 +20,9 @@ def stored(path: Path, seed: int, tape_std: float) -> Found:
     """
     try:
         return _found(path, path.read_text("utf-8") if path.exists() else "", seed, tape_std)
-    except (UnicodeDecodeError, KeyError, TypeError, AttributeError) as error:
+    except UnicodeDecodeError as error:  # whose representation holds the whole file
+        raise ConfigError(f"{path}: not a file of results: {error}; take another") from None
+    except (KeyError, TypeError, AttributeError) as error:
         raise ConfigError(f"{path}: not a file of results: {error!r}; take another") from None
 
 
@@ -28,6 +32,10 @@ def _found(path: Path, text: str, seed: int, tape_std: float) -> Found:
         try:
             row = json.loads(line)
         except ValueError:
+            if line[: len(BEGIN)] != BEGIN[: len(line)]:  # not one that was cut off
+                raise ConfigError(
+                    f"{path}: not a file of results: it has {line[:40]!r}; take another"
+                ) from None
             continue
         if (row["seed"], row["tape"]) != (seed, tape_std):
             raise ConfigError(

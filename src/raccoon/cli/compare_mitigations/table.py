@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from raccoon.cli.compare_mitigations.claims import claims, high, off
 from raccoon.cli.compare_mitigations.measure import MANOEUVRES, METHODS, Cells, End
+from raccoon.core.files import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -66,7 +68,9 @@ def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
             ]
         )
         _map(panel, values, f"{name}: {'degrees off' if turning else 'mm from the goal'} (95 %)", conditions)
-    figure.savefig(path, format=path.suffix.lstrip(".") or "svg")
+    buffer = BytesIO()
+    figure.savefig(buffer, format=path.suffix[1:])
+    write_atomically(path, buffer.getvalue())
     plt.close(figure)
 
 

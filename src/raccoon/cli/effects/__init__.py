@@ -26,7 +26,9 @@ def run(args: argparse.Namespace) -> int:
 
     if args.write is not None:
         from raccoon.cli.effects.page import write_page
+        from raccoon.cli.outputs import check_pictures
 
+        check_pictures()
         count = write_page(args.write)
         print(f"wrote {args.write / 'effects.md'} and {count} pictures")
         return 0

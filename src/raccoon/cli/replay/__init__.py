@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from raccoon.cli.outputs import check_folders
+from raccoon.cli.outputs import check_folders, check_not_read, check_pictures, check_replaceable
 from raccoon.core.errors import ConfigError
 
 HELP = "run the odometry, or a program, on a recording and compare with what it holds"
@@ -64,6 +64,17 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_outputs(args: argparse.Namespace) -> None:
     """Before the work, not after it."""
+    from raccoon.trace.loading import recording_file
+
     if args.plot is not None and args.plot.suffix not in PICTURES:
         raise ConfigError(f"--plot {args.plot}: allowed are the endings {', '.join(PICTURES)}")
+    for name, path in (("json", args.json), ("plot", args.plot)):
+        if path is not None and args.program is not None:
+            raise ConfigError(
+                f"--{name} {path}: --program prints what it finds and writes nothing; leave one out"
+            )
+    if args.plot is not None:
+        check_pictures()
     check_folders(args.plot, args.json)
+    check_not_read((args.plot, args.json), [*map(recording_file, args.file), args.robot, args.program])
+    check_replaceable(args.json)

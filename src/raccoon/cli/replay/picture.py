@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import os
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.cli.replay.drive import Drive
-from raccoon.core.errors import ConfigError
-from raccoon.core.extras import install
+from raccoon.core.files import write_atomically
 from raccoon.trace.pose_error import field_truth
 
 if TYPE_CHECKING:
@@ -20,14 +19,8 @@ MOST = 16
 
 
 def draw(drives: list[Drive], path: Path) -> None:
-    """Draw the paths side by side (m, x to the right) into a file of the format its ending names.
-
-    Raises ConfigError where matplotlib is not installed.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise ConfigError(f"pictures need matplotlib: {install('report')} ({error})") from None
+    """Draw the paths side by side (m, x to the right) into a file of the format its ending names."""
+    from matplotlib.figure import Figure
 
     shown = drives[:MOST]
     columns = math.ceil(math.sqrt(len(shown)))
@@ -41,9 +34,9 @@ def draw(drives: list[Drive], path: Path) -> None:
         _draw_one(axes, drive)
     if len(drives) > MOST:
         figure.suptitle(f"the first {MOST} of {len(drives)} runs")
-    part = path.with_name(f"part-{path.name}")
-    figure.savefig(part, dpi=120)
-    os.replace(part, path)
+    buffer = BytesIO()
+    figure.savefig(buffer, format=path.suffix[1:], dpi=120)
+    write_atomically(path, buffer.getvalue())
 
 
 def _draw_one(axes: Axes, drive: Drive) -> None:

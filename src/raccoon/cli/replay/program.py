@@ -11,7 +11,7 @@ from traceback import extract_tb
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
 from raccoon.robot.actions import perform
-from raccoon.robot.opening import replay
+from raccoon.robot.opening import no_robot_opened, replay
 from raccoon.robot.robot import Robot
 from raccoon.sweep.program import Mission, Program
 from raccoon.trace.loading import Run
@@ -21,14 +21,14 @@ def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig
     """Replay a program on traces. Exit status 1 where it diverges from one of them."""
     if not 0.0 <= args.tolerance < 1.0:
         raise ConfigError(f"--tolerance {args.tolerance}: allowed are numbers from 0 to below 1")
-    with _told(args.program):
+    with _told(args.program), no_robot_opened():
         mission = load_mission(args.program)
     diverged = 0
     for run in runs:
         if run.trace is None:
             raise ConfigError(f"{run.name}: a program needs a trace with its commands (.jsonl.gz)")
         try:
-            with _told(args.program):
+            with _told(args.program), no_robot_opened():
                 ran = _replay(run, mission, args, robot)
             print(f"{run.name}: {_verdict(ran, len(run.trace.ticks), compared=not args.ignore_commands)}")
         except ReplayDiverged as difference:

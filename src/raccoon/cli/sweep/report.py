@@ -35,7 +35,7 @@ def _print_first_failure(rows: list[Row], given: Sequence[str]) -> None:
         recording = f"run-{run}.jsonl.gz"
         # In front of the rest, which may end with what belongs to an option, or begin with --.
         words = ("raccoon", "sweep", "--only", str(run), "--record", recording, *given[1:])
-        print(f"  see one: {shlex.join(words)}\n           raccoon view run {recording}")
+        print(f"  see one: {shlex.join(words)}\n           raccoon view {recording}")
 
 
 def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:

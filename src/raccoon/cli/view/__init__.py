@@ -1,4 +1,4 @@
-"""`raccoon view run`: a recorded drive over its table, as a picture or an animation."""
+"""`raccoon view`: a recorded drive over its table, as a picture or an animation."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from raccoon.cli.numbers import check_start
-from raccoon.cli.outputs import check_folders
+from raccoon.cli.outputs import check_folders, check_pictures
 from raccoon.core.errors import ConfigError
 
 HELP = "draw a recorded drive over the table"
@@ -16,16 +16,18 @@ SLOWEST, FASTEST = 0.01, 1000.0
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
-    subjects = parser.add_subparsers(dest="subject", metavar="WHAT", required=True)
-    drive = subjects.add_parser("run", help="the drive of a recording")
-    drive.add_argument("trace", type=Path, help="a recording with truth or estimates in it")
-    drive.add_argument("-o", "--output", type=Path, help="picture to write; .gif is an animation (drive.svg)")
-    drive.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
-    drive.add_argument("--no-table", action="store_true", help="draw the path alone")
-    drive.add_argument(
+    # The word of what is drawn, once asked for: `view run RECORDING` is the same.
+    parser.add_argument("what", nargs="?", help=argparse.SUPPRESS)
+    parser.add_argument("recording", type=Path, help="a recording with truth or estimates in it")
+    parser.add_argument(
+        "-o", "--output", type=Path, help="picture to write; .gif is an animation (drive.svg)"
+    )
+    parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
+    parser.add_argument("--no-table", action="store_true", help="draw the path alone")
+    parser.add_argument(
         "--start", type=float, nargs=3, metavar=("X", "Y", "DEG"), help="where on the table it started"
     )
-    drive.add_argument("--speed", type=float, default=4.0, help="of the animation, times real time (4)")
+    parser.add_argument("--speed", type=float, default=4.0, help="of the animation, times real time (4)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -33,6 +35,8 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.view.drive import drive_of
     from raccoon.sim.world import World
 
+    if args.what not in (None, "run"):
+        raise ConfigError(f"{args.what} and {args.recording}: one recording is drawn at a time")
     target: Path = args.output or Path("drive.svg")
     if target.suffix not in ENDINGS:
         raise ConfigError(f"{target}: allowed are the endings {', '.join(ENDINGS)}")
@@ -41,8 +45,9 @@ def run(args: argparse.Namespace) -> int:
     if args.start is not None:
         check_start(args.start)
     check_folders(target)
+    check_pictures()
     world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
-    drive = drive_of(args.trace, args.start)
+    drive = drive_of(args.recording, args.start)
     if target.suffix == ".gif":
         from raccoon.cli.view.drawing import write_animation
 

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-import os
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from raccoon.cli.view.drive import Drive, Path2
+from raccoon.core.files import write_atomically
 from raccoon.sim.world import Box, World
 
 BODY_RADIUS = 0.09  # m
 FRAMES_A_SECOND = 10
 MOST_FRAMES = 600
+ANIMATION_DPI = 72
 MARGIN = 0.1  # m
 TRUTH, BELIEF = "#1f4e9c", "#c0392b"
 
@@ -41,7 +43,7 @@ def _trails(axes: Any, drive: Drive) -> list[tuple[Path2, Any]]:
 
 def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int:
     """Draw the drive as a GIF that plays `speed` times as fast; the number of frames."""
-    from matplotlib.animation import FuncAnimation, PillowWriter
+    from PIL import Image
 
     figure, axes = _table(world, drive)
     best = drive.best
@@ -52,7 +54,7 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
     body, nose = _robot(axes, best, 0, filled=True)
     clock = axes.set_title("", fontsize=8, loc="left")
 
-    def draw(frame: int) -> list[Any]:
+    def draw(frame: int) -> Any:
         row = int(rows[frame])
         for which, trail in trails:
             until = int(np.searchsorted(which.time, moments[frame], side="right"))
@@ -60,12 +62,16 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
         body.center = (best.x[row], best.y[row])
         nose.set_data(*_nose(best, row))
         clock.set_text(f"{best.time[row] - best.time[0]:.1f} s")
-        return [*(trail for _, trail in trails), body, nose, clock]
+        figure.canvas.draw()
+        return Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB").quantize()
 
-    animation = FuncAnimation(figure, draw, frames=count, blit=False)
-    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
-    animation.save(temporary, writer=PillowWriter(fps=FRAMES_A_SECOND), dpi=72)
-    os.replace(temporary, path)
+    figure.set_dpi(ANIMATION_DPI)
+    # Not matplotlib's writer: a Ctrl-C while it has no frame yet ends in an error of its own.
+    first, *others = [draw(frame) for frame in range(count)]
+    buffer = BytesIO()
+    duration = 1000 // FRAMES_A_SECOND
+    first.save(buffer, format="gif", save_all=True, append_images=others, duration=duration, loop=0)
+    write_atomically(path, buffer.getvalue())
     return count
 
 
@@ -154,8 +160,8 @@ def _extent(world: World, drive: Drive) -> tuple[tuple[float, float], tuple[floa
 def _save(figure: Any, path: Path) -> None:
     from matplotlib import rc_context
 
-    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
+    buffer = BytesIO()
     metadata = {"Date": None} if path.suffix == ".svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "raccoon"}):
-        figure.savefig(temporary, dpi=110, metadata=metadata)
-    os.replace(temporary, path)
+        figure.savefig(buffer, format=path.suffix[1:], dpi=110, metadata=metadata)
+    write_atomically(path, buffer.getvalue())

@@ -23,6 +23,7 @@ from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry import diagnose_geometry
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
+from raccoon.diagnose.recordings.outranked import outranked
 from raccoon.diagnose.recordings.partial import (
     as_duty,
     commands_volts,
@@ -144,7 +145,7 @@ def diagnose_recording(
     else:
         open_robot, exact = with_usual_stds(robot)
         found = _drive(columns, with_lag_of(device, open_robot), holdout, model, truth_free, own, device)
-        found = replace(found, notes=(*found.notes, *_without_std(exact)))
+        found = replace(found, notes=(*found.notes, *_without_std(exact), *outranked(found.causes, robot)))
     notes = dict.fromkeys((*found.notes, *problems, *repeated))
     return replace(found, notes=tuple(notes))
 

@@ -64,7 +64,9 @@ class TophatStore:
         except (ValueError, KeyError, TypeError, RecursionError) as error:
             if isinstance(error, ConfigError):
                 raise
-            raise ConfigError(f"{self.path}: not a file of tophat calibrations: {error!r}") from error
+            # One that it cannot decode has the whole file in its representation.
+            told = str(error) if isinstance(error, ValueError) else repr(error)
+            raise ConfigError(f"{self.path}: not a file of tophat calibrations: {told}") from error
         try:
             return [parse_entry(each, f"calibrations[{number}]") for number, each in entries]
         except ConfigError as error:

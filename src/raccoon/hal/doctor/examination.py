@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.port import Port
 from raccoon.hal.doctor import link, motors, sensors
@@ -64,7 +64,7 @@ def _examine(
         _try_motors(running, config, report, progress)
     else:
         report.add(Finding("motors", Verdict.NOT_CHECKED, "nothing was moved"))
-    report.add(sensors.battery(rest, running.cycles[at_rest:]))
+    report.add(sensors.battery(rest, running.cycles[at_rest:]), *_calibrations(config))
     # A sick link makes everything else look sick: it is told first.
     report.findings[1:1] = [link.rates(config, running.cycles, port), *link.faults(running.cycles)]
 
@@ -81,3 +81,20 @@ def _try_motors(
     report.add(wiring(config, trials))
     for motor_port in sorted(set(config.motors) - set(trials)):
         report.add(Finding(f"motor {motor_port}", Verdict.NOT_CHECKED, "not moved: it is no driven wheel"))
+
+
+def _calibrations(config: RobotConfig) -> list[Finding]:
+    """What robot.toml has measured, as it goes before what stands in [model]: nothing that can be wrong."""
+    found = [
+        f"motor.{port}.{key}{_when(getattr(motor, key))}"
+        for port, motor in sorted(config.motors.items())
+        for key in motor.before_model()
+    ]
+    if not found:
+        return []
+    told = f"{', '.join(found)}: programs go by these before what [model] says"
+    return [Finding("calibrations", Verdict.NOT_CHECKED, told)]
+
+
+def _when(value: Measured) -> str:
+    return "" if value.date is None else f" ({value.date})"

@@ -1,0 +1,62 @@
+"""A cause whose number of [model] no program looks at is told with the calibration that goes before it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from blind.hidden import draw
+from raccoon.core.config import Measured, MotorConfig, RobotConfig
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.outranked import outranked
+from raccoon.diagnose.result import CauseResult, Gain
+
+TICKS = Measured(0.00305, 0.00001)
+ROBOT = RobotConfig(
+    motors={
+        0: MotorConfig(inverted=True),
+        1: MotorConfig(radians_per_tick=TICKS, bemf_offset=Measured(3.0)),
+        2: MotorConfig(static_voltage=Measured(0.3)),
+    }
+)
+
+
+def cause(name: str) -> CauseResult:
+    id_, _, where = name.partition("@")
+    gain = Gain(math.nan, math.nan, math.nan)
+    return CauseResult(id_, where or None, 1, {}, gain, 1.0, (), "")
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("motor.back_emf_constant@left", ""),
+        ("motor.back_emf_constant@right", "has motor.1.radians_per_tick, by which programs go before"),
+        ("motor.back_emf_constant", "before model.motor.back_emf_constant: a new value there"),
+        ("bemf.offset@right", "has motor.1.bemf_offset, by which programs go before model.bemf.offset:"),
+        ("friction.coulomb", ""),
+        ("drive.wheel_radius@right", ""),
+    ],
+)
+def test_only_what_is_calibrated_and_named(name: str, said: str) -> None:
+    notes = outranked([cause(name)], ROBOT)
+    assert len(notes) == bool(said)
+    assert said in "".join(notes)
+
+
+def test_inertia_is_that_of_driving_straight() -> None:
+    robot = RobotConfig(motors={0: MotorConfig(acceleration_voltage=Measured(0.03))})
+    assert "before model.drive.inertia_straight" in outranked([cause("drive.inertia")], robot)[0]
+
+
+def test_a_diagnosis_says_so() -> None:
+    hidden = draw("friction.coulomb", np.random.default_rng(3))
+    columns = dict(make(3, [hidden], seconds=8.0).columns)
+    robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
+    found = diagnose_recording(columns, robot)
+    assert "friction.coulomb" in [each.id for each in found.causes]
+    assert any("motor.0.static_voltage, by which programs go" in note for note in found.notes)
+    plain = replace(robot, motors={})
+    assert not any("by which programs go" in note for note in outranked(found.causes, plain))
