@@ -226,7 +226,8 @@ SIMULATOR = Device(
     accel_m_s2=9.80665 / 8192,
     battery_volts=BATTERY_VOLTS_PER_COUNT,
 )
-"""The simulated controller: RaccoonOS counters, the stock IMU registers."""
+"""The simulated controller: RaccoonOS counters, the stock IMU registers. (The name of one whose chain is not
+the default goes on after that.)"""
 
 SI_WORDS = Device(
     name="si",

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, MOTOR_PORTS, Device
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, MOTOR_PORTS, SIMULATOR, Device
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.sample_clock import (
@@ -45,9 +45,9 @@ NEAR = 0.75
 class Firmware:
     """A firmware's habits.
 
-    name: as a report says it. chain: of its samples. rates: samples of each motor a second, at least and at
-    most, and gyro_rates of the gyro
-    where they follow no row. tick:
+    name: as a report says it. chain: of its samples. wombat: whether it is a Wombat's; of the simulator the
+    chain alone is known, and all that it rehearses is asked for. rates: samples of each motor a second, at
+    least and at most, and gyro_rates of the gyro where they follow no row. tick:
     counts of one sample that move a position by one. sums: whether its positions are all that it shows of
     samples. waits: how many times from sample to sample commands come into force. lead: s from then until a
     sample can be read. most: counts of back-EMF, of which it keeps the last
@@ -59,8 +59,9 @@ class Firmware:
 
     name: str
     chain: Chain
-    rates: tuple[float, float]
-    tick: float
+    wombat: bool = True
+    rates: tuple[float, float] = (0.0, 0.0)
+    tick: float = 0.0
     gyro_rates: tuple[float, float] | None = None
     sums: bool = False
     waits: int = 1
@@ -92,7 +93,7 @@ class Firmware:
 
     def asked_for(self, causes: Sequence[Cause]) -> list[Cause]:
         """The causes less what is known: a dead zone, or that there is none."""
-        return [each for each in causes if each.id != ZONE]
+        return [each for each in causes if not (self.wombat and each.id == ZONE)]
 
     def before_cutting(self, columns: Columns) -> Columns:
         """The columns with the battery as it was before its filter cut fractions of a count off. (What
@@ -104,6 +105,8 @@ class Firmware:
     def understood(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
         """The log with commands as the drivers get them, a whole number of `LEVELS`, of which a motor coasts
         at 0; with the clocks of its samples where their counters tell them, and readings by these."""
+        if not self.wombat:
+            return log
         channels = {each.role: each.values for each in log.channels}
         clocks: list[SampleClock | None] = []
         for side in SIDES:
@@ -164,6 +167,7 @@ SAG = 0.06
 """When in a slot the converter gets to the battery is in no source. A reading that never sees RaccoonOS's
 motors coast sags by a ninth more than the mean."""
 FIRMWARES = {
+    SIMULATOR.name: Firmware("the simulator", Chain(), wombat=False, smooths=False),
     "wombat-stock": Firmware(
         "the stock firmware",
         Chain.stock(),

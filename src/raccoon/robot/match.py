@@ -208,7 +208,7 @@ def _real(robot: Robot, alarm: bool | None) -> bool:
     """Whether the robot's seconds are the wall's: not in simulation and not in a replay."""
     if alarm is not None:
         return alarm
-    simulated = robot.inputs is None or robot.inputs.device.name == SIMULATOR.name
+    simulated = robot.inputs is None or robot.inputs.device.name.startswith(SIMULATOR.name)
     return (
         robot.config.controller.port in REAL_CONTROLLERS
         and not simulated

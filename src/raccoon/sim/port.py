@@ -20,7 +20,7 @@ from raccoon.core.readings import (
     Words,
 )
 from raccoon.model.bemf import counter_lag
-from raccoon.sim.chain import Noise
+from raccoon.sim.chain import Chain, Noise
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
@@ -94,7 +94,8 @@ class SimPort:
         self._cycles = max(1, round(1.0 / rate_hz / parameters.chain.cycle))
         self._truth = truth
         counted = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
-        self._device = replace(SIMULATOR, bemf_lag=counted)
+        name = SIMULATOR.name if parameters.chain == Chain() else f"{SIMULATOR.name}-chain"
+        self._device = replace(SIMULATOR, name=name, bemf_lag=counted)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,9 +12,11 @@ import pytest
 
 from blind.drives import exciting
 from emulated_drives import recorded
+from raccoon import after_distance, deg, drive, open_robot, seq, straight, turn, wait
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, BEMF_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR
+from raccoon.core.sections import ControllerConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.firmware import FIRMWARES, firmware_of
 from raccoon.diagnose.habits.lags import _open_instead
@@ -30,7 +33,9 @@ from raccoon.hal.wombat.emulator import Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
 from raccoon.sim.sensing import followed_voltage
+from raccoon.trace.loading import load_run
 
 ROBOT = RobotConfig()
 
@@ -61,6 +66,25 @@ def test_a_strong_motor_is_all_that_is_named(firmware: Firmware) -> None:
     assert [each.name for each in said.causes] == ["motor.back_emf_constant@left"]
     number = said.causes[0].parameters["factor"]
     assert abs(number.value - 1.08) < 2.5 * number.std < 0.05
+
+
+def test_a_simulated_program_has_nothing_wrong(tmp_path: Path) -> None:
+    """Its chain is known. Found out, it was that of a controller by its own clock, with a filter of 14 ms."""
+    recording = tmp_path / "run.jsonl"
+    mission = seq(wait(1.0), straight(0.6), turn(deg(90)), drive(0.15).until(after_distance(0.40)))
+    with open_robot(RobotConfig(controller=ControllerConfig(port="sim")), record=recording) as robot:
+        robot.run(mission)
+    run = load_run(recording).recording
+    assert run.device.name == SIMULATOR.name
+    said = diagnose_recording(run.columns, ROBOT, device=run.device)
+    assert said.causes == ()
+    assert any("of the simulator" in note for note in said.notes)
+
+
+def test_only_the_usual_chain_is_the_simulator_s() -> None:
+    robot = Parameters.from_robot(ROBOT)
+    for chain, name in ((Chain(), "simulator"), (Chain.firmware(), "simulator-chain")):
+        assert SimPort(robot.with_chain(chain)).read().device.name == name
 
 
 @pytest.fixture(scope="module", params=["stock", 17, 21])
@@ -140,7 +164,8 @@ def test_the_simulation_differs_by_a_part_of_what_it_did(understood: tuple[Firmw
 def test_a_firmware_is_known_by_its_devices_name() -> None:
     for device in (STOCK, RACCOON_17, RACCOON_21):
         assert firmware_of(device) is FIRMWARES[device.name]
-    assert firmware_of(SIMULATOR) is firmware_of(SI_WORDS) is None
+    assert firmware_of(SI_WORDS) is None
+    assert firmware_of(replace(SIMULATOR, name="simulator-chain")) is None
     stock = firmware_of(STOCK)
     assert stock is not None
     assert firmware_of(replace(STOCK, name="wombat-stock+mpu6050")) == replace(
@@ -153,7 +178,8 @@ def test_a_firmware_is_known_by_its_devices_name() -> None:
 def test_a_dead_zone_that_is_known_is_not_asked_for() -> None:
     newer, older = FIRMWARES[RACCOON_21.name], FIRMWARES[RACCOON_17.name]
     causes = drive_causes()
-    for each in FIRMWARES.values():
+    assert FIRMWARES[SIMULATOR.name].asked_for(causes) == list(causes)
+    for each in (FIRMWARES[STOCK.name], newer, older):
         left = each.asked_for(causes)
         assert {cause.id for cause in causes} - {cause.id for cause in left} == {ZONE}
     assert older.start(ROBOT, None) is None

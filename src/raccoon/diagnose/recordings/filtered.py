@@ -34,7 +34,7 @@ def with_lag_of(device: Device, robot: RobotConfig, cycle: float = 0.005) -> Rob
     if abs(lag - counter_lag(own.value, cycle)) < 1e-6:
         return robot
     firmware = firmware_of(device)
-    if firmware is None:
+    if firmware is None or not firmware.wombat:
         value = max(lag, SHORTEST)
         told = replace(own, value=value, std=min(LAG_STD, 0.25 * value))
     else:
