@@ -90,7 +90,7 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
                 found[recording] = next(iter(cause.parameters.values()))
     units = [each.unit for each in found.values()]
     usual = max(units, key=units.count)
-    silent = {key for key, each in results.items() if each.verdict is Verdict.NOT_IDENTIFIABLE} - found.keys()
+    silent = {key for key, each in results.items() if _silent(name, each)} - found.keys()
     share = len(found) / (len(results) - len(silent))
     # Where a current is missing a friction is in volts: it counts, and is not compared.
     found = {key: each for key, each in found.items() if each.unit == usual}
@@ -110,6 +110,36 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
         first.unit,
         change,
     )
+
+
+CANNOT_TELL = ("not identifiable", "not visible", "not judged", "the recorded motion does not follow")
+"""How a reason begins for which a recording says nothing of a cause."""
+
+
+def _silent(name: str, diagnosis: Diagnosis) -> bool:
+    """Whether a recording that does not name a cause does not speak against it either: it cannot tell, as
+    where a channel is missing, or it names another that may be this one."""
+    id_, _, where = name.partition("@")
+    if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
+        return True
+    rivals = {
+        (rival if "@" in rival or each.where != where else f"{rival}@{where}")
+        for each in diagnosis.causes
+        for rival in each.confounded_with
+    }
+    if name in rivals:
+        return True
+    return any(
+        each.reason.startswith(CANNOT_TELL) and _of_place(each.reason, where)
+        for each in diagnosis.rejected
+        if each.id in (name, id_) or (each.id.endswith("*") and id_.startswith(each.id[:-1]))
+    )
+
+
+def _of_place(reason: str, where: str) -> bool:
+    """Whether a reason holds at a place: one may say that it is of one side alone."""
+    begin = "not identifiable at the "
+    return not reason.startswith(begin) or reason.startswith(f"{begin}{where}:")
 
 
 def _outliers(
