@@ -24,6 +24,11 @@ FAR = 3.0
 """Factor by which no robot.toml is wrong: it is a unit, or another robot's."""
 NEAR = 1.4
 """Factor within which a unit is recognised."""
+FEWEST = 50
+"""Samples from which wheels and gyro are compared."""
+TURNS, STILL = 0.3, 0.1
+"""rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
+it does not turn."""
 DEGREES = 180.0 / math.pi
 SPEEDS: Mapping[str, float] = {
     "degrees a second": DEGREES,
@@ -47,10 +52,25 @@ def check_sizes(log: Log, robot: RobotConfig) -> None:
             continue
         lengths = {"metres a second": radius, "millimetres a second": 1000.0 * radius}
         _check_factor(wheel.name, share / SHARE, {**SPEEDS, **lengths}, "its command", "rad/s")
-    turns = _gyro_factor(log, robot)
-    gyro = log.channel("gyro")
-    if gyro is not None and turns is not None and turns > 0.0:
-        _check_factor(gyro.name, turns, GYRO_UNITS, "the wheels", "rad/s")
+    _check_gyro(log, robot)
+
+
+def _check_gyro(log: Log, robot: RobotConfig) -> None:
+    gyro, expected = log.channel("gyro"), _turn_rate(log, robot)
+    if gyro is None or expected is None:
+        return
+    factor = slope(expected, gyro.values)
+    if factor is not None and factor > 0.0:
+        _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels", "rad/s")
+    both = np.isfinite(expected) & np.isfinite(gyro.values)
+    if both.sum() < FEWEST:
+        return
+    wheels, seen = (float(np.sqrt(np.mean(each[both] ** 2))) for each in (expected, gyro.values))
+    if wheels > TURNS and seen < STILL * wheels:
+        raise TraceError(
+            f"{gyro.name} hardly turns ({seen:.2g} rad/s) while the wheels turn the robot ({wheels:.2g}"
+            " rad/s): is it another axis, or were the wheels off the floor?"
+        )
 
 
 def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | None]) -> None:
@@ -108,18 +128,18 @@ def _volts(wheel: Channel, motor: MotorModel) -> float:
     return BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
 
 
-def _gyro_factor(log: Log, robot: RobotConfig) -> float | None:
-    """What the gyro says over what the wheels do, where the commands turn the robot."""
-    gyro, left, right = log.channel("gyro"), log.wheel("left"), log.wheel("right")
-    if gyro is None or left is None or right is None:
+def _turn_rate(log: Log, robot: RobotConfig) -> Array | None:
+    """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
+    left, right = log.wheel("left"), log.wheel("right")
+    if left is None or right is None:
         return None
     model = robot.model
     speeds = [
         _volts(wheel, motor) / motor.back_emf_constant.value * wheel.values
         for wheel, motor in ((left, model.left), (right, model.right))
     ]
-    expected = (speeds[1] - speeds[0]) * model.drive.wheel_radius.value / model.drive.track_width.value
-    return slope(np.where(turning(log.duty), expected, np.nan), gyro.values)
+    rate = (speeds[1] - speeds[0]) * model.drive.wheel_radius.value / model.drive.track_width.value
+    return np.where(turning(log.duty), rate, np.nan)
 
 
 def turning(duty: Array) -> NDArray[np.bool_]:
@@ -138,7 +158,7 @@ def steady(duty: Array) -> Array:
 def slope(x: Array, y: Array) -> float | None:
     """Least-squares slope through 0 where both are known and x says something; None otherwise."""
     both = np.isfinite(x) & np.isfinite(y)
-    if both.sum() < 50 or float(np.ptp(x[both])) == 0.0:
+    if both.sum() < FEWEST or float(np.ptp(x[both])) == 0.0:
         return None
     x, y = x[both], y[both]
     if float(np.corrcoef(x, y)[0, 1]) ** 2 < 0.3 or not math.isfinite(float(x @ x)):

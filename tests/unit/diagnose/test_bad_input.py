@@ -88,6 +88,13 @@ def test_a_battery_that_robot_toml_has_wrong_is_no_wrong_unit(good: Columns) -> 
     check(good, parse_robot({"model": {"battery": {"open_circuit_voltage": 4.5}}}))
 
 
+def test_a_gyro_that_does_not_turn_with_the_robot_is_said(good: Columns) -> None:
+    """The column of another axis, or wheels in the air."""
+    noise = 0.02 * np.random.default_rng(2).standard_normal(len(good["t"]))
+    with pytest.raises(TraceError, match="another axis, or were the wheels off the floor"):
+        check({**good, "imu.gyro.z": noise})
+
+
 def test_volts_in_millivolts_are_said(good: Columns) -> None:
     volts = {name: each for name, each in good.items() if "duty" not in name and "battery" not in name}
     volts |= {f"motor.{port}.voltage": 6800.0 * good[f"motor.{port}.duty"] for port in (0, 1)}
