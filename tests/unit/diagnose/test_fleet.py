@@ -213,3 +213,19 @@ def test_what_only_one_side_cannot_tell_speaks_of_the_other() -> None:
     assert found.share == 0.5
     (found,) = common_causes({"one": diagnosis(cause("bemf.scale", 1.05, "left")), "two": half})
     assert found.share == 1.0
+
+
+def test_what_most_recordings_do_not_tell_a_cause_from_is_said_with_it(tmp_path: Path) -> None:
+    """A left motor that is 6 % weak, named in three runs as a right one that is strong, or the left."""
+    named = cause("motor.back_emf_constant", 1.06, "right", "")
+    unsure = replace(named, confounded_with=("motor.back_emf_constant@left", "drive.track_width"))
+    other = replace(named, confounded_with=("motor.back_emf_constant@left",))
+    fleet = {f"run{i}": diagnosis() for i in range(5)}
+    fleet |= {"run5": diagnosis(unsure), "run6": diagnosis(other), "run7": diagnosis(named)}
+    (found,) = causes = common_causes(fleet)
+    assert found.rivals == ("motor.back_emf_constant@left",)
+    text = fleet_report(fleet, causes)
+    assert "1.06; not told from motor.back_emf_constant@left" in text
+    assert "motor.back_emf_constant@right (or motor.back_emf_constant@left) jumps from " in text
+    save_fleet_html(fleet, causes, tmp_path / "fleet.html")
+    assert "<td>motor.back_emf_constant@left</td>" in (tmp_path / "fleet.html").read_text()
