@@ -139,3 +139,8 @@ def test_rows_that_are_no_cycles_of_the_controller_are_said(row: float, said: bo
     """A clean drive at 200 Hz whose time says 250 Hz had a slow filter and another inertia."""
     notes = without_broken({**GOOD, "t": row * np.arange(1000.0)}, ROBOT).notes
     assert any(f"write controller.rate_hz = {1.0 / row:.3g}; " in each for each in notes) is said
+
+
+def test_a_time_that_stands_is_left_for_the_log_to_refuse() -> None:
+    notes = without_broken({**GOOD, "t": np.zeros(1000)}, ROBOT).notes
+    assert not any("rate_hz" in each for each in notes)

@@ -133,7 +133,8 @@ def _about_rate(time: Array, rate_hz: float) -> tuple[str, ...]:
     if len(steps) < FEWEST:
         return ()
     cycles = float(np.median(steps)) * rate_hz
-    if abs(cycles - max(round(cycles), 1)) < OTHER_RATE:
+    # What does not advance, or in another unit, is an error that the log says.
+    if cycles <= 0.0 or abs(cycles - max(round(cycles), 1)) < OTHER_RATE:
         return ()
     return (
         f"t advances by {1000.0 * cycles / rate_hz:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
