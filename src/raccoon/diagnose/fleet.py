@@ -37,7 +37,8 @@ class FleetCause:
     """A cause over many recordings. share: of the recordings that can tell, those that name it. values: first
     parameter in each, in the order of the recordings that name it. outliers: recordings whose value is far
     from the others'. stds, nominal, unit: of that parameter. change: over all recordings in their order, one
-    that does not name the cause counting as nominal, one that cannot tell not at all."""
+    that does not name the cause counting as nominal, one that cannot tell not at all. rivals: what at least
+    half of the recordings that name it do not tell it from."""
 
     name: str
     share: float
@@ -48,6 +49,7 @@ class FleetCause:
     nominal: float = 0.0
     unit: str = ""
     change: Change | None = None
+    rivals: tuple[str, ...] = ()
 
     @property
     def common(self) -> bool:
@@ -90,7 +92,7 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
                 found[recording] = next(iter(cause.parameters.values()))
     units = [each.unit for each in found.values()]
     usual = max(units, key=units.count)
-    silent = {key for key, each in results.items() if each.verdict is Verdict.NOT_IDENTIFIABLE} - found.keys()
+    silent = {key for key, each in results.items() if _silent(name, each)} - found.keys()
     share = len(found) / (len(results) - len(silent))
     # Where a current is missing a friction is in volts: it counts, and is not compared.
     found = {key: each for key, each in found.items() if each.unit == usual}
@@ -109,7 +111,45 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
         first.nominal,
         first.unit,
         change,
+        _rivals(name, results),
     )
+
+
+def _rivals(name: str, results: Mapping[str, Diagnosis]) -> tuple[str, ...]:
+    """What at least half of the recordings that name a cause do not tell it from."""
+    own = [each.confounded_with for found in results.values() for each in found.causes if each.name == name]
+    every = dict.fromkeys(rival for each in own for rival in each)
+    return tuple(rival for rival in every if 2 * sum(rival in each for each in own) >= len(own))
+
+
+CANNOT_TELL = ("not identifiable", "not visible", "not judged", "the recorded motion does not follow")
+"""How a reason begins for which a recording says nothing of a cause."""
+
+
+def _silent(name: str, diagnosis: Diagnosis) -> bool:
+    """Whether a recording that does not name a cause does not speak against it either: it cannot tell, as
+    where a channel is missing, or it names another that may be this one."""
+    id_, _, where = name.partition("@")
+    if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
+        return True
+    rivals = {
+        (rival if "@" in rival or each.where != where else f"{rival}@{where}")
+        for each in diagnosis.causes
+        for rival in each.confounded_with
+    }
+    if name in rivals:
+        return True
+    return any(
+        each.reason.startswith(CANNOT_TELL) and _of_place(each.reason, where)
+        for each in diagnosis.rejected
+        if each.id in (name, id_) or (each.id.endswith("*") and id_.startswith(each.id[:-1]))
+    )
+
+
+def _of_place(reason: str, where: str) -> bool:
+    """Whether a reason holds at a place: one may say that it is of one side alone."""
+    begin = "not identifiable at the "
+    return not reason.startswith(begin) or reason.startswith(f"{begin}{where}:")
 
 
 def _outliers(
@@ -175,7 +215,17 @@ def change_lines(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause])
     """A line for everything that jumps or creeps in the order of the recordings."""
     every: list[FleetCause | FleetNumber] = [*causes, *fleet_numbers(results)]
     names = list(results)
-    return [_change_line(each.name, each.unit, each.change, names) for each in every if each.change]
+    return [
+        _change_line(_one_of(each), each.unit, each.change, WORN.get(each.name.partition("@")[0]), names)
+        for each in every
+        if each.change
+    ]
+
+
+def _one_of(each: FleetCause | FleetNumber) -> str:
+    """Its name, with those of what may be it: what changes is known then, and not which of them it is."""
+    rivals = each.rivals if isinstance(each, FleetCause) else ()
+    return f"{each.name} (or {', '.join(rivals)})" if rivals else each.name
 
 
 def _cause_line(each: FleetCause, count: int) -> str:
@@ -188,7 +238,8 @@ def _cause_line(each: FleetCause, count: int) -> str:
     low, high = min(each.values), max(each.values)
     odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
     unit = f" {each.unit}" if each.unit else ""
-    return f"{each.name}: {100 * each.share:.0f} % ({kind}), {low:.4g} to {high:.4g}{unit}{odd}"
+    alike = f"; not told from {', '.join(each.rivals)}" if each.rivals else ""
+    return f"{each.name}: {100 * each.share:.0f} % ({kind}), {low:.4g} to {high:.4g}{unit}{odd}{alike}"
 
 
 def _number_line(each: FleetNumber) -> str:
@@ -196,8 +247,7 @@ def _number_line(each: FleetNumber) -> str:
     return f"  {each.name:28s} {each.median:10.4g} +- {each.spread:.2g} {each.unit}{odd}"
 
 
-def _change_line(name: str, unit: str, change: Change, recordings: Sequence[str]) -> str:
-    why = WORN.get(name.partition("@")[0])
+def _change_line(name: str, unit: str, change: Change, why: str | None, recordings: Sequence[str]) -> str:
     behind = f" ({why}?)" if why else ""
     pair = f"{change.before:.4g} to {change.after:.4g} {unit}".strip()
     if change.form is Form.STEP:

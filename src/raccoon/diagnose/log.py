@@ -137,6 +137,17 @@ def _time(columns: Mapping[str, Array]) -> Array:
     if "t" not in columns or len(columns["t"]) == 0:
         raise TraceError("the recording is empty: it has no samples with a time t")
     time = np.asarray(columns["t"], float)
+    check_time(time)
+    if len(time) < 50 or time[-1] - time[0] < SHORTEST_SECONDS:
+        raise TraceError(
+            f"the recording has {len(time)} samples over {_rounded_down(time[-1] - time[0]):g} s: "
+            f"a diagnosis needs at least 50 over {SHORTEST_SECONDS:g} s"
+        )
+    return time
+
+
+def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
+    """Raise TraceError where a time is no number, does not advance, or by more than `slowest` s a sample."""
     if not np.isfinite(time).all():
         raise TraceError(
             f"t is not a number in {int((~np.isfinite(time)).sum())} samples: repair the recording"
@@ -148,18 +159,10 @@ def _time(columns: Mapping[str, Array]) -> Array:
             f"t goes from {time[row - 1]:.6g} s to {time[row]:.6g} s at row {row}: it must advance"
         )
     step = float(np.median(steps)) if len(steps) else 0.0
-    if step > SLOWEST_STEP:
+    if step > slowest:
         unit = next((name for least, name in STEP_UNITS if step >= least), None)
         guess = "" if unit is None else f": it looks like {unit}, not seconds"
-        raise TraceError(
-            f"t advances by {step:.3g} s a sample{guess}; at most {SLOWEST_STEP:g} s are allowed"
-        )
-    if len(time) < 50 or time[-1] - time[0] < SHORTEST_SECONDS:
-        raise TraceError(
-            f"the recording has {len(time)} samples over {_rounded_down(time[-1] - time[0]):g} s: "
-            f"a diagnosis needs at least 50 over {SHORTEST_SECONDS:g} s"
-        )
-    return time
+        raise TraceError(f"t advances by {step:.3g} s a sample{guess}; at most {slowest:g} s are allowed")
 
 
 def _rounded_down(seconds: float) -> float:

@@ -11,6 +11,7 @@ from raccoon.core.config import MotorModel, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.log import Channel, Log
+from raccoon.diagnose.sizes import check_sizes, slope, steady, turning
 
 Array = NDArray[np.float64]
 
@@ -37,6 +38,7 @@ def check_units(log: Log, robot: RobotConfig) -> None:
     _check_plugs(log)
     _check_wheels(log, robot)
     _check_gyro(log, robot)
+    check_sizes(log, robot)
     _check_ways(log, robot)
 
 
@@ -60,30 +62,30 @@ def _check_wheels(log: Log, robot: RobotConfig) -> None:
         if channel is None:
             continue
         volts = BEMF_VOLTS_PER_COUNT if channel.unit == "counts" else 1.0
-        slope = _slope(_steady(log.duty[:, index]) * voltage / volts, channel.values)
-        if slope is None:
+        factor = slope(steady(log.duty[:, index]) * voltage / volts, channel.values)
+        if factor is None:
             continue
-        if slope < -0.2:
+        if factor < -0.2:
             raise TraceError(
                 f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
                 f"does not fit this recording"
             )
-        if channel.unit == "counts" and 0.0005 < slope < 0.02:
+        if channel.unit == "counts" and 0.0005 < factor < 0.02:
             raise TraceError(
-                f"{channel.name} is {1.0 / slope:.0f} times too small: it looks like volts, not counts"
+                f"{channel.name} is {1.0 / factor:.0f} times too small: it looks like volts, not counts"
             )
 
 
 def _check_plugs(log: Log) -> None:
     """Each wheel must follow its own command, not the other one's: two columns of a log that are swapped."""
     wheels = [log.wheel(side) for side in ("left", "right")]
-    steady = np.column_stack([_steady(log.duty[:, 0]), _steady(log.duty[:, 1])])
+    held = np.column_stack([steady(log.duty[:, 0]), steady(log.duty[:, 1])])
     crossed = []
     for index, wheel in enumerate(wheels):
         if wheel is None:
             return
-        known = np.isfinite(steady).all(axis=1) & np.isfinite(wheel.values)
-        duty, reading = steady[known], wheel.values[known]
+        known = np.isfinite(held).all(axis=1) & np.isfinite(wheel.values)
+        duty, reading = held[known], wheel.values[known]
         if known.sum() < 50 or float(np.ptp(duty, axis=0).min()) == 0.0 or float(np.ptp(reading)) == 0.0:
             return
         if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MOST_ALIKE:
@@ -110,17 +112,17 @@ def _check_gyro(log: Log, robot: RobotConfig) -> None:
         * model.drive.wheel_radius.value
         / model.drive.track_width.value
     )
-    slope = _slope(np.where(_turning(log.duty), expected, np.nan), gyro.values)
-    if slope is None:
+    factor = slope(np.where(turning(log.duty), expected, np.nan), gyro.values)
+    if factor is None:
         return
-    if slope > 20.0:
+    if factor > 20.0:
         least, most = DEGREES
-        guess = "degrees" if slope <= most else "the sensor's own counts, milliradians or millidegrees"
-        guess += "" if slope >= least else " or the sensor's own counts"
+        guess = "degrees" if factor <= most else "the sensor's own counts, milliradians or millidegrees"
+        guess += "" if factor >= least else " or the sensor's own counts"
         raise TraceError(
-            f"{gyro.name} is {slope:.0f} times what the wheels say: it looks like {guess}, not radians"
+            f"{gyro.name} is {factor:.0f} times what the wheels say: it looks like {guess}, not radians"
         )
-    if slope < -0.2:
+    if factor < -0.2:
         raise TraceError(
             f"{gyro.name} turns against the wheels: left and right are swapped, or the gyro's axis "
             f"points down"
@@ -172,30 +174,6 @@ def _check_ways(log: Log, robot: RobotConfig) -> None:
 def _speed_factor(wheel: Channel, motor: MotorModel) -> float:
     """rad/s of a unit of a wheel's reading."""
     return BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value if wheel.unit == "counts" else 1.0
-
-
-def _turning(duty: Array) -> NDArray[np.bool_]:
-    """Where the commands turn the robot. On a straight line unequal motors and scales part the wheels."""
-    apart: NDArray[np.bool_] = np.abs(duty[:, 1] - duty[:, 0]) > 0.5 * np.abs(duty).max(axis=1)
-    return apart
-
-
-def _steady(duty: Array) -> Array:
-    """NaN where the command changed within the last 40 samples."""
-    changed = np.abs(np.diff(duty, prepend=duty[0])) > 1e-9
-    last = np.maximum.accumulate(np.where(changed, np.arange(len(duty)), 0))
-    return np.where(np.arange(len(duty)) - last >= 40, duty, np.nan)
-
-
-def _slope(x: Array, y: Array) -> float | None:
-    """Least-squares slope through 0 where both are known and x says something; None otherwise."""
-    both = np.isfinite(x) & np.isfinite(y)
-    if both.sum() < 50 or float(np.ptp(x[both])) == 0.0:
-        return None
-    x, y = x[both], y[both]
-    if float(np.corrcoef(x, y)[0, 1]) ** 2 < 0.3 or not math.isfinite(float(x @ x)):
-        return None
-    return float(x @ y / (x @ x))
 
 
 def moves(log: Log) -> bool:

@@ -8,6 +8,7 @@ import pytest
 from blind.generator import make
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.linear import linearise
 from raccoon.diagnose.log import log_from_columns
@@ -48,6 +49,9 @@ def test_a_good_recording_passes(good: Columns) -> None:
         ("motor.1.bemf", 0.0033, "volts"),
         ("battery.voltage", 1 / 0.008862, "counts"),
         ("battery.voltage", 1000.0, "millivolts"),
+        ("imu.gyro.z", 1 / 6.2832, "turns a second"),
+        ("battery.voltage", 0.5, "about 6.8 V drive the motors: it looks like one cell's"),
+        ("motor.1.bemf", 3.296, "millivolts, not counts"),
         ("motor.0.bemf", -1.0, "opposite sign"),
         ("imu.gyro.z", -1.0, "swapped"),
     ],
@@ -55,6 +59,47 @@ def test_a_good_recording_passes(good: Columns) -> None:
 def test_wrong_units_and_signs_are_said(good: Columns, column: str, factor: float, said: str) -> None:
     with pytest.raises(TraceError, match=said):
         check({**good, column: factor * good[column]})
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (57.3, "degrees a second"),
+        (9.549, "turns a minute"),
+        (1 / 6.2832, "turns a second"),
+        (0.0345, "metres a second"),
+        (34.5, "millimetres a second"),
+        (5.0, "is it in rad/s, and robot.toml this robot's"),
+    ],
+)
+def test_an_encoder_in_another_unit_is_said(good: Columns, factor: float, said: str) -> None:
+    """One in turns a minute, nearly ten times too large, was diagnosed as a robot that is as assumed."""
+    encoders = {name: each for name, each in good.items() if "bemf" not in name}
+    for port in (0, 1):
+        volts = good[f"motor.{port}.bemf"] * BEMF_VOLTS_PER_COUNT
+        encoders[f"motor.{port}.speed"] = volts / ROBOT.model.left.back_emf_constant.value
+    check(encoders)
+    with pytest.raises(TraceError, match=said):
+        check({**encoders, "motor.1.speed": factor * encoders["motor.1.speed"]})
+
+
+def test_a_battery_that_robot_toml_has_wrong_is_no_wrong_unit(good: Columns) -> None:
+    """Back-EMF and the battery's own reading agree: that is for the diagnosis to say."""
+    check(good, parse_robot({"model": {"battery": {"open_circuit_voltage": 4.5}}}))
+
+
+def test_a_gyro_that_does_not_turn_with_the_robot_is_said(good: Columns) -> None:
+    """The column of another axis, or wheels in the air."""
+    noise = 0.02 * np.random.default_rng(2).standard_normal(len(good["t"]))
+    with pytest.raises(TraceError, match="another axis, or were the wheels off the floor"):
+        check({**good, "imu.gyro.z": noise})
+
+
+def test_volts_in_millivolts_are_said(good: Columns) -> None:
+    volts = {name: each for name, each in good.items() if "duty" not in name and "battery" not in name}
+    volts |= {f"motor.{port}.voltage": 6800.0 * good[f"motor.{port}.duty"] for port in (0, 1)}
+    with pytest.raises(TraceError, match=r"motor\.N\.voltage reaches .* millivolts"):
+        diagnose_recording(volts, ROBOT)
 
 
 @pytest.mark.parametrize("port", [0, 1])

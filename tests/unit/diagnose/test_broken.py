@@ -3,6 +3,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
@@ -129,3 +130,17 @@ def test_where_the_time_is_uneven_only_large_causes_are_believed() -> None:
     assert (nothing.verdict, nothing.causes) == (Verdict.NOT_IDENTIFIABLE, ())
     even = without_broken(GOOD, ROBOT)
     assert judged_again(both, GOOD, even, ROBOT).causes == both.causes
+
+
+@pytest.mark.parametrize(
+    ("row", "said"), [(0.005, False), (0.0057, False), (0.01, False), (0.004, True), (0.0065, True)]
+)
+def test_rows_that_are_no_cycles_of_the_controller_are_said(row: float, said: bool) -> None:
+    """A clean drive at 200 Hz whose time says 250 Hz had a slow filter and another inertia."""
+    notes = without_broken({**GOOD, "t": row * np.arange(1000.0)}, ROBOT).notes
+    assert any(f"write controller.rate_hz = {1.0 / row:.3g}; " in each for each in notes) is said
+
+
+def test_a_time_that_stands_is_left_for_the_log_to_refuse() -> None:
+    notes = without_broken({**GOOD, "t": np.zeros(1000)}, ROBOT).notes
+    assert not any("rate_hz" in each for each in notes)

@@ -16,6 +16,7 @@ from raccoon.diagnose.result import (
     Diagnosis,
     Gain,
     ParameterResult,
+    Rejected,
     SensorFault,
     Unexplained,
     Verdict,
@@ -153,3 +154,78 @@ def test_equal_numbers_have_the_deviation_of_one() -> None:
     (motor,) = fleet_numbers(fleet)
     assert motor.spread == 0.003
     assert "1.08 +- 0.003" in fleet_report(fleet, [])
+
+
+def test_a_jump_is_seen_beside_one_odd_recording() -> None:
+    """A motor that was replaced, and a run with something else wrong that hides it: nearly 30 spreads off."""
+    rng = np.random.default_rng(7)
+    values = 1.0 + 0.04 * (np.arange(10) >= 6) + 0.002 * rng.standard_normal(10)
+    values[2] -= 0.06
+    fleet = {f"run{i}": diagnosis(back_emf=float(each)) for i, each in enumerate(values)}
+    (motor,) = fleet_numbers(fleet)
+    assert motor.change is not None
+    assert (motor.change.form, motor.change.first) == (Form.STEP, 6)
+    assert motor.change.before == pytest.approx(1.0, abs=0.003)
+    assert motor.outliers == ("run2",)
+
+
+@pytest.mark.parametrize("count", [5, 8, 12])
+@pytest.mark.parametrize("kind", ["scattered", "heavy-tailed", "now and then", "one odd"])
+def test_a_steady_series_is_hardly_ever_said_to_change(count: int, kind: str) -> None:
+    """Numbers that scatter by more than they say, that are named on and off, or of which one is off."""
+    rng = np.random.default_rng(count)
+    said = 0
+    for _ in range(100):
+        series = 1.0 + 0.03 * rng.standard_normal(count)
+        if kind == "heavy-tailed":
+            series = 1.0 + 0.03 * rng.standard_t(2, count)
+        elif kind == "now and then":
+            series = np.where(rng.random(count) < 0.3, 1.0, 1.03 + 0.01 * rng.standard_normal(count))
+        elif kind == "one odd":
+            series[rng.integers(count)] += 1.0
+        said += change_of(series.tolist(), [0.01] * count) is not None
+    assert said <= 3
+
+
+@pytest.mark.parametrize(
+    "silent",
+    [
+        Rejected("battery.internal_resistance", "not identifiable: battery.voltage is missing"),
+        Rejected("battery.*", "not identifiable: motor.0.duty is missing"),
+        Rejected("battery.internal_resistance", "not visible in this recording: too slow"),
+        replace(cause("drive.slope", 0.02), confounded_with=("battery.internal_resistance",)),
+    ],
+)
+def test_a_recording_that_cannot_tell_does_not_speak_against_a_cause(silent: Rejected | CauseResult) -> None:
+    """A battery that every recording shows which has its voltage is common, and did not come and go."""
+    battery = cause("battery.internal_resistance", 0.12)
+    other = replace(diagnosis(), rejected=(silent,)) if isinstance(silent, Rejected) else diagnosis(silent)
+    fleet = {f"run{i}": other if i in (0, 1, 4, 5, 7) else diagnosis(battery) for i in range(8)}
+    found = next(each for each in common_causes(fleet) if each.name == "battery.internal_resistance")
+    assert found.share == 1.0
+    assert found.change is None
+
+
+def test_what_only_one_side_cannot_tell_speaks_of_the_other() -> None:
+    reason = "not identifiable at the left: motor.0.bemf is missing; at the right: it is as assumed"
+    half = replace(diagnosis(), rejected=(Rejected("bemf.scale", reason),))
+    (found,) = common_causes({"one": diagnosis(cause("bemf.scale", 1.05, "right")), "two": half})
+    assert found.share == 0.5
+    (found,) = common_causes({"one": diagnosis(cause("bemf.scale", 1.05, "left")), "two": half})
+    assert found.share == 1.0
+
+
+def test_what_most_recordings_do_not_tell_a_cause_from_is_said_with_it(tmp_path: Path) -> None:
+    """A left motor that is 6 % weak, named in three runs as a right one that is strong, or the left."""
+    named = cause("motor.back_emf_constant", 1.06, "right", "")
+    unsure = replace(named, confounded_with=("motor.back_emf_constant@left", "drive.track_width"))
+    other = replace(named, confounded_with=("motor.back_emf_constant@left",))
+    fleet = {f"run{i}": diagnosis() for i in range(5)}
+    fleet |= {"run5": diagnosis(unsure), "run6": diagnosis(other), "run7": diagnosis(named)}
+    (found,) = causes = common_causes(fleet)
+    assert found.rivals == ("motor.back_emf_constant@left",)
+    text = fleet_report(fleet, causes)
+    assert "1.06; not told from motor.back_emf_constant@left" in text
+    assert "motor.back_emf_constant@right (or motor.back_emf_constant@left) jumps from " in text
+    save_fleet_html(fleet, causes, tmp_path / "fleet.html")
+    assert "<td>motor.back_emf_constant@left</td>" in (tmp_path / "fleet.html").read_text()

@@ -21,6 +21,7 @@ from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.recordings.reference import Reference, reference_of
 from raccoon.diagnose.recordings.reference_start import start_of
 from raccoon.diagnose.recordings.truth import with_reference
+from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -283,14 +284,25 @@ def test_what_the_reference_decides_is_a_cause_with_its_gain() -> None:
     assert "named: The gyro" in found.model.origins[("imu.gyro_scale", None)].source
 
 
-def test_without_a_gyro_what_the_reference_says_is_measured_and_no_cause() -> None:
+def test_without_a_gyro_a_track_width_that_the_reference_has_is_a_cause_all_the_same() -> None:
+    """No reading shows it, but a simulated robot turns by as much too far."""
     start = start_of(spinning(track=1.07), ROBOT)
-    bare = replace(judged(1.0), channels=(), curves=())
+    wheel = ChannelResult("motor.0.bemf", "counts", 4.0, 4.0, 4.0, 0.5)
+    bare = replace(judged(1.0), channels=(wheel,), curves=(), model=Parameters.from_robot(start.robot))
     found = with_reference(bare, start)
-    assert found.causes == ()
+    (cause,) = found.causes
+    assert (cause.name, cause.rank, cause.confounded_with) == ("drive.track_width", 1, ())
+    assert cause.parameters["factor"].value == pytest.approx(1.07, abs=0.005)
+    assert "The recorded reference says so." in cause.explanation
+    assert not cause.little
+    assert found.verdict is Verdict.EXPLAINED
+    assert found.model is not None
+    assert found.model.value("drive.track_width", "factor") == pytest.approx(1.07, abs=0.005)
     assert found.identified["track width by the reference"].value == pytest.approx(1.07, abs=0.005)
-    reasons = {each.id: each.reason for each in found.rejected}
-    assert reasons["drive.track_width"].startswith("imu.gyro.z is missing")
+    assert "drive.track_width" not in {each.id for each in found.rejected}
+    assert "it was named for what it explains elsewhere" in terminal_report(found)
+    as_assumed = with_reference(bare, start_of(spinning(), ROBOT))
+    assert (as_assumed.verdict, as_assumed.causes) == (Verdict.ADEQUATE, ())
 
 
 def test_a_shift_that_no_effect_can_have_stays_in_the_models_robot(tmp_path: Path) -> None:

@@ -28,6 +28,8 @@ JITTER = 0.5
 SURE_WHEN_UNEVEN = 1.0
 """Change of a reading, in units of its noise, from which a cause is believed where the time is uneven. Stamps
 that are off by up to 2 ms made a gear that loses 2 % of a clean drive, by 0.34."""
+OTHER_RATE = 0.16
+"""Cycles by which rows may be off whole ones: firmwares that are to run at 200 Hz do so at 174 and more."""
 CANNOT_FOLLOW = 0.5
 """Error left over the spread of what was measured from which the simulation does not follow the commands."""
 OTHER_ROBOT = 0.25
@@ -72,7 +74,8 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
         if any(each.fault in LEFT_OUT for each in found):
             del kept[name]
     about_time = _about_time(columns["t"])
-    return Sound(kept, tuple(faults), about_time, bool(about_time))
+    other_rate = _about_rate(columns["t"], robot.controller.rate_hz)
+    return Sound(kept, tuple(faults), (*about_time, *other_rate), bool(about_time))
 
 
 def _moves(columns: Columns, ports: Mapping[str, int]) -> bool:
@@ -121,6 +124,22 @@ def _about_time(time: Array) -> tuple[str, ...]:
     return (
         f"t is uneven: steps of {1000 * low:.1f} to {1000 * high:.1f} ms around {1000 * middle:.1f} ms; what "
         "is faster than that cannot be judged",
+    )
+
+
+def _about_rate(time: Array, rate_hz: float) -> tuple[str, ...]:
+    """That rows are no whole cycles of the controller: a time by another clock makes another inertia."""
+    steps = np.diff(time[np.isfinite(time)])
+    if len(steps) < FEWEST:
+        return ()
+    cycles = float(np.median(steps)) * rate_hz
+    # What does not advance, or in another unit, is an error that the log says.
+    if cycles <= 0.0 or abs(cycles - max(round(cycles), 1)) < OTHER_RATE:
+        return ()
+    return (
+        f"t advances by {1000.0 * cycles / rate_hz:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
+        f"if t is right, write controller.rate_hz = {rate_hz / cycles:.3g}; if it is not, filters, latencies "
+        "and inertia are found wrong",
     )
 
 

@@ -202,17 +202,22 @@ def _drive(
     found = judged_again(with_columns_named(found, columns, robot, sound.left_out), columns, sound, robot)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
-    tophats = diagnose_tophats(columns, robot, model, truth_free)
+    tophats = diagnose_tophats(columns, robot, model, truth_free, of_a_drive=True)
     shift = len(found.causes)
     more = tuple(replace(each, rank=each.rank + shift) for each in tophats.causes)
+    verdict = _WITH_MORE.get(found.verdict, found.verdict) if more else found.verdict
+    if more and tophats.verdict is Verdict.PARTLY:
+        verdict = Verdict.PARTLY
     return replace(
         found,
-        verdict=_WITH_MORE.get(found.verdict, found.verdict) if more else found.verdict,
+        verdict=verdict,
         channels=found.channels + tophats.channels,
         causes=found.causes + more,
         model=None if found.model is None else with_causes(found.model, more),
         rejected=found.rejected + tophats.rejected,
         curves=found.curves + tophats.curves,
+        notes=found.notes + tophats.notes,
+        sensor_faults=found.sensor_faults + tophats.sensor_faults,
         seconds=found.seconds + tophats.seconds,
     )
 

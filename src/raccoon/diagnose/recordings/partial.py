@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import BatteryModel, Measured, RobotConfig
+from raccoon.core.errors import TraceError
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import ROLES
@@ -23,6 +24,7 @@ VOLTS = (
 )
 _NO_READING = re.compile(r"there is no (\w+(?: or \w+)*) reading in this recording")
 EVERY_GROUP = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*", "bemf.*", "imu.*")
+MOST_VOLTS = 30.0
 FEWEST = 20
 """Numbers from which a column is a reading."""
 
@@ -37,10 +39,16 @@ def as_duty(columns: Columns, robot: RobotConfig) -> tuple[dict[str, Array], Rob
     """Columns and robot in which the volts are duties of a stiff battery, and the causes that remain.
 
     A driver that commands volts makes the same of any battery, so its resistance and charge do not act.
+    Raises TraceError for volts that no robot has.
     """
     ports = (robot.drive.left, robot.drive.right)
     volts = {port: np.asarray(columns[f"motor.{port}.voltage"], float) for port in ports}
     largest = max(float(np.nanmax(np.abs(each), initial=0.0)) for each in volts.values())
+    if largest > MOST_VOLTS:
+        raise TraceError(
+            f"motor.N.voltage reaches {largest:g} V: allowed are {MOST_VOLTS:g} V either way; it looks like "
+            "millivolts or counts"
+        )
     supply = max(largest, robot.model.battery.open_circuit_voltage.value)
     kept = {name: each for name, each in columns.items() if name != "battery.voltage"}
     kept |= {f"motor.{port}.duty": each / supply for port, each in volts.items()}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.recordings.tophat_checks import fewer_bits, possible
 from raccoon.diagnose.recordings.tophat_fit import (
     FITS,
     WIDTHS,
@@ -26,10 +27,14 @@ from raccoon.diagnose.recordings.tophat_words import (
     NOISE,
     USUAL_NOISE,
     cut_text,
+    few_bits_text,
     light_note,
     light_sentence,
     noise_cause,
+    older_note,
+    older_sentence,
     tophat_cause,
+    unsure_note,
 )
 from raccoon.diagnose.result import (
     CauseResult,
@@ -41,6 +46,7 @@ from raccoon.diagnose.result import (
     SensorFault,
 )
 from raccoon.sim.effects import effect
+from raccoon.sim.tophats import GENERATION
 
 Array = NDArray[np.float64]
 
@@ -70,15 +76,17 @@ def judge_tophat(
     time: Array, counts: Array, surface: Array | None, port: int, nominal: Nominal
 ) -> SensorResult:
     """Judge the tophat at `port`. surface: 1 black, 0 white where a reference says so."""
-    levels = levels_of(time, counts, surface)
+    counts, faults = possible(counts, port)
+    found = _judged(levels_of(time, counts, surface), port, nominal)
+    return replace(found, faults=(*faults, *found.faults))
+
+
+def _judged(levels: Levels | str, port: int, nominal: Nominal) -> SensorResult:
     if isinstance(levels, str):
-        reason = f"not identifiable: analog.{port}: {levels}"
-        return SensorResult(
-            None,
-            rejected=tuple(Rejected(f"{id_}@{port}", reason) for id_ in (*WIDTHS, NOISE)),
-            advice=("drive slowly over a black line on white, several times",),
-            notes=(reason,),
-        )
+        return _not_told(port, levels, "drive slowly over a black line on white, several times")
+    bits = fewer_bits(levels, nominal)
+    if bits:
+        return _not_told(port, few_bits_text(bits, levels.usual), "record whole counts of 0 to 4095")
     moved = move(levels)
     if moved is None:
         return _standing(levels, port, nominal)
@@ -86,6 +94,12 @@ def judge_tophat(
     if apart is not None:
         return _before_and_after(levels, port, nominal, *apart)
     return _drifting(levels, port, nominal, moved)
+
+
+def _not_told(port: int, reason: str, advice: str) -> SensorResult:
+    said = f"not identifiable: analog.{port}: {reason}"
+    rejected = tuple(Rejected(f"{id_}@{port}", said) for id_ in (*WIDTHS, NOISE))
+    return SensorResult(None, rejected=rejected, advice=(advice,), notes=(said,))
 
 
 def _before_and_after(
@@ -150,11 +164,14 @@ def _standing(
     early = levels.time < levels.time[0] + FITTED * float(np.ptp(levels.time))
     if not all((early & (levels.black == side)).sum() >= 8 for side in (False, True)):
         early = np.ones(len(early), np.bool_)
-    fits = level_fits(levels.means(early), nominal, levels.cut)
-    allowed = [each for each in fits if only is None or each.ids == only]
-    best = min(allowed, key=lambda each: each.cost)
+    fits = level_fits(levels.both(early), nominal, levels.cut)
+    best = min(fits, key=lambda each: each.cost)
+    told = levels.sorted_surely or best.numbers < 2
+    if only is not None or not told:
+        named = only or ()
+        best = min((each for each in fits if each.ids == named), key=lambda each: each.cost)
     late = ~early if (~early).sum() >= 20 else np.ones(len(early), np.bool_)
-    return _result(levels, port, nominal, fits, best, late)
+    return _result(levels, port, nominal, fits, best, late, told)
 
 
 def _result(
@@ -164,6 +181,7 @@ def _result(
     fits: Sequence[LevelFit],
     best: LevelFit,
     late: NDArray[np.bool_],
+    told: bool,
 ) -> SensorResult:
     seen, black = levels.counts[late], levels.black[late].astype(float)
     spread = float(np.std(seen - np.where(black > 0.5, _mean(seen, black, 1), _mean(seen, black, 0))))
@@ -177,19 +195,16 @@ def _result(
     causes = []
     for index, id_ in enumerate(best.ids):
         kept = tuple(each for each in best.ids if each != id_)
-        without = min(error(each.ids, each.values) for each in fits if each.ids == kept)
+        without = min(error(each.ids, each.values) for each in fits if set(each.ids) == set(kept))
         gain = Gain(without / floor, after / floor, float(np.clip((without - after) / removable, 0.0, 1.0)))
         number = _number(id_, float(best.values[index]), float(best.stds[index]), nominal)
         rivals = _rivals(fits, best, id_, levels.whole)
         causes.append(tophat_cause(id_, port, number, gain, rivals, probability(fits, id_)))
-    notes: tuple[str, ...] = ()
-    if best.light:
-        falls = tuple(nominal.uncut(side, 0, 1, 0) - levels.usual[int(side)] for side in (0.0, 1.0))
-        sentence = light_sentence(port, best.light, (falls[0], falls[1]))
-        notes = (light_note(port, causes[0].parameters["offset"]),)
-        causes = [replace(causes[0], explanation=sentence)]
-    if levels.noise > nominal.sd + 2.0 * USUAL_NOISE:
-        causes.append(noise_cause(port, levels.noise, nominal.sd, spread / floor))
+    causes, notes = _as_it_is(causes, port, best)
+    if not told:
+        notes = (*notes, unsure_note(port, levels.usual))
+    if levels.noise > np.hypot(nominal.sd + 2.0 * USUAL_NOISE, levels.pattern):
+        causes = [*causes, noise_cause(port, levels.noise, nominal.sd, spread / floor)]
     named = {each.id for each in causes}
     rivals_of_named = {name for each in causes for name in each.confounded_with}
     return SensorResult(
@@ -200,14 +215,31 @@ def _result(
             for id_ in (*WIDTHS, NOISE)
             if id_ not in named
         ),
-        ("surface",) if best.light or best.misfit > FITS else (),
+        () if best.exact and best.misfit <= FITS else ("surface",),
         float(np.clip((after**2 - spread**2) / max(before**2 - spread**2, 1e-9), 0.0, 1.0)),
-        (),
+        _ADVICE if best.numbers > 1 or not told else (),
         notes,
         _identified(levels, port, nominal),
         _cut(levels, port, fits),
         (_curve(levels, port, nominal, best),),
     )
+
+
+def _as_it_is(
+    causes: Sequence[CauseResult], port: int, best: LevelFit
+) -> tuple[list[CauseResult], tuple[str, ...]]:
+    """Causes whose sentences say what light or what make of sensor it is, and what the numbers make of it."""
+    said, notes = [], []
+    for each in causes:
+        if each.id == AMBIENT and best.light:
+            said.append(replace(each, explanation=light_sentence(port, best.light, best.falls)))
+            notes.append(light_note(port, each.parameters["offset"]))
+        elif each.id == GAIN and best.generation != GENERATION:
+            said.append(replace(each, explanation=older_sentence(port)))
+            notes.append(older_note(port, each.parameters["factor"]))
+        else:
+            said.append(each)
+    return said, tuple(notes)
 
 
 def _why_not(rival: bool) -> str:
@@ -258,9 +290,12 @@ def _mean(seen: Array, black: Array, side: int) -> float:
 
 
 def _rivals(fits: Sequence[LevelFit], best: LevelFit, id_: str, whole: int) -> tuple[str, ...]:
-    """Causes of other fits that do about as well without this one. Where one level is left, or light was
-    assumed that is no offset, the levels alone decide: all that fit them are listed."""
-    loose = whole < 2 or best.light > 0.0
+    """Causes of other fits that do about as well without this one. Where one level is left, and where the
+    numbers of the causes are not what was fitted, all that fit the levels are listed. Two numbers give any
+    two levels: beside what was fitted anything else is listed."""
+    if best.numbers > 1:
+        return tuple(sorted(set(WIDTHS) - set(best.ids)))
+    loose = whole < 2 or not best.exact
     found = {
         name
         for each in fits

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.tophat_fit import SAME_UNIT
-from raccoon.diagnose.recordings.tophat_levels import FEWEST, PIECES, Levels
+from raccoon.diagnose.recordings.tophat_levels import FEWEST, PIECES, SAME_UNIT, Levels
 
 Array = NDArray[np.float64]
 

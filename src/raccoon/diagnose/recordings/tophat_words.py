@@ -45,6 +45,40 @@ def light_note(port: int, number: ParameterResult) -> str:
     )
 
 
+def older_sentence(port: int) -> str:
+    """A sensor of the older make where the simulation has the newer."""
+    return (
+        f"Tophat {port} reads as the older make of the sensor does, which is darker over both surfaces, and "
+        "white far more: calibrate it on white and black, and expect it to differ from newer ones."
+    )
+
+
+def older_note(port: int, number: ParameterResult) -> str:
+    """What a factor makes of it."""
+    return (
+        f"analog.{port}: the simulated sensor is of the newer make, and the factor of {number.value:.2f} is "
+        f"only the one that is least wrong, off by {number.std:.2f} on either surface; gain and height "
+        "together, or light, would read the same"
+    )
+
+
+def unsure_note(port: int, levels: tuple[float, float]) -> str:
+    """Two levels that no single cause gives, of which nobody says that they are white and black."""
+    return (
+        f"analog.{port}: no single cause gives {levels[0]:.0f} and {levels[1]:.0f} counts, which were not "
+        "seen in turns: it may be one surface in changing light; cross several lines, or record "
+        f"truth.surface.{port}"
+    )
+
+
+def few_bits_text(bits: int, levels: tuple[float, float]) -> str:
+    """Readings of fewer bits than the converter's 12."""
+    return (
+        f"white ({levels[0]:.0f}) and black ({levels[1]:.0f}) are the usual counts over "
+        f"{2 ** (12 - bits)}: it looks like readings of {bits} bits (0..{2**bits - 1}), not of 12 (0..4095)"
+    )
+
+
 def cut_text(port: int, cut: tuple[int, int], causes: tuple[str, ...]) -> str:
     """A level that is cut off, and what cannot be told then. causes: those that fit what is left."""
     side, other = ("white", "black") if cut[0] else ("black", "white")
@@ -57,7 +91,7 @@ def noise_cause(port: int, noise: float, assumed: float, error: float) -> CauseR
     """Too much noise. error: of the readings over the floor; naming the noise does not lower it."""
     sentence = (
         f"Tophat {port} is noisy: {noise:.0f} counts from reading to reading where {USUAL_NOISE:.0f} are "
-        "usual: check its plug and wires, and average."
+        "usual: check its plug and wires, keep it from flickering lamps, and average."
     )
     number = ParameterResult(noise, max(0.02 * noise, 0.5), "counts", assumed)
     return CauseResult(NOISE, str(port), 1, {"sd": number}, Gain(error, error, 0.0), 0.99, (), sentence)

@@ -9,7 +9,7 @@ Levels that jump are judged before and after apart; levels that drift have no on
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,14 +17,18 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.extend import with_causes
+from raccoon.diagnose.log import check_time
 from raccoon.diagnose.recordings.tophat_fit import Nominal
-from raccoon.diagnose.recordings.tophat_judge import judge_tophat
+from raccoon.diagnose.recordings.tophat_judge import SensorResult, judge_tophat
 from raccoon.diagnose.recordings.tophat_words import AMBIENT, GAIN, HEIGHT, NOISE
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.sim.effects import effect
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
+SLOWEST = 0.9
+"""S between samples: a sensor that is held over a surface may be read slowly. A time in ms advances by more.
+"""
 Columns = Mapping[str, Array]
 
 
@@ -52,10 +56,19 @@ def _left_out(columns: Columns, ports: list[int]) -> tuple[str, ...]:
 
 
 def diagnose_tophats(
-    columns: Columns, robot: RobotConfig, model: Parameters | None = None, truth_free: bool = False
+    columns: Columns,
+    robot: RobotConfig,
+    model: Parameters | None = None,
+    truth_free: bool = False,
+    of_a_drive: bool = False,
 ) -> Diagnosis:
-    """Compare recorded tophats with the simulated ones. truth_free: do not use `truth.surface.N`."""
+    """Compare recorded tophats with the simulated ones. truth_free: do not use `truth.surface.N`. of_a_drive:
+    of a recording that was not made for them, so what could not be judged is no news.
+
+    Raises TraceError for a time that is no number, does not advance or is in another unit.
+    """
     begin = clock.perf_counter()
+    check_time(columns["t"], SLOWEST)
     ports = tophat_ports(columns, robot)
     parts = [
         judge_tophat(
@@ -83,11 +96,19 @@ def diagnose_tophats(
         tuple(dict.fromkeys(text for each in parts for text in each.advice)),
         clock.perf_counter() - begin,
         with_causes(model or Parameters.from_robot(robot), ranked) if robot.tophats else None,
-        (*(note for each in parts for note in each.notes), *_left_out(columns, ports)),
+        _notes(parts, columns, ports, of_a_drive),
         {name: value for each in parts for name, value in each.identified.items()},
         tuple(fault for each in parts for fault in each.faults),
         tuple(curve for each in parts for curve in each.curves),
     )
+
+
+def _notes(
+    parts: Sequence[SensorResult], columns: Columns, ports: list[int], of_a_drive: bool
+) -> tuple[str, ...]:
+    if of_a_drive:
+        return tuple(note for each in parts if each.channel is not None for note in each.notes)
+    return (*(note for each in parts for note in each.notes), *_left_out(columns, ports))
 
 
 def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:

@@ -13,7 +13,7 @@ from raccoon.diagnose.extend import named_origin, rebased
 from raccoon.diagnose.naming import TURN_READS
 from raccoon.diagnose.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference import Factor, Reference
-from raccoon.diagnose.recordings.reference_start import GYRO, RADIUS, Start
+from raccoon.diagnose.recordings.reference_start import GYRO, RADIUS, TRACK, Start
 from raccoon.diagnose.recordings.rescaled import GYRO_COLUMN, Rescaled
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import (
@@ -49,6 +49,8 @@ def with_reference(found: Diagnosis, start: Start, model: Parameters | None = No
     found = _from_robot(found, start)
     if told and any(each.name == GYRO_COLUMN for each in found.channels):
         found = _with_causes(found, start, told, model)
+    elif TRACK in told:
+        found = _with_track(found, start, told[TRACK], model)
     others = (each for each in found.rejected if each.id not in told)
     return replace(
         found,
@@ -127,6 +129,22 @@ def _with_causes(
     )
 
 
+def _with_track(found: Diagnosis, start: Start, away: float, model: Parameters | None) -> Diagnosis:
+    """With a track width that no reading shows where there is no gyro, but the reference does."""
+    factor, has = start.shifts[TRACK], 1.0 if model is None else model.value(TRACK, "factor")
+    values = {"factor": ParameterResult(has * factor.value, has * factor.std, "", has)}
+    rest = [each.rmse_after / each.noise_floor for each in found.channels if each.noise_floor > 0.0]
+    size = float(np.sqrt(np.mean(np.square(rest)))) if rest else 1.0
+    told = f"{explanation(TRACK, None, values)} {SAYS_SO}"
+    rank, sure = len(found.causes) + 1, math.erf(away / math.sqrt(2.0))
+    cause = CauseResult(TRACK, None, rank, values, Gain(size, size, 0.0), sure, (), told)
+    causes = (*found.causes, cause)
+    verdict = _verdict(found, found.unexplained.share)
+    return replace(
+        found, causes=causes, verdict=verdict, model=_with_origins(found.model, causes, start.shifts)
+    )
+
+
 def _alike(id_: str, found: Diagnosis) -> tuple[str, ...]:
     """What stays to be told from a cause that the reference gave."""
     scaled = any(each.id in SCALE and each.where is None for each in found.causes)
@@ -189,10 +207,7 @@ def _rejected(found: Diagnosis, start: Start) -> list[Rejected]:
         if factor is None:
             continue
         number = f"{factor.value:.4f} +- {factor.std:.2g} {RATIO}"
-        why = f"by the reference it is {number}"
-        if id_ in start.clear:
-            why = f"{GYRO_COLUMN} is missing, which it acts on; {why}"
-        reasons.append(Rejected(id_, why))
+        reasons.append(Rejected(id_, f"by the reference it is {number}"))
     return reasons
 
 
