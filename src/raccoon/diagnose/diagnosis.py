@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.bursts import DEPENDS_ON, bursting
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.firmware import Firmware
@@ -204,6 +205,9 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     spread = Spread.of(search)
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
+    features, rest = search.problem.features, search.linear.residual
+    bursts = bursting(features.roles, features.measured, rest, search.whitener.noise.regimes)
+    depends_on += (DEPENDS_ON,) if bursts else ()
     left = judged.left if judged.is_far else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
@@ -218,6 +222,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         extended(search.problem, spread, causes, habits.chain),
         (
             *log.notes,
+            *bursts,
             *notes_of(habits, causes, spread),
             *_not_in_model(search),
         ),
