@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from raccoon.diagnose.log import Channel, Log
+from raccoon.diagnose.whole_counts import uncut
 
 Array = NDArray[np.float64]
 
 BIN = 0.02
 EVENT_SECONDS = 0.5
 SETTLING = 0.3
-HALF_A_COUNT = 0.5
 
 
 def half_second(width: float) -> int:
@@ -47,16 +47,9 @@ def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array
 
 
 def _before_cutting(channel: Channel) -> Array:
-    """A channel's samples; back-EMF as it was before the controller cut off what is behind the point.
-
-    Such a reading is half a count nearer to 0 than what was read, on the average. That is 0.3 % of a usual
-    speed, and what the voltage and the battery say of a reading's scale is surer than that: of 160 robots
-    two were told a scale 0.5 % too small.
-    """
+    """A channel's samples, 0 where there is none; back-EMF as it was before it was cut off."""
     values = np.nan_to_num(channel.values)
-    if channel.role.startswith("bemf") and not np.any(values % 1.0):
-        return np.asarray(values + HALF_A_COUNT * np.sign(values), float)
-    return values
+    return uncut(values) if channel.role.startswith("bemf") else values
 
 
 def _within(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:

@@ -28,6 +28,8 @@ from raccoon.diagnose.sample_clock import (
 from raccoon.diagnose.silence import ZONE
 from raccoon.hal.wombat.counters import StockBemf
 from raccoon.hal.wombat.devices import RACCOON_21_DEAD_ZONE, RACCOON_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK
+from raccoon.hal.wombat.dialect import LARGEST_BEMF
+from raccoon.hal.wombat.raccoon_command import FULL_PWM
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import SIDES, Parameters
 
@@ -35,8 +37,6 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
-LEVELS = 400
-"""Of either firmware's PWM."""
 NEAR = 0.75
 """Part of the largest reading from which one that stays, as its counter does, is kept."""
 
@@ -47,14 +47,13 @@ class Firmware:
 
     name: as a report says it. chain: of its samples. wombat: whether it is a Wombat's; of the simulator the
     chain alone is known, and all that it rehearses is asked for. rates: samples of each motor a second, at
-    least and at most, and gyro_rates of the gyro where they follow no row. tick:
-    counts of one sample that move a position by one. sums: whether its positions are all that it shows of
-    samples. waits: how many times from sample to sample commands come into force. lead: s from then until a
-    sample can be read. most: counts of back-EMF, of which it keeps the last
-    less than these. dead_zone: counts below which it says 0. silent: counts up to which it may
-    say 0. low: V by which the battery's readings are too low where it falls. sag: part of the battery's
-    resistance that its readings do not tell. smooths: whether the gyro is the board's own, which it sets to
-    41 Hz.
+    least and at most, and gyro_rates of the gyro where they follow no row. tick: counts of one sample that
+    move a position by one. sums: whether its positions are all that it shows of samples. waits: how many
+    times from sample to sample commands come into force. lead: s from then until a sample can be read. most:
+    counts of back-EMF, of which it keeps the last less than these. dead_zone: counts below which it says 0.
+    silent: counts up to which it may say 0. low: V by which the battery's readings are too low where it
+    falls. sag: part of the battery's resistance that its readings do not tell. smooths: whether the gyro is
+    the board's own, which it sets to 41 Hz.
     """
 
     name: str
@@ -103,8 +102,8 @@ class Firmware:
         return {**columns, BATTERY: columns[BATTERY] + self.low}
 
     def understood(self, log: Log, columns: Columns, robot: RobotConfig) -> Log:
-        """The log with commands as the drivers get them, a whole number of `LEVELS`, of which a motor coasts
-        at 0; with the clocks of its samples where their counters tell them, and readings by these."""
+        """The log with commands as the drivers get them, a whole number of PWM levels, of which a motor
+        coasts at 0; with the clocks of its samples where their counters tell them, and readings by these."""
         if not self.wombat:
             return log
         channels = {each.role: each.values for each in log.channels}
@@ -128,7 +127,7 @@ class Firmware:
                 channels["gyro"] = of_one_age(clock, log.time, channels["gyro"])
         return replace(
             log,
-            duty=np.rint(LEVELS * log.duty) / LEVELS,
+            duty=np.rint(FULL_PWM * log.duty) / FULL_PWM,
             channels=tuple(replace(each, values=channels[each.role]) for each in log.channels),
             clocks=(clocks[0], clocks[1]),
             notes=(*log.notes, *_told([each for each in clocks if each is not None])),
@@ -151,14 +150,14 @@ def _told(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
     )
 
 
-_RACCOON = Chain(median=True, free_running=True, coast_share=0.1, pause=0.000544)
+RACCOON_PAUSE = 0.000544
+"""s: 500 us of coasting and 44 of conversion."""
+_RACCOON = Chain(median=True, free_running=True, coast_share=0.1, pause=RACCOON_PAUSE)
 RACCOON_RATES = (172.0, 199.0)
 """Of four motors 175 to 187 were measured, of 200 by design."""
-RACCOON_LEAD = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - 0.000544
-"""s: a motor's slot less 500 us of coasting and 44 of conversion. Then it is driven as commanded, and its
-reading is ready at the end of the slot. Version 17 drives each motor anew in every slot."""
-RACCOON_MOST = 2000.0
-"""Counts: beyond it neither the reading nor its counter moves."""
+RACCOON_LEAD = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - RACCOON_PAUSE
+"""s: a motor's slot less its pause. Then it is driven as commanded, and its reading is ready at the end
+of the slot. Version 17 drives each motor anew in every slot."""
 STOCK_SILENT = 10.0 / 0.25
 """Counts: a quarter of a sample must be 10 for the filter to leave 0."""
 STOCK_LOW = 3.0 * BATTERY_VOLTS_PER_COUNT
@@ -187,7 +186,7 @@ FIRMWARES = {
         tick=1.0,
         waits=MOTOR_PORTS,
         lead=RACCOON_LEAD,
-        most=RACCOON_MOST,
+        most=LARGEST_BEMF,
         sag=SAG,
     ),
     "wombat-raccoon-21": Firmware(
@@ -195,7 +194,7 @@ FIRMWARES = {
         _RACCOON,
         rates=RACCOON_RATES,
         tick=RACCOON_BEMF_RATE_HZ,
-        most=RACCOON_MOST,
+        most=LARGEST_BEMF,
         lead=RACCOON_LEAD,
         dead_zone=RACCOON_21_DEAD_ZONE,
         sag=SAG,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.features import HALF_A_COUNT
+from raccoon.diagnose.whole_counts import HALF_A_COUNT
 
 Array = NDArray[np.float64]
 

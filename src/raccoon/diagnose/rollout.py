@@ -103,6 +103,11 @@ class Habits:
     swing: float = 0.0
     firmware: Firmware | None = None
 
+    @property
+    def wombat(self) -> bool:
+        """Whether the recording names a Wombat's firmware."""
+        return self.firmware is not None and self.firmware.wombat
+
 
 class PlantRollout:
     """The package's plant along one log's commands.
@@ -160,13 +165,11 @@ class PlantRollout:
 
     def _commanded(self, duty: Array) -> Commands:
         given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
-        left, right = given.left, given.right
-        closed_left, closed_right = given.closed_left, given.closed_right
-        for_left, for_right = self._clocks
-        if for_left is not None:
-            left, closed_left = in_force(for_left, self._time, left, closed_left)
-        if for_right is not None:
-            right, closed_right = in_force(for_right, self._time, right, closed_right)
+        wheels = ((given.left, given.closed_left), (given.right, given.closed_right))
+        (left, closed_left), (right, closed_right) = (
+            each if clock is None else in_force(clock, self._time, *each)
+            for clock, each in zip(self._clocks, wheels, strict=True)
+        )
         return Commands(self._time, left, right, closed_left, closed_right)
 
     def _samples(self, lanes: Lanes, commands: Commands, step: float) -> Array:

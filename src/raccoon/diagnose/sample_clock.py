@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.whole_counts import uncut
+
 Array = NDArray[np.float64]
 
 SLOW, FEW = 100.0, 1.5
@@ -122,8 +124,7 @@ def sample_clock(
     if len(unusual) < LEAST_ROWS:
         return None
     middles = 0.5 * (time[unusual] + time[unusual - 1])
-    tried = np.arange(*rates, FINE / float(np.ptp(time)))
-    found = float(tried[int(np.argmax([abs(_turns(middles, each).sum()) for each in tried]))])
+    found = _rate(middles, rates, FINE / float(np.ptp(time)))
     turns = _turns(middles, found)
     knots = np.arange(time[0], time[-1] + AROUND, 0.5 * AROUND)
     weights = np.exp(-0.5 * ((knots[:, None] - middles) / AROUND) ** 2)
@@ -136,6 +137,17 @@ def sample_clock(
         return None
     phases = angles / (2.0 * np.pi * found) + (0.0 if rare % 2 else 0.5 / found)
     return SampleClock(1.0 / found, knots[known], phases, waits, lead)
+
+
+def _rate(moments: Array, rates: tuple[float, float], step: float) -> float:
+    """At which of the rates, 1/s, moments lie most at one phase."""
+    tried = np.arange(*rates, step)
+    turns, further = _turns(moments, rates[0]), _turns(moments, step)
+    agreed = np.empty(len(tried))
+    for index in range(len(tried)):
+        agreed[index] = abs(turns.sum())
+        turns *= further  # a product a moment is a tenth of an exponential
+    return float(tried[int(np.argmax(agreed))])
 
 
 def _turns(moments: Array, rate: float) -> NDArray[np.complex128]:
@@ -164,8 +176,7 @@ def wheel_of_one_age(
     a dead zone. What stands next to a reading of 0, or would be in the zone, is left as it is. A reading in
     whole counts gets the half back that was cut off.
     """
-    if not np.any(np.nan_to_num(bemf) % 1.0):
-        bemf = bemf + 0.5 * np.sign(bemf)
+    bemf = uncut(bemf)
     moments, rows = _firsts(clock, time, bemf)
     values = bemf[rows]
     if sums:

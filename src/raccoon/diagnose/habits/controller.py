@@ -79,7 +79,7 @@ def drive_problem(
             wheels=habits.wheels,
             low_pass=habits.low_pass,
             free_running=habits.chain.free_running,
-            wombat=habits.firmware is not None and habits.firmware.wombat,
+            wombat=habits.wombat,
         ),
         by_name,
         told(by_name, log),

@@ -89,7 +89,7 @@ def left_to_the_firmware(search: Search, habits: Habits) -> Search:
     Rows make steps of what a latency does, and a fit of what is open stops on one: a sound robot of which 3.4
     ms were found open had 0.8 ms more with 42 of log evidence, and none where all 4.2 are tried as open.
     """
-    for name in _late(search) if habits.firmware is not None and habits.firmware.wombat else ():
+    for name in _late(search) if habits.wombat else ():
         start = _open_instead(search, name)
         if start is None:
             continue

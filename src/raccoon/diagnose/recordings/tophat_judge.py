@@ -21,6 +21,7 @@ from raccoon.diagnose.recordings.tophat_fit import (
 from raccoon.diagnose.recordings.tophat_levels import Levels, levels_of
 from raccoon.diagnose.recordings.tophat_time import at_a_step, move
 from raccoon.diagnose.recordings.tophat_words import (
+    ADVICE,
     AMBIENT,
     GAIN,
     HEIGHT,
@@ -35,6 +36,7 @@ from raccoon.diagnose.recordings.tophat_words import (
     older_sentence,
     tophat_cause,
     unsure_note,
+    why_not,
 )
 from raccoon.diagnose.result import (
     CauseResult,
@@ -126,15 +128,12 @@ def _before_and_after(
         shown,
         causes=causes,
         unknown=("time",),
-        advice=_ADVICE,
+        advice=ADVICE,
         notes=tuple(dict.fromkeys((note, *sooner.notes, *later.notes))),
         faults=tuple(dict.fromkeys((*sooner.faults, *later.faults))),
         identified=_identified(levels, port, nominal),
         curves=(_joined(sooner.curves[0], later.curves[0]),),
     )
-
-
-_ADVICE = ("read white and black again in another light and at the height of the table",)
 
 
 def _joined(first: Curve, second: Curve) -> Curve:
@@ -154,7 +153,7 @@ def _drifting(levels: Levels, port: int, nominal: Nominal, moved: tuple[float, f
         f"analog.{port} moves by {size:.0f} counts on the same surface: lowest around {lowest:.1f} s, "
         f"highest around {highest:.1f} s; changing light, a loose mount or a warming sensor does that"
     )
-    return replace(found, unknown=("time",), advice=_ADVICE, notes=(note, *found.notes))
+    return replace(found, unknown=("time",), advice=ADVICE, notes=(note, *found.notes))
 
 
 def _standing(
@@ -211,13 +210,13 @@ def _result(
         ChannelResult(f"analog.{port}", "counts", before, after, floor, 0.0),
         tuple(causes),
         tuple(
-            Rejected(f"{id_}@{port}", _why_not(id_ in rivals_of_named))
+            Rejected(f"{id_}@{port}", why_not(id_ in rivals_of_named))
             for id_ in (*WIDTHS, NOISE)
             if id_ not in named
         ),
         () if best.exact and best.misfit <= FITS else ("surface",),
         float(np.clip((after**2 - spread**2) / max(before**2 - spread**2, 1e-9), 0.0, 1.0)),
-        _ADVICE if best.numbers > 1 or not told else (),
+        ADVICE if best.numbers > 1 or not told else (),
         notes,
         _identified(levels, port, nominal),
         _cut(levels, port, fits),
@@ -240,12 +239,6 @@ def _as_it_is(
         else:
             said.append(each)
     return said, tuple(notes)
-
-
-def _why_not(rival: bool) -> str:
-    if rival:
-        return "it explains the levels as well as what is named; it is listed there"
-    return "another cause explains the levels better, or they are as assumed"
 
 
 def _cut(levels: Levels, port: int, fits: Sequence[LevelFit]) -> tuple[SensorFault, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
 
 AMBIENT, GAIN, HEIGHT, NOISE = "tophat.ambient_light", "tophat.gain", "tophat.height", "tophat.noise"
+ADVICE = ("read white and black again in another light and at the height of the table",)
 USUAL_NOISE = 5.0
 """Counts; a standing sensor has 2 to 5."""
 NAMES = {AMBIENT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
@@ -95,3 +96,10 @@ def noise_cause(port: int, noise: float, assumed: float, error: float) -> CauseR
     )
     number = ParameterResult(noise, max(0.02 * noise, 0.5), "counts", assumed)
     return CauseResult(NOISE, str(port), 1, {"sd": number}, Gain(error, error, 0.0), 0.99, (), sentence)
+
+
+def why_not(rival: bool) -> str:
+    """Why a cause was not named. rival: whether it is listed beside one that was."""
+    if rival:
+        return "it explains the levels as well as what is named; it is listed there"
+    return "another cause explains the levels better, or they are as assumed"
