@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 from raccoon.core.config import is_model, parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
-from raccoon.core.files import is_stream
+from raccoon.core.files import is_stream, write_atomically
 
 KEPT = (".csv", ".gz", ".jsonl", ".mat", ".mcap", ".py", ".toml")
 """Endings of recordings, programs and robots: hours of work that no result replaces."""
@@ -92,3 +94,10 @@ def _same(one: Path, other: Path) -> bool:
     if one.exists() and other.exists():
         return one.samefile(other)
     return os.path.realpath(one) == os.path.realpath(other)
+
+
+def save_figure(figure: Any, path: Path, **how: object) -> None:
+    """A figure into a file of the format that its ending names, whole or not at all. how: of `savefig`."""
+    buffer = BytesIO()
+    figure.savefig(buffer, format=path.suffix[1:], **how)
+    write_atomically(path, buffer.getvalue())

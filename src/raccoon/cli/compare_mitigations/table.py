@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +11,7 @@ import numpy as np
 
 from raccoon.cli.compare_mitigations.claims import claims, high, off
 from raccoon.cli.compare_mitigations.measure import MANOEUVRES, METHODS, Cells, End
-from raccoon.core.files import write_atomically
+from raccoon.cli.outputs import save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,9 +67,7 @@ def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
             ]
         )
         _map(panel, values, f"{name}: {'degrees off' if turning else 'mm from the goal'} (95 %)", conditions)
-    buffer = BytesIO()
-    figure.savefig(buffer, format=path.suffix[1:])
-    write_atomically(path, buffer.getvalue())
+    save_figure(figure, path)
     plt.close(figure)
 
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.cli.outputs import save_figure
 from raccoon.cli.replay.drive import Drive
-from raccoon.core.files import write_atomically
 from raccoon.trace.pose_error import field_truth
 
 if TYPE_CHECKING:
@@ -34,9 +33,7 @@ def draw(drives: list[Drive], path: Path) -> None:
         _draw_one(axes, drive)
     if len(drives) > MOST:
         figure.suptitle(f"the first {MOST} of {len(drives)} runs")
-    buffer = BytesIO()
-    figure.savefig(buffer, format=path.suffix[1:], dpi=120)
-    write_atomically(path, buffer.getvalue())
+    save_figure(figure, path, dpi=120)
 
 
 def _draw_one(axes: Axes, drive: Drive) -> None:

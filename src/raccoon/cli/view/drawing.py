@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from raccoon.cli.outputs import save_figure
 from raccoon.cli.view.drive import Drive, Path2
 from raccoon.core.files import write_atomically
 from raccoon.sim.world import Box, World
@@ -160,8 +161,6 @@ def _extent(world: World, drive: Drive) -> tuple[tuple[float, float], tuple[floa
 def _save(figure: Any, path: Path) -> None:
     from matplotlib import rc_context
 
-    buffer = BytesIO()
     metadata = {"Date": None} if path.suffix == ".svg" else {"Software": None}
     with rc_context({"svg.hashsalt": "raccoon"}):
-        figure.savefig(buffer, format=path.suffix[1:], dpi=110, metadata=metadata)
-    write_atomically(path, buffer.getvalue())
+        save_figure(figure, path, dpi=110, metadata=metadata)
