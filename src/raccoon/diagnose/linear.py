@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -30,13 +30,15 @@ GRID_PART = 0.2
 @dataclass(frozen=True, slots=True)
 class Group:
     """Columns that come and go together. start: coordinates at which they were taken (secants of a cause).
-    over_place: whether they are friction that depends on where the robot is."""
+    over_place: whether they are friction that depends on where the robot is. parts: those of the columns
+    that may be all there is, one set of them alone."""
 
     name: str
     columns: Array
     start: tuple[float, ...] = ()
     one_sided: bool = False
     over_place: bool = False
+    parts: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,6 +204,15 @@ class Table:
     base: int
     active: dict[str, list[int]]
     off: tuple[tuple[Group, list[int]], ...]
+
+    def in_parts(self) -> Table:
+        """The same with each part of a group beside the group."""
+        off = list(self.off)
+        for group, span in self.off:
+            for part in group.parts:
+                less = replace(group, columns=group.columns[list(part)], parts=())
+                off.append((less, [span[index] for index in part]))
+        return replace(self, off=tuple(off))
 
 
 def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: int) -> tuple[Table, Table]:

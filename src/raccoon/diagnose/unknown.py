@@ -62,6 +62,7 @@ class _Torque:
     curves: Array
     over: Array
     over_unit: str
+    parts: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +173,15 @@ def _torque_curves(motion: Motion) -> list[_Torque]:
     for wheel, side in enumerate(("left", "right")):
         angle = motion.angle[:, wheel]
         found.append(
-            _Torque(f"wheel angle {side}", wheel, False, _waves(angle, HARMONICS), _turned(angle), "rad")
+            _Torque(
+                f"wheel angle {side}",
+                wheel,
+                False,
+                _waves(angle, HARMONICS),
+                _turned(angle),
+                "rad",
+                tuple((order, order + HARMONICS) for order in range(HARMONICS)),
+            )
         )
     for name, along in (("x", motion.x), ("y", motion.y)):
         count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
@@ -204,7 +213,7 @@ def _torque_probes(
             Probe(
                 PREFIX + each.name, TORQUE * total, quantity=kind, unit="N m", over=each.over,
                 over_unit=each.over_unit, curves=TORQUE * each.curves,
-                over_place=each.name.startswith(PLACE),
+                over_place=each.name.startswith(PLACE), parts=each.parts,
             )
         )  # fmt: skip
     return found

@@ -102,3 +102,23 @@ def test_a_motor_that_cogs_is_seen_though_its_readings_have_an_offset() -> None:
     found = best_probe(start_search(real, probes_for(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > PROBE_ALONE
+
+
+def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has() -> None:
+    """Twelve free columns cost more than what two of them explain is worth."""
+    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.04})
+    columns = make(12, [hidden], seconds=25.0).columns
+    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    found = best_probe(start_search(real, probes_for(real)))
+    assert found.name == "unknown: wheel angle left"
+    assert found.lead > PROBE_ALONE
+
+
+def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> None:
+    search = start_search(problem, probes_for(problem))
+    waves = [each for each in search.table.in_parts().off if each[0].name == "unknown: wheel angle right"]
+    (whole, span), *parts = waves
+    assert len(parts) == len(whole.parts) == len(whole.columns) // 2
+    assert sorted(index for _, its in parts for index in its) == span
+    for part, its in parts:
+        assert part.columns == pytest.approx(whole.columns[[span.index(index) for index in its]])
