@@ -51,11 +51,7 @@ def with_readings_that_lag(
     smooth = replace(habits, low_pass=True)
     free = _by_its_own_clock(search, smooth, under)
     seen = [each for each in late if each.startswith(OF_THE_GYRO)]
-    starts = [
-        point,
-        *(_sooner_by(search, each, LOW_PASS) for each in seen),
-        *(without(point, names) for names in (seen, late)),
-    ]
+    starts = starts_with_a_chip(search, seen, late)
     others = len(point.active.keys() - late)
     alone = others == 0 or (others <= FEW and by is whole and not search.unknown)
     wanted = {smooth: SMOOTH if alone else DOUBT, free: -DOUBT}
@@ -75,6 +71,19 @@ def with_readings_that_lag(
         if explains_more(second, search) > -SMOOTH:
             return second, other
     return search, habits
+
+
+def starts_with_a_chip(search: Search, seen: Sequence[str], late: Sequence[str]) -> list[Point]:
+    """Where a search ended, with lags of the gyro (seen) and others (late) less by what a chip takes up, or
+    without them. Each also alone: a chip that is a little slower than usual takes up all of one beside
+    another, and what is left of it must not cost a gate."""
+    point = search.fit.point
+    return [
+        point,
+        *(_sooner_by(search, each, LOW_PASS) for each in seen),
+        *(point.without_cause(each) for each in seen),
+        *(without(point, names) for names in (seen, late)),
+    ]
 
 
 def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
