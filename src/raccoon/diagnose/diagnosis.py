@@ -22,6 +22,7 @@ from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
+from raccoon.diagnose.order import check_order
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import (
@@ -77,7 +78,7 @@ def diagnose(
     does is found out otherwise.
 
     Raises TraceError for a recording that cannot be used: empty, too short, time that does not advance,
-    columns in wrong units, no commands, another robot's ports.
+    columns in wrong units, no commands, another robot's ports, rows in the opposite order or of two drives.
     """
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
@@ -111,6 +112,7 @@ def diagnose(
 def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
     check_units(log, robot)
+    check_order(log)
     return log if firmware is None else firmware.understood(log, columns, robot)
 
 

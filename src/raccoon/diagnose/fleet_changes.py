@@ -9,6 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 Array = NDArray[np.float64]
 
@@ -18,6 +19,9 @@ CLEAR_STEP = 6.0
 """Deviations of the difference of the two means. The best of all places is taken, so it must be more than the
 usual 3."""
 CLEAR_TREND = 5.0
+CHANCE = 0.005
+"""Share of steady series that may seem to jump, and as many to creep. A deviation that is learnt from five
+numbers is often far too small, so they must be further apart than the deviations above."""
 FEWEST_BESIDE_ODD = 7
 """Numbers from which one that is far from all others may be left out."""
 CLEAR_BESIDE_ODD = 10.0
@@ -84,7 +88,7 @@ def _beside_odd(known: NDArray[np.intp], y: Array, s: Array) -> Change | None:
     best: tuple[float, Change] | None = None
     for odd in range(len(y) if len(y) >= FEWEST_BESIDE_ODD else 0):
         others = np.delete(np.arange(len(y)), odd)
-        step = _step(y[others], s[others], CLEAR_BESIDE_ODD)
+        step = _step(y[others], s[others], CLEAR_BESIDE_ODD, len(y))
         if step is None:
             continue
         score, place, spread = step
@@ -95,26 +99,46 @@ def _beside_odd(known: NDArray[np.intp], y: Array, s: Array) -> Change | None:
     return None if best is None else best[1]
 
 
-def _step(y: Array, s: Array, clear: float = CLEAR_STEP) -> tuple[float, int, float] | None:
-    """(deviations of it, first index after it, spread left), None where it is fewer than `clear`."""
+def _step(y: Array, s: Array, clear: float = CLEAR_STEP, ways: int = 1) -> tuple[float, int, float] | None:
+    """(deviations of it, first index after it, spread left), None where it is fewer than `clear`, or than
+    chance gives. ways: how many such series the one with the most is taken of."""
     best: tuple[float, int, float] | None = None
-    for place in range(LEAST_SIDE, len(y) - LEAST_SIDE + 1):
+    places = range(LEAST_SIDE, len(y) - LEAST_SIDE + 1)
+    for place in places:
         one, two = y[:place], y[place:]
         left = float(((one - one.mean()) ** 2).sum() + ((two - two.mean()) ** 2).sum())
-        spread = math.sqrt(left / max(len(y) - 2, 1) + float((s**2).mean()))
+        spread, freedom = _spread(left, s)
         size = spread * math.sqrt(1.0 / len(one) + 1.0 / len(two))
         score = abs(float(two.mean() - one.mean())) / max(size, 1e-300)
+        if score < max(clear, _by_chance(freedom, ways * len(places))):
+            continue
         if best is None or score > best[0]:
             best = score, place, spread
-    return best if best is not None and best[0] >= clear else None
+    return best
 
 
 def _trend(y: Array, s: Array) -> tuple[Change, float] | None:
     x = np.arange(len(y)) - 0.5 * (len(y) - 1)
     slope = float(x @ y / (x @ x))
     left = y - y.mean() - slope * x
-    spread = math.sqrt(float((left**2).sum()) / max(len(y) - 2, 1) + float((s**2).mean()))
-    if abs(slope) * math.sqrt(float(x @ x)) < CLEAR_TREND * spread:
+    spread, freedom = _spread(float((left**2).sum()), s)
+    clear = max(CLEAR_TREND, _by_chance(freedom, 1))
+    if abs(slope) * math.sqrt(float(x @ x)) < clear * spread:
         return None
     ends = [float(y.mean() + slope * each) for each in (x[0], x[-1])]
     return Change(Form.TREND, 0, ends[0], ends[1]), spread
+
+
+def _spread(left: float, s: Array) -> tuple[float, float]:
+    """The deviation of one number by the squares that two fitted ones leave and by its own, and the degrees
+    of freedom with which it is known: what a diagnosis says of its numbers counts as known (Satterthwaite
+    1946)."""
+    more = len(s) - 2
+    scatter, own = left / more, float((s**2).mean())
+    whole = scatter + own
+    return math.sqrt(whole), more * (whole / scatter) ** 2 if scatter > 0.0 else math.inf
+
+
+def _by_chance(freedom: float, ways: int) -> float:
+    """Deviations that the most of so many tests of a steady series exceeds with `CHANCE`."""
+    return float(stdtrit(min(freedom, 1e6), 1.0 - 0.5 * CHANCE / ways))

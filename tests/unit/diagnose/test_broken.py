@@ -144,3 +144,58 @@ def test_rows_that_are_no_cycles_of_the_controller_are_said(row: float, said: bo
 def test_a_time_that_stands_is_left_for_the_log_to_refuse() -> None:
     notes = without_broken({**GOOD, "t": np.zeros(1000)}, ROBOT).notes
     assert not any("rate_hz" in each for each in notes)
+
+
+def circling(**changes: np.ndarray) -> dict[str, np.ndarray]:
+    """A robot that drives on a circle of 0.5 m, seen by a reference at 20 Hz."""
+    rate, speed = 1.0, 0.5
+    heading = rate * TIME
+    columns = {
+        **GOOD,
+        "motor.0.bemf": np.full(1000, 1300.0) + RNG.standard_normal(1000),
+        "motor.1.bemf": np.full(1000, 1800.0) + RNG.standard_normal(1000),
+        "imu.gyro.z": rate + 0.01 * RNG.standard_normal(1000),
+        "truth.x": speed / rate * np.sin(heading),
+        "truth.y": speed / rate * (1.0 - np.cos(heading)),
+        "truth.heading": heading,
+    }
+    slow = np.arange(1000) % 5 != 0
+    for name in ("truth.x", "truth.y", "truth.heading"):
+        columns[name] = np.where(slow, np.nan, changes.get(name, columns[name]))
+    return columns
+
+
+def test_a_slow_reference_that_follows_the_robot_is_sound() -> None:
+    assert without_broken(circling(), ROBOT).faults == ()
+
+
+def test_a_reference_that_stands_still_while_the_robot_turns_is_said_and_left_out_there() -> None:
+    frozen = np.where(TIME < 4.0, TIME, 4.0)
+    sound = without_broken(circling(**{"truth.heading": frozen}), ROBOT)
+    (fault,) = sound.faults
+    assert (fault.channel, fault.fault) == ("truth.heading", "frozen")
+    assert "from 4.0 to 9.9" in fault.text or "from 4.0 to 10.0" in fault.text
+    assert np.isfinite(sound.columns["truth.heading"][TIME < 3.9]).any()
+    assert not np.isfinite(sound.columns["truth.heading"][TIME > 4.1]).any()
+    both = without_broken(circling(**{name: np.zeros(1000) for name in ("truth.x", "truth.y")}), ROBOT).faults
+    assert [(each.channel, each.fault) for each in both] == [("truth.x", "frozen"), ("truth.y", "frozen")]
+
+
+def test_a_robot_that_a_wall_holds_has_no_frozen_reference() -> None:
+    held = {**circling(), "imu.gyro.z": 0.01 * RNG.standard_normal(1000)}
+    held |= {name: np.zeros(1000) for name in ("truth.x", "truth.y", "truth.heading")}
+    assert without_broken(held, ROBOT).faults == ()
+
+
+def test_a_reference_that_lost_the_robot_is_said() -> None:
+    lost = np.where((TIME > 3.0) & (TIME < 6.0), np.nan, TIME)
+    (fault,) = without_broken(circling(**{"truth.heading": lost}), ROBOT).faults
+    assert (fault.channel, fault.fault) == ("truth.heading", "lost")
+    assert "from 3.0 to 6.0 s" in fault.text
+    few = np.where(TIME < 0.3, TIME, np.nan)
+    (fault,) = without_broken(circling(**{"truth.heading": few}), ROBOT).faults
+    assert (fault.channel, fault.fault) == ("truth.heading", "missing")
+    without = circling()
+    del without["truth.heading"]
+    (fault,) = without_broken(without, ROBOT).faults
+    assert "truth.heading is not in the recording" in fault.text

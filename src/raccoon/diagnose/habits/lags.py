@@ -28,6 +28,9 @@ OF_THE_GYRO = (LATE_GYRO, SLIP)
 SMOOTH = 3.0
 """Log evidence, gates counted, by which a gyro that smooths must lead. Wheels that slip by its time are the
 same to it, and lack their gate."""
+FEW = 2
+"""Other causes beside which that is so. The stock firmware's chip smooths, so of a robot with one or two
+things wrong the lag is usually its; of one with many a small slip may well be one more."""
 
 
 def with_readings_that_lag(
@@ -38,8 +41,9 @@ def with_readings_that_lag(
 
     The clock comes first: it is how a Wombat works, and need not be ahead before it has been searched under,
     nor by more than the gates of the lags that it takes up. So it is with a gyro that smooths where lags are
-    all that was found. A robot of which more is wrong may slip as well, and a slip and a late gyro together
-    look like a gyro's filter: there that must explain more by itself, or else it is a rival of the lag.
+    all that was found, and beside a few causes once a search was whole. A robot of which more is wrong may
+    slip as well, and a slip and a late gyro together look like a gyro's filter: there that must explain more
+    by itself, or else it is a rival of the lag. A search that has only begun does not know how much is wrong.
     """
     point, late = search.fit.point, _late(search)
     if not late or "gyro" not in search.problem.features.roles:
@@ -47,12 +51,9 @@ def with_readings_that_lag(
     smooth = replace(habits, low_pass=True)
     free = _by_its_own_clock(search, smooth, under)
     seen = [each for each in late if each.startswith(OF_THE_GYRO)]
-    starts = [
-        point,
-        *(_sooner_by(search, each, LOW_PASS) for each in seen),
-        *(without(point, names) for names in (seen, late)),
-    ]
-    alone = set(point.active) == set(late)
+    starts = starts_with_a_chip(search, seen, late)
+    others = len(point.active.keys() - late)
+    alone = others == 0 or (others <= FEW and by is whole and not search.unknown)
     wanted = {smooth: SMOOTH if alone else DOUBT, free: -DOUBT}
     found = []
     for other in under.new(search, habits, (each for each in wanted if each != habits)):
@@ -62,7 +63,7 @@ def with_readings_that_lag(
         ahead = net_lead(search, fit, search.fit) if by_gates else lead(problem, fit, search.fit)
         if ahead >= wanted[other]:
             found.append((other, problem, fit.point))
-        else:
+        elif by is whole:
             under.were_vain(search, habits, [other])
     for other, problem, there in reversed(found):
         tell("going on as another gyro or clock would have it")
@@ -70,6 +71,19 @@ def with_readings_that_lag(
         if explains_more(second, search) > -SMOOTH:
             return second, other
     return search, habits
+
+
+def starts_with_a_chip(search: Search, seen: Sequence[str], late: Sequence[str]) -> list[Point]:
+    """Where a search ended, with lags of the gyro (seen) and others (late) less by what a chip takes up, or
+    without them. Each also alone: a chip that is a little slower than usual takes up all of one beside
+    another, and what is left of it must not cost a gate."""
+    point = search.fit.point
+    return [
+        point,
+        *(_sooner_by(search, each, LOW_PASS) for each in seen),
+        *(point.without_cause(each) for each in seen),
+        *(without(point, names) for names in (seen, late)),
+    ]
 
 
 def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:

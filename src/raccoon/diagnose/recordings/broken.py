@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.log import ROLES
 from raccoon.diagnose.recordings.partial import absence
+from raccoon.diagnose.recordings.reference_faults import reference_faults
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
 
 Array = NDArray[np.float64]
@@ -73,9 +74,11 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
         faults += found
         if any(each.fault in LEFT_OUT for each in found):
             del kept[name]
+    pose, lost = reference_faults(kept, robot)
+    kept |= pose
     about_time = _about_time(columns["t"])
     other_rate = _about_rate(columns["t"], robot.controller.rate_hz)
-    return Sound(kept, tuple(faults), (*about_time, *other_rate), bool(about_time))
+    return Sound(kept, (*faults, *lost), (*about_time, *other_rate), bool(about_time))
 
 
 def _moves(columns: Columns, ports: Mapping[str, int]) -> bool:
