@@ -20,6 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
@@ -157,7 +158,11 @@ class Plan:
         inexact = faint_parts([name for name, each in off for _ in each], self.own, small)[:, None] * small
         beside = _beside(np.vstack([self.own, self.restless, inexact, *asked]))
         nearest = [each for each in off if _another(each[0], cause)]
-        return min(_evidence(size * each, beside, nearest) for each in _wanted(self.columns, cause, size))
+        left = beside(np.vstack([self.own[:0], *(each for _, each in nearest)]))
+        ends = np.cumsum([len(each) for _, each in nearest])
+        parts = np.split(left, ends[:-1]) if nearest else []
+        rivals_left = [(name, each, its) for (name, each), its in zip(nearest, parts, strict=True)]
+        return min(_evidence(size * each, beside, rivals_left) for each in _wanted(self.columns, cause, size))
 
     def shows(self) -> dict[str, str]:
         """From which size on each cause would be named if nothing else were wrong, in words, by id; empty for
@@ -237,18 +242,18 @@ def _whitening(problem: Problem) -> Callable[[Array], Array]:
 
 def _beside(others: Array) -> Callable[[Array], Array]:
     """What is left of columns beside others that have unit priors."""
-    inverse = np.linalg.inv(others @ others.T + np.eye(len(others)))
-    return lambda columns: np.asarray(columns - (columns @ others.T) @ inverse @ others, float)
+    factor = cho_factor(others @ others.T + np.eye(len(others)))
+    return lambda columns: np.asarray(columns - cho_solve(factor, others @ columns.T).T @ others, float)
 
 
 def _evidence(
-    column: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array]]
+    column: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
 ) -> tuple[float, str]:
-    """||P d||^2 beside all others and that rival which leaves least; and the rival."""
+    """||P d||^2 beside all others and that rival which leaves least; and the rival. rivals: the name of each,
+    its columns, and what is left of them beside the others."""
     left = beside(column[None])[0]
     found = [(_limited(left * column), "")]
-    for name, rival in rivals:
-        its = beside(rival)
+    for name, rival, its in rivals:
         share = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left)
         found.append((_limited((left - share @ its) * column), name))
     return min(found)

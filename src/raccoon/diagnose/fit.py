@@ -34,10 +34,8 @@ class Fit:
 
     @classmethod
     def of(cls, problem: Problem, point: Point, white: Array, jacobian: Array) -> Fit:
-        """With its cost, and what is free. A simulation that gives no numbers costs more than any other."""
-        vector = point.vector()
-        cost = float(white @ white + vector @ vector)
-        return cls(point, white, jacobian, cost if np.isfinite(cost) else np.inf, unbound(problem, point))
+        """With its cost, and what is free."""
+        return cls(point, white, jacobian, cost_of(point, white), unbound(problem, point))
 
     @property
     def sound(self) -> bool:
@@ -58,6 +56,14 @@ class Fit:
         """What the free columns must explain, counted from u = 0."""
         free = self.free
         return np.asarray(self.white + self.point.vector()[free] @ self.jacobian[free], float)
+
+
+def cost_of(point: Point, white: Array) -> float:
+    """What a point costs whose whitened residual this is; where the simulation gives no numbers more than any
+    other."""
+    vector = point.vector()
+    cost = float(white @ white + vector @ vector)
+    return cost if np.isfinite(cost) else np.inf
 
 
 def unbound(problem: Problem, point: Point) -> NDArray[np.bool_]:
@@ -104,9 +110,21 @@ class _Track:
     arrived: bool = False
     foretold: float = np.inf
 
+    def is_no_better(self, cost: float) -> bool:
+        """Whether the trial, which costs that, is not below the best so far."""
+        return self.best is not None and cost >= self.best.cost
+
+    def shorten(self, problem: Problem) -> None:
+        """Go less far next, after a trial that is no better."""
+        self._scale_step(problem, SHORTER)
+        self.foretold *= 1.0 - (1.0 - SHORTER) ** 2
+        self.damping = min(self.damping * 8.0, 1e6)
+        self.arrived = self.foretold < ROUGH
+
     def consider(self, problem: Problem, fit: Fit) -> None:
-        if self.best is not None and fit.cost >= self.best.cost:
-            self._shorten(problem)
+        """Go on from the trial, which this is with its columns, or go less far."""
+        if self.is_no_better(fit.cost):
+            self.shorten(problem)
             return
         if not fit.sound:
             self.best, self.arrived = self.best or fit, True
@@ -128,12 +146,6 @@ class _Track:
         start = self.best.point.vector()
         end = start + factor * (self.trial.vector() - start)
         self.trial = problem.inside(self.best.point.moved(end))
-
-    def _shorten(self, problem: Problem) -> None:
-        self._scale_step(problem, SHORTER)
-        self.foretold *= 1.0 - (1.0 - SHORTER) ** 2
-        self.damping = min(self.damping * 8.0, 1e6)
-        self.arrived = self.foretold < ROUGH
 
 
 def _reach(ratio: float) -> float:
@@ -171,6 +183,9 @@ def fit_many(
         going = [track for track in tracks if not track.arrived]
         if not going:
             break
+        going = _promising(problem, whitener, going)
+        if not going:
+            continue
         points: list[Point] = []
         spans = []
         for track in going:
@@ -183,6 +198,26 @@ def fit_many(
             local = (own - white[place + 1 : place + 1 + len(steps)]) / steps[:, None]
             track.consider(problem, Fit.of(problem, track.trial, own, np.vstack([frozen, local])))
     return [track.best for track in tracks if track.best is not None]
+
+
+def _promising(problem: Problem, whitener: Whitening, tracks: Sequence[_Track]) -> list[_Track]:
+    """Those at their start or with a trial better than what they have; the others go less far next.
+
+    A third of all trials is no better: their columns, which is what takes time, need no simulation.
+    """
+    begun = [track for track in tracks if track.best is not None]
+    if not begun:
+        return list(tracks)
+    trials = [track.trial for track in begun]
+    white = whitener(problem.features.measured - problem.predict(trials))
+    costs = {id(track): cost_of(track.trial, own) for track, own in zip(begun, white, strict=True)}
+    found = []
+    for track in tracks:
+        if track.is_no_better(costs.get(id(track), 0.0)):
+            track.shorten(problem)
+        else:
+            found.append(track)
+    return found
 
 
 def fit_afresh(problem: Problem, whitener: Whitening, starts: Sequence[Point], iterations: int) -> list[Fit]:

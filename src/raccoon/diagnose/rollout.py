@@ -211,23 +211,28 @@ class PlantRollout:
     def _lanes(self, variants: Sequence[Settings]) -> Lanes:
         """Packed by hand, since `Lanes.of` asks for one robot.toml and the inertias differ."""
         chain = self._habits.chain
-        first = parameters_of(variants[0], self._neutral, self._robot, chain)
-        robots = [cast(Parameters, Variant(self._turned(each), chain, each)) for each in variants]
+        turned: dict[tuple[float, float], RobotConfig] = {}
+        robots = [cast(Parameters, Variant(self._turned(each, turned), chain, each)) for each in variants]
+        first = robots[0]
         plant = np.array([plant_numbers(each) for each in robots])
         if self._heard:
             plant[:, _ZONES] = 0.0
         return Lanes(
             plant=plant,
-            gyro=np.array([_gyro(each, first) for each in variants]),
+            gyro=np.array([_gyro(each, self._robot) for each in variants]),
             signs=wiring_signs(first),
             ports=(self._robot.drive.left, self._robot.drive.right),
             slots=sample_slots(first),
             cycle=chain.cycle,
         )
 
-    def _turned(self, settings: Settings) -> RobotConfig:
+    def _turned(self, settings: Settings, made: dict[tuple[float, float], RobotConfig]) -> RobotConfig:
+        """The robot with these inertias. made: those by their factors, of which most variants share one."""
         straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
-        return self._robot if straight == turn == 1.0 else _with_inertia(self._robot, straight, turn)
+        if (straight, turn) not in made:
+            plain = straight == turn == 1.0
+            made[straight, turn] = self._robot if plain else _with_inertia(self._robot, straight, turn)
+        return made[straight, turn]
 
 
 def _cycle(log: Log, usual: float) -> float:
@@ -266,10 +271,10 @@ class Variant:
         return self.settings[(id, where, name)]
 
 
-def _gyro(settings: Settings, robot: Parameters) -> tuple[float, float, float, float]:
+def _gyro(settings: Settings, robot: RobotConfig) -> tuple[float, float, float, float]:
     """Scale, bias, drift, latency."""
     return (
-        settings[("imu.gyro_scale", None, "factor")] * robot.robot.model.imu.gyro_scale.value,
+        settings[("imu.gyro_scale", None, "factor")] * robot.model.imu.gyro_scale.value,
         settings[("imu.gyro_bias", None, "rate")],
         settings[("imu.gyro_drift", None, "rate_per_second")],
         settings[("imu.latency", None, "seconds")],

@@ -47,8 +47,7 @@ def source(kind: Kind = ANY) -> str:
     texts = [files("raccoon.sim").joinpath(name).read_text("utf-8") for name in _TEXTS]
     tags = [f"# effect: {each}" for each in kind.without]
     tags += [f"# without effect: {each}" for each in kind.always]
-    for tag in tags:
-        texts = [_without(text, tag) for text in texts]
+    texts = [_without(text, tuple(tags)) for text in texts]
     return "\n\n".join((_HEAD, *map(_functions, texts), lanes_text(kind.unfollowed)))
 
 
@@ -58,13 +57,13 @@ def _functions(text: str) -> str:
     return "\n\n\n".join("\n".join(lines[node.lineno - 1 : node.end_lineno]) for node in nodes)
 
 
-def _without(text: str, tag: str) -> str:
-    """A text less the statements that end with a tag."""
+def _without(text: str, tags: tuple[str, ...]) -> str:
+    """A text less the statements that end with one of these tags."""
     lines: list[str | None] = list(text.split("\n"))
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Assign | ast.AugAssign) and node.end_lineno is not None:
             last = lines[node.end_lineno - 1]
-            if last is not None and last.endswith(tag):
+            if last is not None and last.endswith(tags):
                 lines[node.lineno - 1 : node.end_lineno] = [None] * (node.end_lineno - node.lineno + 1)
     return "\n".join(line for line in lines if line is not None)
 

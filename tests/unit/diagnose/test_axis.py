@@ -99,7 +99,8 @@ def test_with_and_without_numba_are_the_same(monkeypatch: pytest.MonkeyPatch) ->
         "viscous": np.full(3, 0.1), "coulomb": np.full(3, 0.3),
         "deadband": np.array([0.0, 0.0, 0.2]), "dead_below": np.array([0.0, 0.5, 0.0]),
         "full": np.array([1e9, 1e9, 6.0]), "load": np.full(3, 0.05), "asymmetry": np.full(3, 0.2),
-        "quadratic": np.full(3, 0.01), "viscous_asymmetry": np.full(3, -0.1), "offset": np.full(3, 0.1),
+        "quadratic": np.array([0.0, 0.01, 0.0]), "viscous_asymmetry": np.full(3, -0.1),
+        "offset": np.full(3, 0.1),
     }  # fmt: skip
     for electrical in (False, True):
         fast = simulated(numbers, effort, 0.004, parts, electrical)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.fit import Fit, _step, fit_afresh, fit_point, fit_scanned
+from raccoon.diagnose.fit import Fit, _step, cost_of, fit_afresh, fit_point, fit_scanned
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.problem import Point, Problem
 from unit.diagnose.searches import plain_whitener
@@ -67,6 +68,30 @@ def test_a_step_leads_as_far_down_as_bounded_least_squares(seed: int) -> None:
     assert np.abs(end).max() <= 1.0
     assert foretold == pytest.approx(first - cost(columns, target, end))
     assert foretold >= 0.99 * (first - least)
+
+
+def test_columns_are_simulated_of_points_that_are_kept_only(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A third of all trials is no better than what a fit has, and a point has a column for every number."""
+    true = problem.nominal().with_cause("drive.backlash", np.array([0.5, -0.4]))
+    measured = problem.predict([true])[0]
+    clean = replace(problem, features=replace(problem.features, measured=measured))
+    whitener, predict = plain_whitener(clean), Problem.predict
+    alone: list[float] = []
+    with_columns: list[float] = []
+
+    def watched(self: Problem, points: Sequence[Point]) -> Array:
+        outputs = predict(self, points)
+        costs = with_columns if len(points) > 1 else alone
+        costs.append(cost_of(points[0], whitener(measured - outputs[:1])[0]))
+        return outputs
+
+    monkeypatch.setattr(Problem, "predict", watched)
+    fit = fit_point(clean, whitener, problem.nominal().with_cause("drive.backlash", np.array([1.5, 0.5])))
+    assert all(after < before for before, after in pairwise(with_columns))
+    assert fit.cost == pytest.approx(with_columns[-1])
+    assert len(alone) >= len(with_columns)  # all but the start were tried alone, and one was no better
 
 
 def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:

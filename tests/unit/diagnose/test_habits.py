@@ -128,7 +128,7 @@ def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
         Parameters(ROBOT, SLIDING[Wheels.GIVING] | lower, Chain.firmware()),
         Parameters(ROBOT, SLIDING[Wheels.GIVING], replace(Chain.firmware(), coast_share=0.0)),
     ):
-        said = diagnose(recorded(robot, 20.0), ROBOT)
+        said = diagnose(recorded(robot, 12.0), ROBOT)
         assert [each.name for each in said.causes] == ["motor.armature_resistance"]
         assert any("does not pause for its samples" in each for each in said.notes)
 
@@ -141,7 +141,7 @@ def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_filter_is_asked_again_once_a_cause_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the habits were taken for the firmware's all the same."""
     dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
-    columns = recorded(dead, 20.0, seed=1)
+    columns = recorded(dead, 12.0, seed=1)
     taken_for(Habits(Chain.firmware(), False), monkeypatch)
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ["actuation.deadband"]
@@ -154,7 +154,7 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
 ) -> None:
     """The median delays the wheels' readings by nearly as much as the commands are late."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
-    columns = recorded(late, 12.0, seed=1)
+    columns = recorded(late, 8.0, seed=1)
     taken_for(Habits(Chain.firmware(), False), monkeypatch)
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ["actuation.latency"]

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
 from raccoon.diagnose.reports.terminal import shape_text, terminal_report
 from raccoon.diagnose.reports.wording import explanation, told
@@ -55,6 +56,13 @@ FOUND = Diagnosis(
 )  # fmt: skip
 
 
+@pytest.fixture
+def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages whose figures are made but not turned into pictures, which takes half a second a page."""
+    monkeypatch.setattr(html, "png", lambda _: "AAAA")
+
+
+@pytest.mark.usefixtures("words_only")
 def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white() -> None:
     early = np.where(np.abs(TIME - 1.7) < 0.2, 1.0, 0.0)
     curve = Curve("motor.0.bemf", "counts", TIME, np.zeros(400), early, early)
@@ -116,6 +124,7 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
         assert part in text
 
 
+@pytest.mark.usefixtures("words_only")
 def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
     lag, other = replace(CAUSE, gain=Gain(1.11, 1.1, 0.01)), replace(CAUSE, where="right", rank=2)
     said = "without it the others would make up for it"
@@ -127,6 +136,7 @@ def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
         assert said not in report(replace(FOUND, causes=(small, other)))
 
 
+@pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize(("change", "said"), [(0.04, True), (0.06, False), (np.nan, False)])
 def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) -> None:
     small = replace(CAUSE, change=change, unabsorbed=0.6 * change)
@@ -134,19 +144,20 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
     found = replace(
         FOUND, verdict=Verdict.ADEQUATE if said else Verdict.EXPLAINED, causes=(small,), sensor_faults=()
     )
-    text, html = terminal_report(found), page(found, "run")
-    assert ("real, but too small to matter" in text) is ("real, but too small to matter" in html) is said
-    headline = html.partition('class="big">')[2].partition("<")[0]
+    text, shown = terminal_report(found), page(found, "run")
+    assert ("real, but too small to matter" in text) is ("real, but too small to matter" in shown) is said
+    headline = shown.partition('class="big">')[2].partition("<")[0]
     assert headline.startswith("The simulation fits" if said else "The K_E of the left motor")
-    assert ("<b>To do" in html) is not said  # nobody at the table has time for it
+    assert ("<b>To do" in shown) is not said  # nobody at the table has time for it
     sizes = (
         "oves a reading by up to 0.04 times its noise; over all readings 0.024 times is more than the "
         "tolerances in robot.toml explain"
     )
-    assert (sizes in text) is (sizes in html) is said
+    assert (sizes in text) is (sizes in shown) is said
     assert ("oves a reading by" in text) is bool(np.isfinite(change))  # nothing where no drive was recorded
 
 
+@pytest.mark.usefixtures("words_only")
 def test_the_headline_says_what_else_it_may_be() -> None:
     two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
     text = page(replace(FOUND, causes=(two,)), "run")
@@ -165,6 +176,7 @@ def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
     assert "The simulation is wrong; a part of it has a name." in page(FOUND, "run")
 
 
+@pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize("errors", [(1.29, 1.30), (0.85, 0.85), (1.0, 0.999)])
 def test_data_that_does_not_show_a_cause_is_said_not_to(errors: tuple[float, float]) -> None:
     cause = replace(CAUSE, gain=Gain(*errors, 0.0))
@@ -198,6 +210,7 @@ def test_a_finding_is_a_note_and_no_advice() -> None:
     assert "To learn more: ten turns." in text
 
 
+@pytest.mark.usefixtures("words_only")
 def test_what_is_wholly_unknown_comes_with_something_to_do() -> None:
     reason = "not visible in this recording: a usual deviation would not show"
     lost = replace(

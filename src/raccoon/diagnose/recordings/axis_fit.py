@@ -142,7 +142,8 @@ def fit_axis(data: AxisData, numbers: Sequence[Number], start: Array | None = No
     u = np.zeros(len(numbers)) if start is None else start
     prior = np.array([float(each.prior) for each in numbers])
     bounds = _bounds(numbers)
-    residual, J = _linearised(data, numbers, u, bounds)
+    residual = data.residuals(numbers, u[None])[0]
+    J = _jacobian(data, numbers, u, residual, bounds)
     cost = float(residual @ residual + prior @ u**2)
     for _ in range(ROUNDS):
         trials = _trials(J, residual, u, prior, bounds)
@@ -151,8 +152,8 @@ def fit_axis(data: AxisData, numbers: Sequence[Number], start: Array | None = No
         best = int(np.argmin(costs))
         gained = cost - float(costs[best])
         if gained > 0.0:
-            u, cost = trials[best], float(costs[best])
-            residual, J = _linearised(data, numbers, u, bounds)
+            u, residual, cost = trials[best], errors[best], float(costs[best])
+            J = _jacobian(data, numbers, u, residual, bounds)
         if gained <= ENOUGH * cost:
             break
     return AxisFit(tuple(numbers), u, residual, J, data.groups())
@@ -174,13 +175,13 @@ def _bounds(numbers: Sequence[Number]) -> tuple[Array, Array]:
     )
 
 
-def _linearised(
-    data: AxisData, numbers: Sequence[Number], u: Array, bounds: tuple[Array, Array]
-) -> tuple[Array, Array]:
+def _jacobian(
+    data: AxisData, numbers: Sequence[Number], u: Array, residual: Array, bounds: tuple[Array, Array]
+) -> Array:
     # At the upper bound the secant goes inwards.
     steps = np.where(u + SECANT > bounds[1], -SECANT, SECANT)
-    errors = data.residuals(numbers, np.vstack([u, u + np.diag(steps)]))
-    return errors[0], (errors[1:] - errors[0]).T / steps
+    errors = data.residuals(numbers, u + np.diag(steps))
+    return np.asarray((errors - residual).T / steps)
 
 
 def _trials(J: Array, residual: Array, u: Array, prior: Array, bounds: tuple[Array, Array]) -> Array:

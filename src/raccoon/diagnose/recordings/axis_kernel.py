@@ -29,6 +29,12 @@ def run(
         late = latency / step
         whole = math.floor(late)
         share = late - whole
+        # Drag is the same for all speeds of a sign but for its quadratic part: an exponential for each piece
+        # would take most of the time.
+        even = quadratic == 0.0
+        rate_forward = max(viscous * (1.0 + viscous_asymmetry) / inertia * h, 1e-12)
+        rate_backward = max(viscous * (1.0 - viscous_asymmetry) / inertia * h, 1e-12)
+        kept_forward, kept_backward = math.exp(-rate_forward), math.exp(-rate_backward)
         for column in range(len(first)):
             x, w, i = position[column], speed[column], 0.0
             start = first[column]
@@ -68,9 +74,14 @@ def run(
                         dry = coulomb * (1.0 + asymmetry * side) + load * abs(force)
                         if stiction > 0.0:
                             dry += stiction * math.exp(-((w / stiction_speed) ** 2))
-                        drag = viscous * (1.0 + viscous_asymmetry * side) + quadratic * abs(w)
-                        rate = max(drag / inertia * h, 1e-12)
-                        kept = math.exp(-rate)
+                        if even and side == 1.0:
+                            rate, kept = rate_forward, kept_forward
+                        elif even and side == -1.0:
+                            rate, kept = rate_backward, kept_backward
+                        else:
+                            drag = viscous * (1.0 + viscous_asymmetry * side) + quadratic * abs(w)
+                            rate = max(drag / inertia * h, 1e-12)
+                            kept = math.exp(-rate)
                         new = w * kept + (force - side * dry) * h / inertia * (1.0 - kept) / rate
                         if w * new < 0.0 or (w == 0.0 and abs(force) <= dry):
                             new = 0.0

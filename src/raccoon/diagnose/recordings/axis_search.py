@@ -83,7 +83,8 @@ def _forward(
     accepted: list[Tried] = []
     while len(accepted) < MOST_CAUSES:
         taken = {each.cause.id for each in accepted}
-        tried = [_try(data, now, each) for each in causes if each.id not in taken]
+        left_out = left_out_misfit(data, now)
+        tried = [_try(data, now, left_out, each) for each in causes if each.id not in taken]
         best = _best(tried)
         if best is None:
             break
@@ -157,14 +158,14 @@ def _alike(residual: Array) -> float:
     return total
 
 
-def _try(data: AxisData, now: AxisFit, cause: AxisCause) -> Tried:
+def _try(data: AxisData, now: AxisFit, left_out: float, cause: AxisCause) -> Tried:
+    """now: the model so far. left_out: its misfit of blocks that were left out."""
     fit = _with(data, now, [cause])
     fit = _better(fit, now, cause)
     k = len(cause.numbers)
     samples = max(float((fit.residual != 0.0).sum()) / _alike(fit.residual[:, None]), 3.0)
     evidence = now.misfit - fit.misfit - k * math.log(samples)
-    left_out = left_out_misfit(data, now) - left_out_misfit(data, fit)
-    return Tried(cause, fit, evidence, left_out)
+    return Tried(cause, fit, evidence, left_out - left_out_misfit(data, fit))
 
 
 def _better(fit: AxisFit, now: AxisFit, cause: AxisCause) -> AxisFit:
