@@ -47,7 +47,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         sensor = _ready(robot, tophat)
         motion = robot.config.motion
         wanted = motion.speed if speed is None else speed
-        top = robot.drive.planned_speed(wanted, motion.acceleration)
+        top, acceleration = robot.drive.planned(wanted, motion.acceleration)
         gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
         velocity, seen = robot.estimate.velocity, robot.time
         sensor.follow_light(False)
@@ -60,7 +60,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                     raise MotionTimeout(f"{tophat} lost the line: no edge for {LOST_TIME:g} s")
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity = robot.estimate.velocity
-                velocity = slewed(velocity, top, motion.acceleration * robot.dt)
+                velocity = slewed(velocity, top, acceleration * robot.dt)
                 # On the left edge black is to the right: too much of it means too far right.
                 robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
                 yield
