@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.control.motion import slewed
 from raccoon.core.errors import ConfigError, MotionTimeout
+from raccoon.core.readings import SIMULATOR
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.driving import search
@@ -187,7 +188,8 @@ def align_on_wall(
 
     speed: m/s at which it comes, negative backwards; the voltage for it is all that pushes. heading: rad of
     the field that the robot then has, where that is known: the odometry takes it, with `heading_std` rad.
-    Raises MotionTimeout where the wheels still turn after `timeout` s.
+    Raises MotionTimeout where the wheels still turn after `timeout` s: always in simulation, whose walls stop
+    the robot and not its wheels.
     """
     check_speed(speed=speed)
     check_finite(speed=speed)  # None is no default here
@@ -202,7 +204,9 @@ def align_on_wall(
         try:
             while quiet < WALL_TIME:
                 if robot.time - begin > timeout:
-                    raise MotionTimeout(f"no wall after {timeout:g} s: the wheels still turn")
+                    raise MotionTimeout(
+                        f"no wall after {timeout:g} s: the wheels still turn{_no_grip(robot)}"
+                    )
                 here = robot.estimate
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
                 started = robot.time - begin > WALL_TIME
@@ -222,6 +226,16 @@ def align_on_wall(
         return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std)
 
     return Action("align on a wall", steps)
+
+
+def _no_grip(robot: Robot) -> str:
+    """What to do where the simulator's walls are why the wheels turn on; nothing elsewhere."""
+    if robot.inputs is None or not robot.inputs.device.name.startswith(SIMULATOR.name):
+        return ""
+    return (
+        ", as they always do at a wall of the simulator: end there by `drive(...).until(after_time(...))`, "
+        "and observe the heading by `robot.odometry.observe_heading`"
+    )
 
 
 def _ready(robot: Robot, name: str, ahead: bool = True) -> TophatSensor:
