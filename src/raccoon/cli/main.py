@@ -61,8 +61,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one command. Exit status: its own, 2 for bad input, 130 after Ctrl-C."""
     given = list(sys.argv[1:] if argv is None else argv)
     name = "raccoon"
+    # `view run -o a.svg RECORDING`: argparse would take the word for the recording, options coming next.
+    spoken = given[:2] == ["view", "run"] and len(given) > 2 and not Path("run").exists()
     try:
-        args, unknown = build_parser().parse_known_args(given)
+        args, unknown = build_parser().parse_known_args([given[0], *given[2:]] if spoken else given)
         if unknown:  # in the words and with the usage of the command, not of all of them
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.given = given

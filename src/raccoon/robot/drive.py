@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from raccoon.control.feedforward import wheel_models
@@ -12,6 +13,7 @@ from raccoon.control.watch import ODD_SHARE, oddities
 from raccoon.control.wheels import REST, WheelLoop, WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
+from raccoon.core.sections import MotionConfig
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 
 if TYPE_CHECKING:
@@ -22,6 +24,19 @@ FIRMWARE_SAMPLE = 0.005
 # A wheel is never planned slower than this share of its speed without load, however little is said to be left
 # for it by the battery and the wished acceleration.
 LEAST_SHARE = 0.3
+USUAL = MotionConfig()
+"""Accelerations that a robot.toml without any has."""
+
+
+def _eased(speed_at: Callable[[float], float], wished: float, usual: float) -> tuple[float, float]:
+    """Speed and the most acceleration, up to `wished`, that leaves what the usual one does."""
+    if wished <= usual or speed_at(wished) >= speed_at(usual):
+        return speed_at(wished), wished
+    low, high, speed = usual, wished, speed_at(usual)
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if speed_at(middle) >= speed else (low, middle)
+    return speed, low
 
 
 def dead_time(config: RobotConfig) -> float:
@@ -175,6 +190,20 @@ class Drive:
             for wheel in self.wheels.models
         )
         return min(wanted, top * self._radius / outer)
+
+    def planned(self, wanted: float, acceleration: float, outer: float = 1.0) -> tuple[float, float]:
+        """Speed (m/s, see `planned_speed`) and acceleration (m/s2) to plan with, at most these.
+
+        Speeding up hard takes voltage that the speed is then short of. So of an acceleration above the
+        default only as much is planned as leaves the speed of the default: more never makes a robot slower.
+        """
+        return _eased(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, USUAL.acceleration)
+
+    def planned_turn(self, wanted: float, acceleration: float) -> tuple[float, float]:
+        """The same of a turn on the spot: rad/s and rad/s2."""
+        return _eased(
+            lambda gain: self.planned_turn_rate(wanted, gain), acceleration, USUAL.turn_acceleration
+        )
 
     def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
         """Rad/s on the spot, at most `wanted`, that the weakest battery of the match can still give."""

@@ -35,12 +35,13 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         start = robot.plan
         velocity = robot.estimate.velocity
         rate = robot.estimate.turn_rate
-        top = math.copysign(robot.drive.planned_speed(abs(speed), motion.acceleration), speed)
+        top, acceleration = robot.drive.planned(abs(speed), motion.acceleration)
+        top = math.copysign(top, speed)
         try:
             while True:
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
-                velocity = slewed(velocity, top, motion.acceleration * robot.dt)
+                velocity = slewed(velocity, top, acceleration * robot.dt)
                 rate = slewed(rate, turn_rate, motion.turn_acceleration * robot.dt)
                 held = 0.0
                 if turn_rate == 0.0:
@@ -71,7 +72,7 @@ def search(speed: float, reach: float) -> Action[None]:
     def steps(robot: Robot) -> Steps[None]:
         begin, start, silent = robot.time, robot.estimate.distance, 0.0
         acceleration = robot.config.motion.acceleration
-        top = robot.drive.planned_speed(abs(speed), acceleration)
+        top, acceleration = robot.drive.planned(abs(speed), acceleration)
         allowed = 2.0 * (reach / top + top / acceleration) + 2.0
         body = drive(speed).start(robot)
         try:

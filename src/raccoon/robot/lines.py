@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.control.motion import slewed
 from raccoon.core.errors import ConfigError, MotionTimeout
+from raccoon.core.readings import SIMULATOR
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.driving import search
@@ -47,7 +48,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         sensor = _ready(robot, tophat)
         motion = robot.config.motion
         wanted = motion.speed if speed is None else speed
-        top = robot.drive.planned_speed(wanted, motion.acceleration)
+        top, acceleration = robot.drive.planned(wanted, motion.acceleration)
         gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
         velocity, seen = robot.estimate.velocity, robot.time
         sensor.follow_light(False)
@@ -60,7 +61,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                     raise MotionTimeout(f"{tophat} lost the line: no edge for {LOST_TIME:g} s")
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity = robot.estimate.velocity
-                velocity = slewed(velocity, top, motion.acceleration * robot.dt)
+                velocity = slewed(velocity, top, acceleration * robot.dt)
                 # On the left edge black is to the right: too much of it means too far right.
                 robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
                 yield
@@ -187,7 +188,8 @@ def align_on_wall(
 
     speed: m/s at which it comes, negative backwards; the voltage for it is all that pushes. heading: rad of
     the field that the robot then has, where that is known: the odometry takes it, with `heading_std` rad.
-    Raises MotionTimeout where the wheels still turn after `timeout` s.
+    Raises MotionTimeout where the wheels still turn after `timeout` s: always in simulation, whose walls stop
+    the robot and not its wheels.
     """
     check_speed(speed=speed)
     check_finite(speed=speed)  # None is no default here
@@ -202,7 +204,9 @@ def align_on_wall(
         try:
             while quiet < WALL_TIME:
                 if robot.time - begin > timeout:
-                    raise MotionTimeout(f"no wall after {timeout:g} s: the wheels still turn")
+                    raise MotionTimeout(
+                        f"no wall after {timeout:g} s: the wheels still turn{_no_grip(robot)}"
+                    )
                 here = robot.estimate
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
                 started = robot.time - begin > WALL_TIME
@@ -222,6 +226,16 @@ def align_on_wall(
         return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std)
 
     return Action("align on a wall", steps)
+
+
+def _no_grip(robot: Robot) -> str:
+    """What to do where the simulator's walls are why the wheels turn on; nothing elsewhere."""
+    if robot.inputs is None or not robot.inputs.device.name.startswith(SIMULATOR.name):
+        return ""
+    return (
+        ", as they always do at a wall of the simulator: end there by `drive(...).until(after_time(...))`, "
+        "and observe the heading by `robot.odometry.observe_heading`"
+    )
 
 
 def _ready(robot: Robot, name: str, ahead: bool = True) -> TophatSensor:

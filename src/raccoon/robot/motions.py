@@ -61,9 +61,9 @@ def straight(
         motion = robot.config.motion
         start = robot.plan
         wanted = motion.speed if speed is None else speed
-        top = robot.drive.planned_speed(wanted, motion.acceleration)
+        top, acceleration = robot.drive.planned(wanted, motion.acceleration)
         near = motion.distance_tolerance if tolerance is None else tolerance
-        walk = profile(distance, top, motion.acceleration, motion.jerk)
+        walk = profile(distance, top, acceleration, motion.jerk)
         pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
         for state in pace.states(lambda: start.offset_of(robot.estimate.x, robot.estimate.y)[0], start.ahead):
             along, across = start.offset_of(robot.estimate.x, robot.estimate.y)
@@ -130,9 +130,9 @@ def turning(
     motion = robot.config.motion
     start = robot.plan
     wanted = motion.turn_rate if rate is None else rate
-    top = robot.drive.planned_turn_rate(wanted, motion.turn_acceleration)
+    top, acceleration = robot.drive.planned_turn(wanted, motion.turn_acceleration)
     near = motion.heading_tolerance if tolerance is None else tolerance
-    walk = profile(angle, top, motion.turn_acceleration, motion.turn_jerk)
+    walk = profile(angle, top, acceleration, motion.turn_jerk)
     pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn")
     for state in pace.states(lambda: robot.estimate.heading - start.heading, start.turned):
         turned = robot.estimate.heading - start.heading
@@ -214,11 +214,11 @@ def _arc(
     start = robot.plan
     outer = 1.0 + robot.drive.half_track / abs(signed)  # the outer wheel keeps the limit
     wanted = (motion.speed if speed is None else speed) / outer
-    top = robot.drive.planned_speed(wanted, motion.acceleration, outer)
+    top, acceleration = robot.drive.planned(wanted, motion.acceleration, outer)
     near = motion.distance_tolerance if tolerance is None else tolerance
     pace = Pace(
         robot,
-        profile(signed * angle, top, motion.acceleration, motion.jerk),
+        profile(signed * angle, top, acceleration, motion.jerk),
         LAG_LIMIT,
         timeout,
         top / wanted,

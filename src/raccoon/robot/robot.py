@@ -18,6 +18,7 @@ from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.knowledge import Knowledge
 from raccoon.robot.limits import check_kind
+from raccoon.robot.remarks import say
 from raccoon.robot.sensors import Floor
 
 if TYPE_CHECKING:
@@ -28,6 +29,8 @@ T = TypeVar("T")
 
 # S between two readings that are a pause: longer than anything that delays a tick, and two cycles at least.
 PAUSE = 0.1
+LATE = 5.0  # cycles that one takes, from which on the wheels' loop rings
+LATE_TICKS = 20  # in a row, before it is said
 
 
 class Robot(Knowledge):
@@ -57,6 +60,7 @@ class Robot(Knowledge):
         self._match_over = False
         self._cycle = 1.0 / self.config.controller.rate_hz
         self._pause = max(PAUSE, 2.0 * self._cycle)
+        self._late = 0  # cycles in a row that were too long
         self._running: str | None = None
 
     # -- the loop -----------------------------------------------------------------------------------------
@@ -127,6 +131,13 @@ class Robot(Knowledge):
         self.dt = self._cycle if self.paused else elapsed
         self.inputs = inputs
         self.ticks += 1
+        self._late = self._late + 1 if self.dt > (LATE - 0.5) * self._cycle else 0
+        if self._late == LATE_TICKS:
+            say(
+                self,
+                f"cycles take {1e3 * self.dt:.0f} ms, rate_hz asks for {1e3 * self._cycle:.0f}: the wheels "
+                "cannot be controlled well; a condition, a background action or other code is slow",
+            )
         if self.deadline is not None and inputs.time >= self.deadline:
             raise MatchOver(f"the match ended at {self.deadline:.2f} s")
         estimate = self.odometry.update(inputs, self._outputs)

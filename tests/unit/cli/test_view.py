@@ -91,6 +91,9 @@ def test_the_word_run_may_stand_before_the_recording(recording: Path, tmp_path: 
         target = tmp_path / f"drive{len(words)}.svg"
         assert main(["view", *words, str(recording), "-o", str(target)]) == 0
         assert target.exists()
+        target = tmp_path / f"before{len(words)}.svg"
+        assert main(["view", *words, "--no-table", "-o", str(target), str(recording)]) == 0
+        assert target.exists()
 
 
 def test_a_recording_may_have_the_name_run(recording: Path, monkeypatch: pytest.MonkeyPatch) -> None:

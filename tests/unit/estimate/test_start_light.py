@@ -313,3 +313,38 @@ def test_what_does_not_stay_is_not_refused() -> None:
     for readings in (hand, flash, lamp):
         light = StartLight(StartLightCalibration(3000.0, 500.0))
         assert not any(each.refused for each in replies(readings, light))
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+@pytest.mark.parametrize("depth", [0.3, 0.6, 0.95])
+def test_lamp_is_seen_in_a_room_whose_lamps_flicker(calibrated: bool, depth: float) -> None:
+    time = times(RATE)
+    for hertz in (99.9, 100.0, 100.1, 119.9, 120.0):
+        for phase in (0.0, 1.0, 2.0):
+            room = 0.5 * (1.0 + depth * np.sin(2.0 * math.pi * hertz * time + phase))
+            readings = np.round(4095 / (1 + room + 8.0 * bulb(time, 1e-4)))
+            light = StartLight(StartLightCalibration(2700.0, 430.0) if calibrated else None)
+            found = delay(time, readings, light)
+            assert found is not None, (hertz, phase)
+            assert 0.0 < found < (0.06 if calibrated else 0.13)
+
+
+def test_flash_while_the_sun_comes_out_is_no_lamp() -> None:
+    time = times(RATE, seconds=6.0)
+    for begin in np.arange(LAMP_ON + 0.2, LAMP_ON + 1.2, 0.07):
+        for spacing in (0.06, 0.08, 0.1, 0.12):
+            sun = 3.0 * np.clip((time - LAMP_ON) / 1.5, 0, 1)
+            since = time - begin + 1e-6
+            flash = 25.0 * ((since >= 0) & (since < 2 * spacing) & (since % spacing < 0.02))
+            light = StartLight()
+            assert delay(time, np.round(4095 / (1.2 + sun + flash)), light) is None, (begin, spacing)
+
+
+def test_shadow_that_passes_while_the_sun_is_coming_is_no_lamp() -> None:
+    time = times(RATE, seconds=7.0)
+    for seconds, begin, edge, depth in ((0.8, 0.6, 0.12, 0.8), (0.8, 1.2, 0.2, 0.9), (1.0, 0.8, 0.15, 0.6)):
+        come = np.clip((time - LAMP_ON) / seconds, 0, 1)
+        since = time - LAMP_ON - begin
+        shadow = np.clip(np.minimum(since, 0.4 - since) / edge, 0, 1)
+        light = (0.3 + 2.0 * come**2 * (3 - 2 * come)) * (1 - depth * shadow)
+        assert delay(time, np.round(4095 / (1 + light)), StartLight()) is None, (seconds, begin)

@@ -142,6 +142,19 @@ def test_a_speed_of_robot_toml_is_planned_down_as_one_of_a_motion_is() -> None:
     assert not results[0].saturated
 
 
+@pytest.mark.parametrize("speed", [0.15, 0.25, 0.5])
+def test_more_acceleration_makes_no_motion_slower(speed: float) -> None:
+    hard = replace(CONFIG, motion=replace(CONFIG.motion, acceleration=5.0, turn_acceleration=60.0))
+    for motion in (
+        straight(0.4, speed=speed),
+        turn(deg(90), rate=speed / 0.05),
+        arc(0.2, deg(90), speed=speed),
+    ):
+        usual, quick = run(motion)[0], run(motion, config=hard)[0]
+        assert quick.planned >= usual.planned - 1e-9
+        assert quick.duration <= usual.duration + 0.05
+
+
 class Notes:
     """The simulated robot on a battery, with the remarks of its recording."""
 

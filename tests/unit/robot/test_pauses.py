@@ -126,3 +126,17 @@ def test_a_straight_goes_on_through_a_short_pause() -> None:
         result, _ = robot.run(parallel(straight(0.3), thinks))
         assert result.along == pytest.approx(0.0, abs=0.002)
     assert max(port.duties()) < 0.9
+
+
+@pytest.mark.parametrize(("cycles", "said"), [(1, 0), (3, 0), (6, 1)])
+def test_a_program_that_is_slow_in_every_cycle_is_told_once(cycles: int, said: int) -> None:
+    port = Pausing()
+
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        for _ in range(60):
+            port.pause((cycles - 1) / 200)
+            robot.tick()
+        told = [each for each in robot.drive.remarks.values() if each.startswith("cycles take")]
+        assert len(told) == said
+        assert all("30 ms" in each and "asks for 5" in each for each in told)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from itertools import pairwise
 from statistics import median
 
 from raccoon.estimate.start_light.history import light_of
@@ -58,6 +59,11 @@ class SlowBulb:
     def rises(self, time: float) -> bool:
         """Whether the light still goes up, or did until a moment ago."""
         return time - self._rose < SETTLING_SECONDS
+
+    def most_light(self, since: float, before: float) -> float:
+        """Most light between two times (s) that stayed for two means, as no flash does; else 0."""
+        lights = [light for begin, light in self._means if since <= begin <= before]
+        return max((min(pair) for pair in pairwise(lights)), default=0.0)
 
     def is_warm(self, dark: float) -> bool:
         """Whether the light has come to rest, and came as a bulb's. dark: the brightest before it."""

@@ -22,7 +22,7 @@ from typing import NamedTuple
 from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.core.readings import Status
 from raccoon.estimate.start_light import bulb
-from raccoon.estimate.start_light.bulb import SlowBulb
+from raccoon.estimate.start_light.bulb import MEAN_SECONDS, SlowBulb
 from raccoon.estimate.start_light.calibration import LEAST_COUNTS, StartLightCalibration
 from raccoon.estimate.start_light.history import WARM_UP_SECONDS, History, light_of
 
@@ -32,13 +32,17 @@ AMBIENT_SECONDS = 0.5  # time constant of the ambient level
 MEMORY_SECONDS = 60.0  # time constant in which a brighter past is forgotten
 LEAST_FALL = 0.35  # of the ambient reading, where the lamp is not calibrated
 LEAST_SD = 8.0  # noise standard deviations between ambient and threshold
+MOST_CLEAR = (
+    0.55  # of the ambient reading, which is enough for any noise: no flicker more than doubles the light
+)
 QUICK = 1.8  # light over the least light just before, above which a lamp went on
 STEADY = 1.2  # light over the light STEADY_SECONDS before, below which a lamp is fully on
 STEADY_SECONDS = 0.015
 STILL = 1.1  # the same over a longer time: what goes on rising is daylight
-STILL_SECONDS = 0.1
+STILL_SECONDS = 0.1  # whole periods of light that flickers with the mains, at 50 and at 60 Hz
 COARSE_SECONDS = 0.03  # between two readings, from which on STILL is asked of a lamp that came at once
 LEAST_READINGS = 3  # of a lamp: one may be an outlier, and at 10 Hz a flash is one
+LATELY_SECONDS = 3.0  # in which the sun may have come, and somebody's shadow over it
 LONGEST_GAP = 0.25  # s between two readings, above which nobody knows how quick the fall between them was
 NEAR = (0.5, 2.0)  # of the lamp's own light: a lamp as calibrated
 CLEAR = 1.45  # light over the light before: a white sleeve near the sensor adds up to 40 %
@@ -109,6 +113,7 @@ class StartLight:
         self._window = 0.0  # s to look back for the light before it
         self._near: float | None = None  # since when it has been as bright as the calibrated lamp
         self._lit = False  # it is the lamp, and has been told
+        self._lit_until = -math.inf  # s, when it was so last
         self._refused = False  # it was no lamp: wait until it is over or learnt, or a lamp comes on as well
         self.fired = False
         self.fires = 0
@@ -139,7 +144,8 @@ class StartLight:
         """Counts below which it is brighter than any ambient light so far."""
         if math.isnan(self._brightest):
             return 0.0
-        clear = max(LEAST_COUNTS, LEAST_SD * math.sqrt(self._variance))
+        noise = min(LEAST_SD * math.sqrt(self._variance), MOST_CLEAR * self._brightest)
+        clear = max(LEAST_COUNTS, noise)
         if self._lamp is None:
             return min((1.0 - LEAST_FALL) * self._brightest, self._brightest - clear)
         return min(math.sqrt(max(self._lamp, 1.0) * max(self._brightest, 1.0)), self._brightest - clear)
@@ -156,6 +162,8 @@ class StartLight:
             self._near = None
         elif self._near is None:
             self._near = time
+        if self._lit:
+            self._lit_until = time
         if self._lit or (self._refused and time > self._until):
             self._learn(counts, dt)
             return self._reading(fired=False)
@@ -195,7 +203,9 @@ class StartLight:
         # What happened in a gap, nobody saw: for as long as it lasted the light must stand still after it.
         span = max(self._still, self._gap)
         steady = STEADY if span < COARSE_SECONDS else STILL
-        return light > QUICK * before and light < steady * self._recent.light_at(time - span)
+        if not (light > QUICK * before and light < steady * self._recent.least_light(time - span)):
+            return False
+        return self._stands_out(light, self._since - MEAN_SECONDS)
 
     def _like_lamp(self, counts: float) -> bool:
         """As bright as the lamp was when it was shown; without that, clearly brighter than before."""
@@ -209,10 +219,20 @@ class StartLight:
         """The light came within a bulb's time, however many readings saw it come, and is steady since."""
         if self._near is None or time - self._near < SETTLED_SECONDS - 1e-6:
             return False
-        if light_of(counts) >= STILL * self._recent.light_at(time - STILL_SECONDS):
+        light = light_of(counts)
+        if light >= STILL * self._recent.least_light(time - STILL_SECONDS):
+            return False
+        if not self._stands_out(light, time - SETTLED_SECONDS - WARM_UP_SECONDS):
             return False
         limit = WARM_UP_SECONDS if self._lamp is not None else UNKNOWN_WARM_UP_SECONDS
         return self._recent.rise_seconds(light_of(self._brightest), light_of(counts)) <= limit
+
+    def _stands_out(self, light: float, before: float) -> bool:
+        """Without calibration: clearly brighter than of late, also where that is not learnt yet."""
+        if self._lamp is not None:
+            return True
+        since = max(before - LATELY_SECONDS, self._lit_until)  # a rehearsal has seen the lamp itself
+        return light > QUICK * self._slow.most_light(since, before)
 
     def _begin(self, counts: float) -> None:
         """Ambient level and noise from the median so far: a flash while learning must not pass for either."""
