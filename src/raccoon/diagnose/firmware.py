@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 BATTERY = "battery.voltage"
+LAG = "bemf.filter_lag"
 NEAR = 0.75
 """Part of the largest reading from which one that stays, as its counter does, is kept."""
 
@@ -90,9 +91,11 @@ class Firmware:
             start = start.with_effect(ZONE, side, counts=self.dead_zone)
         return start
 
-    def asked_for(self, causes: Sequence[Cause]) -> list[Cause]:
-        """The causes less what is known: a dead zone, or that there is none."""
-        return [each for each in causes if not (self.wombat and each.id == ZONE)]
+    def asked_for(self, causes: Sequence[Cause], *, filters: bool) -> list[Cause]:
+        """The causes less what is known: a dead zone, or that there is none; and the filter of back-EMF,
+        where the device and not robot.toml says what it is (filters)."""
+        known = {ZONE, LAG} if filters else {ZONE}
+        return [each for each in causes if not (self.wombat and each.id in known)]
 
     def before_cutting(self, columns: Columns) -> Columns:
         """The columns with the battery as it was before its filter cut fractions of a count off. (What

@@ -18,7 +18,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, BEMF_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR
 from raccoon.core.sections import ControllerConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.firmware import FIRMWARES, firmware_of
+from raccoon.diagnose.firmware import FIRMWARES, LAG, firmware_of
 from raccoon.diagnose.habits.lags import _open_instead
 from raccoon.diagnose.hypotheses import neutral_settings
 from raccoon.diagnose.log import Log, log_from_columns
@@ -58,6 +58,7 @@ def test_a_sound_robot_with_the_stock_firmware_has_no_cause() -> None:
     assert said.model is not None
     assert said.model.chain == Chain.stock()
     assert said.model.value(ZONE, "counts", "left") == FIRMWARES["wombat-stock"].dead_zone
+    assert not {ZONE, LAG} & {each.id for each in said.rejected}
 
 
 @pytest.mark.parametrize("firmware", ["stock", 21])
@@ -175,13 +176,15 @@ def test_a_firmware_is_known_by_its_devices_name() -> None:
     assert FIRMWARES["wombat-stock"].silent == STOCK.bemf_dead_zone
 
 
-def test_a_dead_zone_that_is_known_is_not_asked_for() -> None:
+def test_a_dead_zone_and_a_filter_that_are_known_are_not_asked_for() -> None:
+    """A line's steering made 15 ms of the stock firmware's filter 10, beside a wheel that was too small."""
     newer, older = FIRMWARES[RACCOON_21.name], FIRMWARES[RACCOON_17.name]
     causes = drive_causes()
-    assert FIRMWARES[SIMULATOR.name].asked_for(causes) == list(causes)
+    assert FIRMWARES[SIMULATOR.name].asked_for(causes, filters=True) == list(causes)
     for each in (FIRMWARES[STOCK.name], newer, older):
-        left = each.asked_for(causes)
-        assert {cause.id for cause in causes} - {cause.id for cause in left} == {ZONE}
+        for filters, known in ((True, {ZONE, LAG}), (False, {ZONE})):
+            left = each.asked_for(causes, filters=filters)
+            assert {cause.id for cause in causes} - {cause.id for cause in left} == known
     assert older.start(ROBOT, None) is None
     model = Parameters.from_robot(ROBOT).with_effect("imu.latency", None, seconds=0.01)
     start = newer.start(ROBOT, model)

@@ -144,7 +144,7 @@ def diagnose_recording(
         found = _nothing(columns, robot)
     else:
         open_robot, exact = with_usual_stds(robot)
-        found = _drive(columns, with_lag_of(device, open_robot), holdout, model, truth_free, own, device)
+        found = _drive(columns, open_robot, holdout, model, truth_free, own, device)
         found = replace(found, notes=(*found.notes, *_without_std(exact), *outranked(found.causes, robot)))
     notes = dict.fromkeys((*found.notes, *problems, *repeated))
     return replace(found, notes=tuple(notes))
@@ -180,6 +180,8 @@ def _drive(
     columns = sound.columns
     holdout = None if holdout is None else without_broken(holdout, robot).columns
     firmware = firmware_of(device)
+    told = with_lag_of(device, robot)
+    filters, robot = told is not robot, told
     if firmware is not None:
         robot = firmware.known_of(robot)
         columns = firmware.before_cutting(columns)
@@ -196,7 +198,7 @@ def _drive(
         tried = start.undecided([*drive_causes(), *map(own_cause, own)])
         known = model
         if firmware is not None:
-            tried, known = firmware.asked_for(tried), firmware.start(start.robot, model)
+            tried, known = firmware.asked_for(tried, filters=filters), firmware.start(start.robot, model)
         found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
         found = with_reference(found, start, model)
     found = judged_again(with_columns_named(found, columns, robot, sound.left_out), columns, sound, robot)
