@@ -32,9 +32,7 @@ AMBIENT_SECONDS = 0.5  # time constant of the ambient level
 MEMORY_SECONDS = 60.0  # time constant in which a brighter past is forgotten
 LEAST_FALL = 0.35  # of the ambient reading, where the lamp is not calibrated
 LEAST_SD = 8.0  # noise standard deviations between ambient and threshold
-MOST_CLEAR = (
-    0.55  # of the ambient reading, which is enough for any noise: no flicker more than doubles the light
-)
+MOST_CLEAR = 0.55  # of the ambient reading, enough for any noise: flicker does no more than double light
 QUICK = 1.8  # light over the least light just before, above which a lamp went on
 STEADY = 1.2  # light over the light STEADY_SECONDS before, below which a lamp is fully on
 STEADY_SECONDS = 0.015
