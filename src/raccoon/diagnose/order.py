@@ -49,8 +49,9 @@ def check_order(log: Log) -> None:
     if len(found):
         row = int(found[0])
         wheel = measured[int(np.argmax(far[:, row] | near[:, row]))]
+        last = wheel.values[:row][np.isfinite(wheel.values[:row])][-1]
         raise TraceError(
-            f"{wheel.name} goes from {wheel.values[row - 1]:g} to {wheel.values[row]:g} counts at row {row} "
+            f"{wheel.name} goes from {last:g} to {wheel.values[row]:g} counts at row {row} "
             f"(t = {log.time[row]:.6g} s), and stays there: no wheel does, so two recordings seem to be put "
             "together. A recording must be of one drive: diagnose each by itself"
         )
@@ -88,6 +89,8 @@ def _jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:
     moved, steps = np.diff(values[fresh]), np.diff(time)
     least = share * float(np.percentile(np.abs(values[known]), 99.0))
     around = np.abs(moved[:-2]) + np.abs(moved[2:])
-    rows = fresh[2:-1][(np.abs(moved[1:-1]) > least) & (around < REST * np.abs(moved[1:-1]))]
+    # A wheel that was too fast to be read for a while has no readings then, and may be anywhere after it.
+    known_until = np.diff(time[fresh])[1:-1] <= CLOSE
+    rows = fresh[2:-1][known_until & (np.abs(moved[1:-1]) > least) & (around < REST * np.abs(moved[1:-1]))]
     found[rows] = steps[rows - 1] < (1.0 + EVEN) * float(np.median(steps))
     return found

@@ -66,3 +66,10 @@ def test_readings_that_are_held_for_several_rows_do_not_jump() -> None:
     for name in ("motor.0.bemf", "motor.1.bemf"):
         columns[name] = columns[name][held]
     check_order(log_from_columns(columns, ROBOT))
+
+
+def test_a_wheel_too_fast_to_be_read_may_be_anywhere_after_it() -> None:
+    columns = driven(8)
+    columns["motor.0.bemf"][600:640] = np.nan
+    columns["motor.0.bemf"][640:660], columns["motor.0.bemf"][580:600] = -400.0, 1500.0
+    check_order(log_from_columns(columns, ROBOT))
