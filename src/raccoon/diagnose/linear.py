@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -31,7 +32,7 @@ GRID_PART = 0.2
 class Group:
     """Columns that come and go together. start: coordinates at which they were taken (secants of a cause).
     over_place: whether they are friction that depends on where the robot is. parts: those of the columns
-    that may be all there is, one set of them alone."""
+    that may be all there is, one set of them alone. paid: log evidence that a part pays for the choice."""
 
     name: str
     columns: Array
@@ -39,6 +40,7 @@ class Group:
     one_sided: bool = False
     over_place: bool = False
     parts: tuple[tuple[int, ...], ...] = ()
+    paid: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +212,8 @@ class Table:
         off = list(self.off)
         for group, span in self.off:
             for part in group.parts:
-                less = replace(group, columns=group.columns[list(part)], parts=())
+                paid = math.log(len(group.parts))
+                less = replace(group, columns=group.columns[list(part)], parts=(), paid=paid)
                 off.append((less, [span[index] for index in part]))
         return replace(self, off=tuple(off))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -229,29 +228,28 @@ def best_probe(search: Search) -> Probed:
     # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
     features = search.problem.features
     most_of_all = MOST_OF_EVENT * len(features.time) / features.event
-    for gain, paid, group in _probes_by_evidence(search)[:PROBES_TRIED]:
+    for gain, group in _probes_by_evidence(search)[:PROBES_TRIED]:
         if group.over_place:
-            gain, limited = _beside_wander(search, group)
+            gain, limited = (each - group.paid for each in _beside_wander(search, group))
         else:
             limited = gain - _excess(search.problem, *_with_and_without(search, group))
-        found.append(Probed(group.name, gain - paid, min(limited - paid, most_of_all)))
+        found.append(Probed(group.name, gain, min(limited, most_of_all)))
     most = max(each.lead for each in found)
     return max((each for each in found if each.lead >= NEARLY * most), key=lambda each: each.evidence)
 
 
-def _probes_by_evidence(search: Search) -> list[tuple[float, float, Group]]:
-    """Log evidence of the probes that are worth a closer look, what they pay of it, and themselves: whole or
-    that part which alone explains most, for which a choice among so many is paid."""
+def _probes_by_evidence(search: Search) -> list[tuple[float, Group]]:
+    """The probes that are worth a closer look, whole or that part which alone explains most, with the log
+    evidence that is left of them once the choice is paid."""
     known = {*search.problem.causes, *search.unknown}
-    parts = {group.name: len(group.parts) for group, _ in search.table.off}
-    best: dict[str, tuple[float, float, Group]] = {}
+    best: dict[str, tuple[float, Group]] = {}
     for gain, group, _ in screen(search, search.table.in_parts(), held=True):
-        paid = 0.0 if group.parts else math.log(max(parts[group.name], 1))
-        if group.name in known or gain - paid < LEAST_OF_PROBE:
+        left = gain - group.paid
+        if group.name in known or left < LEAST_OF_PROBE:
             continue
-        if group.name not in best or gain - paid > best[group.name][0] - best[group.name][1]:
-            best[group.name] = gain, paid, group
-    return sorted(best.values(), key=lambda each: each[1] - each[0])
+        if group.name not in best or left > best[group.name][0]:
+            best[group.name] = left, group
+    return sorted(best.values(), key=lambda each: -each[0])
 
 
 def _with_and_without(search: Search, group: Group) -> tuple[Array, Array]:
