@@ -6,11 +6,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, USUAL_CHAINS, with_battery
 from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
 from raccoon.diagnose.open_numbers import LOW_PASS
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import explains_more
@@ -21,6 +24,10 @@ from raccoon.diagnose.select.search import gone_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown import probes_for
 from raccoon.diagnose.watch import tell
+from raccoon.sim.chain import Chain
+from raccoon.sim.parameters import SIDES
+
+Array = NDArray[np.float64]
 
 LATE_GYRO, SLIP = "imu.latency", "drive.wheel_slip"
 OF_THE_GYRO = (LATE_GYRO, SLIP)
@@ -71,6 +78,53 @@ def with_readings_that_lag(
         if explains_more(second, search) > -SMOOTH:
             return second, other
     return search, habits
+
+
+def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+    """The search without a gyro that smooths and a clock of the controller's own, where more turned out to be
+    wrong than when these were taken, lags of the catalogue explain about as much, and one of the gyro has the
+    evidence that it needs.
+
+    Instead of a clock they must explain more: on robots with one they lack up to 8, and lead by 30 to 145
+    where there is none.
+    """
+    others, clock = search.fit.point.active.keys() - _late(search), habits.chain.free_running
+    if not (habits.low_pass or clock) or habits.wombat or len(others) <= FEW:
+        return search, habits
+    chain = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)
+    other = replace(habits, low_pass=False, chain=chain if clock else habits.chain)
+    if not under.new(search, habits, [other]):
+        return search, habits
+    problem = under(other)
+    fit = best_of(search, problem, _with_lags_instead(search, problem))
+    if lead(problem, search.fit, fit) < (-DOUBT if clock else DOUBT):
+        tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
+        probes = probes_for(problem)
+        found = gone_on(look_around(problem, probes, fit.point, search.whitener, search.unknown))
+        if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:
+            return found, other
+    under.were_vain(search, habits, [other])
+    return search, habits
+
+
+def _with_lags_instead(search: Search, problem: Problem) -> list[Point]:
+    """Where a search ended, with all by which its gyro is late as a slip, a late gyro, or half of each; in a
+    problem that leaves less of it open. So it is with the commands. One wheel that slips beside a gyro that
+    smooths is usually half of both."""
+    point, causes = search.fit.point, problem.causes
+    settings = search.problem.settings(point)
+    seconds = settings[SMOOTHS, None, "time_constant"] + settings[LATE_GYRO, None, "seconds"]
+    seconds += 0.5 * sum(settings[SLIP, side, "time"] for side in SIDES)
+    less = without(point, [each for each in point.active if each.startswith(OF_THE_GYRO)])
+
+    def as_cause(name: str, late: float) -> dict[str, Array]:
+        """A lag of so many seconds, where the catalogue has it."""
+        return {name: np.array([late / causes[name].coordinates[0].value(1.0)])} if name in causes else {}
+
+    gyro = [as_cause(each, seconds) for each in OF_THE_GYRO]
+    gyro.append({name: 0.5 * u for each in gyro for name, u in each.items()})
+    waits = as_cause(LATE, settings[LATE, None, "seconds"])
+    return [replace(less, active={**less.active, **now, **lag}) for lag in gyro for now in ({}, waits)]
 
 
 def starts_with_a_chip(search: Search, seen: Sequence[str], late: Sequence[str]) -> list[Point]:

@@ -24,6 +24,7 @@ from raccoon.diagnose.habits.controller import (
 from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
     SLIP,
+    as_lags_of_the_robot,
     lags_instead,
     left_to_the_firmware,
     or_a_smooth_gyro,
@@ -97,6 +98,7 @@ def searched(
     if not restored.duty.all():
         search, habits = _braking(search, habits, under)
     search, habits = _as_logged(search, habits, under)
+    search, habits = as_lags_of_the_robot(search, habits, under)
     search, habits = _with_the_slip_that_fits(search, habits, under)
     search = left_to_the_firmware(search, habits)
     or_a_smooth_gyro(search, habits, under)
