@@ -97,6 +97,27 @@ def test_a_late_look_counts_the_updates_it_missed(updates: int) -> None:
     assert bemf.shortfall[0] == 1.5 * (5 + updates)
 
 
+@pytest.mark.parametrize("updates", [2, 3])
+@pytest.mark.parametrize("believed", [200, 600, 800])
+def test_a_speed_that_was_taken_wrong_does_not_stay_so(updates: int, believed: int) -> None:
+    """By size alone three updates of 400 were two of 600, for ever."""
+    bemf = StockBemf(235.0)
+    bemf.update((believed, 0, 0, 0), 1 / 235)
+    for _ in range(10):
+        bemf.update((400 * updates, 0, 0, 0), (updates - 0.06) / 235)
+    assert bemf.value[0] == 401.5
+
+
+def test_two_updates_in_little_more_than_the_time_of_one_are_two() -> None:
+    bemf = StockBemf(235.0)
+    bemf.update((400, 0, 0, 0), 1 / 235)
+    for _ in range(5):  # looks of 1.5 periods meet one and two updates in turn
+        bemf.update((400, 0, 0, 0), 1.45 / 235)
+        assert bemf.value[0] == 401.5
+        bemf.update((800, 0, 0, 0), 1.45 / 235)
+        assert bemf.value[0] == 401.5
+
+
 def test_rates_need_motion() -> None:
     bemf, rate = StockBemf(235.0), CounterRate()
     for _ in range(200):

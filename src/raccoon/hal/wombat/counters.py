@@ -60,8 +60,9 @@ class StockBemf:
 
     Every update of the firmware adds the filtered back-EMF f to the counter, so whoever looks at least once
     an update sees f itself as a difference. Looked at more rarely, a difference holds several f; their number
-    follows from the time passed and the last f. A filter that loses at most a quarter of its value an update
-    cannot fall from a real speed to 0 at once: a counter that stands still then has not been updated.
+    follows from the time passed and, where that leaves a choice, from the last f. A filter that loses at most
+    a quarter of its value an update cannot fall from a real speed to 0 at once: a counter that stands still
+    then has not been updated.
 
     Its integer arithmetic drops 0, 1/4, 1/2 or 3/4 count towards 0 at each update, 3/8 on average, which a
     filter of weight 1/4 shows as `TRUNCATION` counts too little in magnitude, in its value and in its sums.
@@ -75,6 +76,10 @@ class StockBemf:
     """Counts: f may drop to 0 from here where the motor is driven back at the same moment."""
     NEXT, MISSED = 1.3, 2.6
     """Updates after which the next one must have come, and after which two are missing."""
+    SURE = 0.2
+    """Updates: what the time has room for is the whole number of them that it is nearer to than that."""
+    OWED = 0.3
+    """Updates: as much of that as is kept, since no rate is known exactly and the loop is not even."""
 
     def __init__(self, rate_hz: float) -> None:
         self._period = 1.0 / rate_hz
@@ -83,6 +88,7 @@ class StockBemf:
         self.fresh = False
         self.shortfall = [0.0] * MOTOR_PORTS
         """Counts that truncation has kept from each counter so far."""
+        self._owed = 0.0  # updates that the time so far had room for beyond those that were counted
         self._updates = 0
         self._seconds = 0.0
 
@@ -114,16 +120,23 @@ class StockBemf:
         return difference / updates + missing
 
     def _count(self, differences: Counts) -> int:
-        """How many updates the differences hold: 1, unless the time allows more and they look like it."""
+        """How many updates the differences hold, by the time and, where it leaves a choice, by their size.
+
+        Their size alone would do it wrong for ever: once the speed is taken for twice what it is, two updates
+        are twice as fast a wheel's one.
+        """
         periods = self._since_news / self._period
-        if periods < 1.5:
-            return 1
-        low = max(int(periods - 0.5), 1)
         port = max(range(MOTOR_PORTS), key=lambda each: abs(self.value[each]))
         if abs(self.value[port]) < 2 * self.SURELY_STOPPED:
-            return max(round(periods), 1)
+            self._owed = 0.0
+            return 1 if periods < 1.5 else round(periods)
+        due = periods + self._owed
         ratio = differences[port] / self.value[port]
-        return min((low, low + 1), key=lambda count: abs(count - ratio))
+        low = max(math.floor(due + self.SURE), 1)
+        high = max(math.ceil(due - self.SURE), low)
+        count = low if abs(low - ratio) <= abs(high - ratio) else high
+        self._owed = max(-self.OWED, min(self.OWED, due - count))
+        return count
 
     @property
     def overdue(self) -> bool:
