@@ -60,10 +60,21 @@ class Pid:
         self._integral += (self.gains.kp - gains.kp) * error
         self.gains = gains
 
-    def step(self, setpoint: float, measurement: float, dt: float, feedforward: float, limit: float) -> float:
-        """The output after `dt` s, within -limit..limit. dt 0 repeats a reading: nothing integrates."""
+    def step(
+        self,
+        setpoint: float,
+        measurement: float,
+        dt: float,
+        feedforward: float,
+        limit: float,
+        share: float = 1.0,
+    ) -> float:
+        """The output after `dt` s, within -limit..limit. dt 0 repeats a reading: nothing integrates.
+
+        share: of the proportional and the integral gain that this step goes by.
+        """
         gains = self.gains
-        error = setpoint - measurement
+        error = share * (setpoint - measurement)
         if dt > 0.0:
             self._differentiate(measurement, dt)
         increment = gains.ki * error * dt

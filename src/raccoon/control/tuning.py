@@ -77,6 +77,34 @@ def margins(gains: PidGains, wheel: WheelModel, filter_time_constant: float, dea
     return Margins(crossover, phase_margin, gain_margin)
 
 
+class SlowCycles:
+    """The share of its gains that a loop may go by where cycles take longer than they were made for.
+
+    For one margin the crossover goes about with 1 / (dead time + lag). A cycle that is longer by d makes the
+    command later by d, holds it for d / 2 longer on the average, and its reading is the mean over d more: 2 d
+    of dead time.
+
+    cycle: s that one is to take. late: s of dead time and lag that the gains were made for.
+    """
+
+    SMOOTHING = 0.1
+    """s: a cycle that is late now and then takes little off."""
+    FORGIVEN = 1.5
+    """Cycles that one may take without any loss."""
+
+    __slots__ = ("_cycle", "_late", "_usual")
+
+    def __init__(self, cycle: float, late: float) -> None:
+        self._usual = self._cycle = cycle
+        self._late = late
+
+    def share(self, dt: float) -> float:
+        """Of the gains, 0..1, after a cycle of `dt` s."""
+        self._cycle += (dt - self._cycle) * dt / (self.SMOOTHING + dt)
+        longer = self._cycle - self.FORGIVEN * self._usual
+        return 1.0 if longer <= 0.0 else self._late / (self._late + 2.0 * longer)
+
+
 def _solve_crossover(lag: float, dead_time: float, phase_margin: float) -> float:
     """The w with w T + atan(w lag) = 90 deg - margin, by bisection (the left side only grows)."""
     target = math.pi / 2.0 - phase_margin

@@ -15,9 +15,12 @@ from dataclasses import dataclass
 
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.pid import Pid, PidGains
+from raccoon.control.tuning import SlowCycles
 from raccoon.control.watch import WheelState, WheelWatch
 
 MAX_DUTY = 1.0
+CYCLE, DEAD_TIME = 0.005, 0.0075
+"""S, of a cycle and from a reading to its effect, where nothing else is said."""
 # Below this the voltage reading is no battery's (a dead converter reads 0): the nominal one is used.
 LEAST_BATTERY_VOLTAGE = 3.0
 
@@ -69,12 +72,23 @@ class ExpectedSpeed:
 
 
 class Wheel:
-    """Feedforward and feedback of one wheel, in volts."""
+    """Feedforward and feedback of one wheel, in volts.
 
-    __slots__ = ("_active", "_applied", "_per_speed", "_static", "expected", "model", "pid", "watch")
+    cycle, dead_time: s that a cycle is to take, and that the gains were made for.
+    """
 
-    def __init__(self, model: WheelModel, gains: PidGains, filter_time_constant: float) -> None:
+    __slots__ = ("_active", "_applied", "_per_speed", "_slow", "_static", "expected", "model", "pid", "watch")
+
+    def __init__(
+        self,
+        model: WheelModel,
+        gains: PidGains,
+        filter_time_constant: float,
+        cycle: float = CYCLE,
+        dead_time: float = DEAD_TIME,
+    ) -> None:
         self.model = model
+        self._slow = SlowCycles(cycle, dead_time + filter_time_constant)
         self.pid = Pid(gains)
         self.expected = ExpectedSpeed(model.time_constant, filter_time_constant)
         self.watch = WheelWatch(model)
@@ -93,10 +107,11 @@ class Wheel:
         reading = self.expected.advance(dt)
         self.expected.command(target, acceleration)
         feedforward = self.model.voltage(target, acceleration)
+        share = self._slow.share(dt)
         if speed is None:
             self._applied = max(-limit, min(limit, feedforward + self.pid.integral))
         else:
-            self._applied = self.pid.step(reading, speed, dt, feedforward, limit)
+            self._applied = self.pid.step(reading, speed, dt, feedforward, limit, share)
         return self._applied
 
     def resume(self) -> None:
@@ -121,7 +136,8 @@ class WheelLoop:
     """Both wheels' loops, kept in ratio: when one wheel cannot follow, the other slows with it.
 
     left, right: models of the wheels. gains: of both loops or of each, in V per rad/s. filter_time_constant:
-    s, of the back-EMF filter. nominal_voltage: V, used until the battery has been measured.
+    s, of the back-EMF filter. nominal_voltage: V, used until the battery has been measured. cycle, dead_time:
+    see `Wheel`.
     """
 
     __slots__ = ("_battery", "_left", "_right", "missing_speed", "saturated")
@@ -133,14 +149,16 @@ class WheelLoop:
         gains: PidGains | tuple[PidGains, PidGains],
         filter_time_constant: float,
         nominal_voltage: float,
+        cycle: float = CYCLE,
+        dead_time: float = DEAD_TIME,
     ) -> None:
         if not nominal_voltage > LEAST_BATTERY_VOLTAGE:
             raise ValueError(
                 f"nominal_voltage is {nominal_voltage} V: it must be above {LEAST_BATTERY_VOLTAGE}"
             )
         both = (gains, gains) if isinstance(gains, PidGains) else gains
-        self._left = Wheel(left, both[0], filter_time_constant)
-        self._right = Wheel(right, both[1], filter_time_constant)
+        self._left = Wheel(left, both[0], filter_time_constant, cycle, dead_time)
+        self._right = Wheel(right, both[1], filter_time_constant, cycle, dead_time)
         self._battery = nominal_voltage
         self.saturated = False
         """True while the battery cannot give what is wanted."""

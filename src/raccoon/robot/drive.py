@@ -82,7 +82,8 @@ class Drive:
         late = dead_time(self._config)
         gains = tuple(speed_loop_gains(wheel, SPEED_SMOOTHING, late) for wheel in (left, right))
         voltage = self._config.model.battery.open_circuit_voltage.value
-        return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING, voltage)
+        cycle = 1.0 / self._config.controller.rate_hz
+        return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING, voltage, cycle, late)
 
     def know(self, device: Device) -> None:
         """Take the K_E of calibrated motors from what this device's counters mean; once a device."""

@@ -67,7 +67,9 @@ class Mechanism:
             config.inertia,
         )
         lag = robot.model.bemf.filter_time_constant.value
-        self._loop = Wheel(model, speed_loop_gains(model, lag, dead_time(robot)), lag)
+        late = dead_time(robot)
+        cycle = 1.0 / robot.controller.rate_hz
+        self._loop = Wheel(model, speed_loop_gains(model, lag, late), lag, cycle, late)
         self._battery = robot.model.battery.open_circuit_voltage.value
         self._ticks: float | None = None
         self._duty = 0.0
