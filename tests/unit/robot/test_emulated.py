@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
-from raccoon import Robot, wait
+from raccoon import Robot, open_robot, seq, straight, wait
+from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.readings import Outputs, Status
 from raccoon.hal.wombat.emulator import COAST, Drive, Emulator, Firmware, PlantState
+from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.parameters import Parameters
@@ -98,3 +102,20 @@ def test_an_offset_that_is_calibrated_leaves_nothing_uncertain() -> None:
         assert robot.inputs.bemf[0] == pytest.approx(-30.0, abs=3.0)
         assert robot.inputs.faults == ()
         assert robot.estimate.status is Status.OK
+
+
+@pytest.mark.parametrize(("firmware", "counts"), [("stock", 30.0), (21, 22.0)])
+def test_an_offset_that_the_firmware_hides_at_rest_is_not_taken_for_none(
+    firmware: Firmware, counts: float
+) -> None:
+    """Standing, such a motor reads 0 however long one looks; driven out and back it was 5 sigma off."""
+    clock, config = SteppedClock(), RobotConfig()
+    plant = SimulatedPlant(Parameters.from_robot(config), World.empty())
+    emulator = Emulator(plant, firmware, clock=clock)
+    emulator.faults.bemf_offset = (counts, 0.0, 0.0, 0.0)
+    with open_robot(config, port=WombatPort(emulator, clock=clock)) as robot:
+        robot.run(seq(wait(1.0), straight(0.8), straight(-0.8)))
+        here = robot.estimate
+    x, y, _ = plant.pose
+    assert here.status is Status.OK
+    assert 0.005 < math.hypot(here.x - x, here.y - y) < 3.0 * math.hypot(here.x_std, here.y_std)

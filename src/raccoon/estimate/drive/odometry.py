@@ -208,9 +208,10 @@ class Odometry:
             self._bridge(pending)
             return
         read: tuple[float, ...] = (pending.left / span, pending.right / span)
+        still = self._stands(span, command)
         variances: tuple[float, ...] = (
-            noise.variance(left, read[0], span),
-            noise.variance(right, read[1], span),
+            noise.variance(left, read[0], span, still),
+            noise.variance(right, read[1], span, still),
         )
         left.mean, right.mean = read
         left.blind = right.blind = left.lost = right.lost = 0.0
@@ -222,7 +223,6 @@ class Odometry:
             read = (*read, pending.turn / pending.gyro_span)
             of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             variances = (*variances, of_gyro)
-        still = self._stands(span, command)
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self._feel(span, still, inputs)
