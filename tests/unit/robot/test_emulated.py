@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import pytest
 
-from raccoon import Robot, open_robot, seq, straight, wait
+from raccoon import Robot, calibrate_drive, open_robot, seq, straight, wait
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.readings import Outputs, Status
@@ -119,3 +120,29 @@ def test_an_offset_that_the_firmware_hides_at_rest_is_not_taken_for_none(
     x, y, _ = plant.pose
     assert here.status is Status.OK
     assert 0.005 < math.hypot(here.x - x, here.y - y) < 3.0 * math.hypot(here.x_std, here.y_std)
+
+
+@pytest.mark.parametrize(("firmware", "counts"), [("stock", 30.0), (21, 20.0)])
+def test_a_calibration_does_not_call_a_hidden_offset_none(firmware: Firmware, counts: float) -> None:
+    """It took 30 counts for 0 +- 0.1 and put them into the scale: driven back, that is 3 % the wrong way."""
+    calibrated = RobotConfig()
+    for step in (None, straight(-0.8)):
+        clock = SteppedClock()
+        plant = SimulatedPlant(Parameters.from_robot(RobotConfig()), World.empty())
+        emulator = Emulator(plant, firmware, clock=clock)
+        emulator.faults.bemf_offset = (counts, 0.0, 0.0, 0.0)
+        with open_robot(calibrated, port=WombatPort(emulator, clock=clock)) as robot:
+            if step is None:
+                calibrated = calibrate_drive(robot, partial(_taped, plant), distance=0.6)
+            else:
+                robot.run(seq(wait(1.0), step))
+            here = robot.estimate
+    offset = calibrated.motor(0).bemf_offset
+    assert offset is not None
+    assert abs(offset.value - counts) < 2.0 * offset.std
+    x, y, _ = plant.pose
+    assert 0.005 < math.hypot(here.x - x, here.y - y) < 2.0 * math.hypot(here.x_std, here.y_std)
+
+
+def _taped(plant: SimulatedPlant) -> float:
+    return plant.pose[0]

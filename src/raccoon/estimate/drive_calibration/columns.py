@@ -152,6 +152,8 @@ def _wheel(
         if len(resting) >= FEWEST_RESTING:
             # The board's filter makes neighbours alike: about one in nine is independent.
             offset = float(resting.mean()), max(float(resting.std()), 0.5) / math.sqrt(len(resting) / 9)
+            if device.bemf_dead_zone > 0.0 and not np.any(resting):
+                offset = 0.0, device.bemf_dead_zone / math.sqrt(3.0)
     configured = motor.bemf_offset or robot.model.bemf.offset
     counts = configured.value if offset is None else offset[0]
     if position is not None and np.any(np.isfinite(position)):

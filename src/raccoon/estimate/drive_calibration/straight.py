@@ -168,10 +168,14 @@ def resting_bemf(rest: Sequence[Inputs], port: int) -> Measured | None:
     """Back-EMF counts of a port at rest; None where there are fewer than 40 readings.
 
     The board's filter makes neighbours alike: about one reading in nine is independent (0.2 at every step).
+    Nothing but 0 from a device with a dead zone may be any offset within it.
     """
     words = [word for cycle in rest[: max(len(rest) - 10, 0)] if (word := cycle.bemf[port]) is not None]
     if len(words) < 40:
         return None
+    dead_zone = rest[0].device.bemf_dead_zone
+    if dead_zone > 0.0 and not any(words):
+        return Measured(0.0, dead_zone / math.sqrt(3.0))
     return Measured(fmean(words), max(pstdev(words), 0.5) / math.sqrt(len(words) / 9.0))
 
 
