@@ -24,6 +24,8 @@ FIRMWARE_SAMPLE = 0.005
 # A wheel is never planned slower than this share of its speed without load, however little is said to be left
 # for it by the battery and the wished acceleration.
 LEAST_SHARE = 0.3
+SHORT_DRIVE, SHORT_DRIVES = 0.1, 10
+"""S in which a drive does not come to its speed, and how many of them in a row are a loop."""
 USUAL = MotionConfig()
 """Accelerations that a robot.toml without any has."""
 
@@ -76,6 +78,7 @@ class Drive:
         self._open_loop: tuple[float, float] | None = None
         self._given = (0.0, 0.0)
         self._claimed = False
+        self._begun, self._begins = -math.inf, 0
 
     def _loop(self, device: Device | None) -> WheelLoop:
         left, right = wheel_models(self._config, device)
@@ -132,6 +135,19 @@ class Drive:
             for wheel in self.wheels.models
         )
         self._open_loop = (left, right)
+
+    @property
+    def asked(self) -> bool:
+        """Whether something was asked for in this tick already."""
+        return self._claimed
+
+    def begins_anew(self, time: float) -> bool:
+        """Whether drives without a goal have begun so often by `time` s, one after the other, that none of
+        them comes to its speed. True once.
+        """
+        self._begins = self._begins + 1 if time - self._begun < SHORT_DRIVE else 0
+        self._begun = time
+        return self._begins == SHORT_DRIVES
 
     def wheel_speed(self, forward: float) -> float:
         """Rad/s of the wheels at `forward` m/s straight ahead."""

@@ -33,6 +33,12 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     def steps(robot: Robot) -> Steps[None]:
         motion = robot.config.motion
         start = robot.plan
+        if robot.drive.begins_anew(robot.time):
+            say(
+                robot,
+                "drive() begins anew again and again: it speeds up from rest each time and stays slow; in a "
+                "loop ask for the speed of each cycle, by robot.drive.velocity() and robot.tick()",
+            )
         velocity = robot.estimate.velocity
         rate = robot.estimate.turn_rate
         top, acceleration = robot.drive.planned(abs(speed), motion.acceleration)

@@ -100,7 +100,9 @@ class Robot(Knowledge):
     def tick(self) -> Inputs:
         """One cycle with whatever runs in the background and nothing else; the readings of it.
 
-        What it drives goes on until the next cycle. The motors are stopped where it fails, as in `run`.
+        What it drives goes on until the next cycle. A speed that the program asks `drive` for before each is
+        a loop of its own, and the next motion starts from where that came to. The motors are stopped where it
+        fails, as in `run`.
         Raises RuntimeError in a `run`, which reads by itself, and in another `tick`.
         """
         self.require()
@@ -109,6 +111,8 @@ class Robot(Knowledge):
                 f"tick() inside {self._running}: it reads by itself; let time pass with wait()"
             )
         self._running = "tick()"
+        if self.drive.asked:
+            self.replan()
         try:
             self._sense()
             self._act()

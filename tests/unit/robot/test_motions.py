@@ -15,6 +15,7 @@ from raccoon import (
     RobotConfig,
     after_angle,
     after_distance,
+    after_time,
     arc,
     deg,
     drive,
@@ -199,3 +200,31 @@ def test_a_wide_arc_ends_on_its_mark(radius: float, angle_deg: float) -> None:
     assert abs(result.along) < 0.002
     assert abs(result.across) < 0.002
     assert abs(result.heading) < deg(0.4)
+
+
+def test_after_a_loop_of_its_own_a_motion_starts_from_where_that_came_to() -> None:
+    """It was within the reach of the plan before it: the loop's way was taken off the next motion."""
+    port = simulated()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(seq(wait(0.5), straight(0.1)))
+        for _ in range(60):
+            robot.drive.velocity(0.1)
+            robot.tick()
+        for _ in range(40):
+            robot.tick()
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        begin = robot.inputs.truth.x
+        assert 0.11 < begin < 0.145
+        robot.run(seq(straight(0.1), wait(0.2)))
+        assert robot.inputs.truth is not None
+        assert robot.inputs.truth.x - begin == pytest.approx(0.1, abs=0.002)
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(0.01, True), (0.05, True), (0.2, False)])
+def test_drives_that_are_too_short_to_come_to_their_speed_are_told(seconds: float, told: bool) -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(wait(0.5))
+        for _ in range(20):
+            robot.run(drive(0.1).until(after_time(seconds)))
+        assert any("begins anew" in each for each in robot.drive.remarks.values()) is told
