@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
@@ -11,6 +12,7 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
+from raccoon.sim.collision import Obstacles
 from raccoon.sim.equations import substep
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
@@ -22,6 +24,8 @@ from raccoon.sim.world import World
 
 LONGEST_STEP = 0.0025
 """s; the plant's own step, see docs/simulator.md."""
+BODY_RADIUS = 0.09
+"""m, of the disc that bumps into walls."""
 FLOATING = 2000.0
 """Counts on an analog port that nothing is plugged into."""
 
@@ -32,14 +36,17 @@ class SimulatedPlant:
     Everything up to the terminals and pins is the simulator's; sampling, filtering and coasting windows are
     the emulated firmware's, so the plant's own are left out. `latency` is not simulated: the emulator has
     its own.
+
+    world: its table, with walls, objects and ramps; None is the usual one's lines on an endless floor.
     """
 
     def __init__(self, parameters: Parameters, world: World | None = None) -> None:
         robot = parameters.robot
-        self._numbers = plant_numbers(parameters)
+        self._numbers = self._level = plant_numbers(parameters)
         self._ports = robot.drive.left, robot.drive.right
         self._signs = wiring_signs(parameters)
-        self._world = World.default() if world is None else world
+        self._world = replace(World.default(), walls=()) if world is None else world
+        self._obstacles = Obstacles(self._world, BODY_RADIUS)
         self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
         self._state = state_at_rest(self._numbers)
         self.free_motors = {
@@ -54,7 +61,7 @@ class SimulatedPlant:
 
     def become(self, parameters: Parameters) -> None:
         """Go on as another robot, from here at this speed: another battery, another load. Wiring stays."""
-        self._numbers = plant_numbers(parameters)
+        self._numbers = self._level = plant_numbers(parameters)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
@@ -63,10 +70,21 @@ class SimulatedPlant:
         for _ in range(steps):
             step = seconds / steps
             self._state = substep(self._state, self._numbers, self._command(drives), step, 1.0 / step)
+        self._meet_the_world()
         for port, motor in self.free_motors.items():
             motor.step(drives[port], self._state.bus, seconds)
         change = (self._state.forward_speed - before) / seconds if seconds > 0.0 else 0.0
         return self._seen(change)
+
+    def _meet_the_world(self) -> None:
+        s = self._state
+        x, y = self._obstacles.pushed_out(s.x, s.y)
+        if (x, y) != (s.x, s.y):
+            self._state = s._replace(x=x, y=y)
+        if self._world.ramps:
+            along_x, along_y = self._world.slope(x, y)
+            level = self._level
+            self._numbers = level._replace(slope_x=level.slope_x + along_x, slope_y=level.slope_y + along_y)
 
     def _command(self, drives: tuple[Drive, ...]) -> Command:
         left, right = (drives[port] for port in self._ports)
@@ -115,7 +133,8 @@ def open_emulated(
     """A Wombat in software with the simulated robot on it, as fast as the computer can (its clock is
     stepped).
 
-    firmware: "stock", 17 or 21. robot: the simulated one, which may be another than `config` has it.
+    firmware: "stock", 17 or 21. world: see `SimulatedPlant`. robot: the simulated one, which may be another
+    than `config` has it.
     """
     clock = SteppedClock()
     plant = SimulatedPlant(Parameters.from_robot(config) if robot is None else robot, world)

@@ -162,8 +162,9 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
         return open_create(config.controller.device or SERIAL_PORT)
     if kind in ("emulator", "emulator-raccoon"):
         from raccoon.robot.emulated import open_emulated
+        from raccoon.sim.world import World
 
-        return open_emulated(config, "stock" if kind == "emulator" else 21, seed=seed)
+        return open_emulated(config, "stock" if kind == "emulator" else 21, seed=seed, world=World.default())
     raise ConfigError(f"controller.port = {kind!r}: there is no such port")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -16,7 +17,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.world import World
+from raccoon.sim.world import Box, Ramp, World
 
 
 def driven(
@@ -40,6 +41,19 @@ def test_the_right_wheel_alone_turns_left() -> None:
     plant, state = driven(RobotConfig(), (None, 0.5, None, None))
     assert state.gyro[2] > 0.3
     assert plant.pose[2] > 0.2
+
+
+def test_walls_and_ramps_of_a_table_that_is_handed_in_count() -> None:
+    """As on the simulator's own port: a program ended 0.4 m behind the wall that it drove at."""
+    plant = SimulatedPlant(Parameters.from_robot(RobotConfig()), World.default())
+    for _ in range(300):
+        plant.advance(0.01, (-0.8, -0.8, None, None))
+    assert plant.pose[0] == pytest.approx(-0.3 + 0.09, abs=1e-6)
+    steep = Ramp(Box((-1.0, -1.0), (1.0, 1.0)), along_x=0.5)
+    plant = SimulatedPlant(Parameters.from_robot(RobotConfig()), replace(World.empty(), ramps=(steep,)))
+    for _ in range(100):
+        plant.advance(0.01, COAST)
+    assert plant.pose[0] > 0.05
 
 
 def test_an_inverted_motor_turns_its_wheel_backwards() -> None:
