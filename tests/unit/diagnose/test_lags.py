@@ -64,7 +64,7 @@ def smoothed(first: Hidden, chain: Chain, others: tuple[str, ...]) -> tuple[Sear
 
 @pytest.mark.parametrize("chain", [Chain.firmware(), FREE_RUNNING])
 def test_a_slip_that_was_taken_for_other_readings_is_named_once_much_else_is_wrong(chain: Chain) -> None:
-    """Of 25 slips beside many causes 17 were left to a chip, which was taken while little else was known."""
+    """Of 17 slips beside many causes 12 were left to a chip, which was taken while little else was known."""
     search, habits, under = smoothed(SLIPS, chain, OTHERS)
     found, now = as_lags_of_the_robot(search, habits, under)
     assert not now.low_pass
