@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -17,28 +15,20 @@ from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.manoeuvres import manoeuvre
 from raccoon.diagnose.result import Diagnosis, Verdict
-from raccoon.diagnose.select.outlook import look_around, start_search
+from raccoon.diagnose.select.outlook import best_probe, estimated, look_around, start_search
 from raccoon.diagnose.select.replacements import rearranged
+from raccoon.diagnose.select.search import PROBE_GATE, _with_unknown
+from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.unknown import probes_for
 
 
-@pytest.mark.parametrize(
-    "cause",
-    [
-        "battery.internal_resistance",
-        "motor.back_emf_constant",
-        "friction.viscous",
-        "drive.backlash",
-        "actuation.latency",
-        "imu.gyro_drift",
-    ],
-)
+@pytest.mark.parametrize("cause", ["drive.backlash", "actuation.latency", "imu.gyro_drift"])
 def test_a_single_hidden_cause_is_named_first(cause: str) -> None:
-    """With a number near the hidden one. What it gains is judged on 15 s of the drive that follow: of 7 s one
+    """With a number near the hidden one. What it gains is judged on 14 s of the drive that follow: of 7 s one
     late wheel is a large part."""
     hidden = draw(cause, np.random.default_rng(5))
-    whole = make(5, [hidden], seconds=40.0).columns
-    seen = whole["t"] < 25.0
+    whole = make(5, [hidden], seconds=24.0).columns
+    seen = whole["t"] < 10.0
     first, later = ({key: values[part] for key, values in whole.items()} for part in (seen, ~seen))
     said = diagnose(first, RobotConfig(), holdout=later)
     assert said.causes, said.rejected
@@ -47,6 +37,8 @@ def test_a_single_hidden_cause_is_named_first(cause: str) -> None:
     if cause == "actuation.latency":
         found = said.causes[0].parameters["seconds"]
         assert found.value == pytest.approx(hidden.values["seconds"], rel=0.05)
+        assert said.verdict is Verdict.EXPLAINED
+        assert said.causes[0].change > said.causes[0].unabsorbed > 1.0
 
 
 def names_of(said: Diagnosis) -> set[str]:
@@ -54,18 +46,18 @@ def names_of(said: Diagnosis) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("causes", "seed"),
+    ("causes", "seed", "seconds"),
     [
-        (("drive.wheel_slip", "imu.gyro_bias"), 4),
-        (("friction.viscous", "imu.latency"), 4),
-        (("drive.backlash", "drive.wheel_slip"), 4),
-        (("bemf.offset", "imu.gyro_drift"), 6),  # a curve of the gyro over speed frees what both have bent
+        (("drive.backlash", "drive.wheel_slip"), 4, 8.0),
+        (("bemf.offset", "imu.gyro_drift"), 6, 8.0),  # both bend what a curve of the gyro over speed frees
     ],
 )
-def test_two_hidden_causes_are_both_named_and_nothing_else(causes: tuple[str, str], seed: int) -> None:
+def test_two_hidden_causes_are_both_named_and_nothing_else(
+    causes: tuple[str, str], seed: int, seconds: float
+) -> None:
     rng = np.random.default_rng(seed)
     hidden = [draw(each, rng) for each in causes]
-    said = diagnose(make(seed, hidden, seconds=16.0).columns, RobotConfig())
+    said = diagnose(make(seed, hidden, seconds=seconds).columns, RobotConfig())
     assert {each.name for each in said.causes} == {each.name for each in hidden}
     assert not said.unexplained.depends_on
 
@@ -74,7 +66,7 @@ def test_of_four_hidden_causes_all_that_matter_are_named() -> None:
     rng = np.random.default_rng(6)
     causes = ("battery.discharge", "actuation.latency", "drive.turn_scrub", "imu.gyro_bias")
     hidden = [draw(each, rng) for each in causes]
-    said = diagnose(make(6, hidden, seconds=18.0).columns, RobotConfig())
+    said = diagnose(make(6, hidden, seconds=8.0).columns, RobotConfig())
     assert {each.name for each in hidden} <= names_of(said)
 
 
@@ -82,7 +74,7 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
     """Steps that add one cause at a time can end there: each of two wrong ones explains much."""
     rng = np.random.default_rng(12)
     hidden = [draw(each, rng) for each in ("actuation.latency", "motor.armature_resistance")]
-    log = log_from_columns(make(12, hidden, seconds=25.0).columns, RobotConfig())
+    log = log_from_columns(make(12, hidden, seconds=10.0).columns, RobotConfig())
     problem, _ = problem_of(log, RobotConfig(), drive_causes())
     start = start_search(problem, probes_for(problem))
     wrong = start.fit.point.with_cause("bemf.filter_lag", np.array([0.5]))
@@ -96,7 +88,7 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
 @pytest.mark.parametrize("cause", ["imu.latency", "friction.stiction"])
 def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another(cause: str) -> None:
     hidden = draw(cause, np.random.default_rng(8), size=0.3)
-    said = diagnose(make(8, [hidden], seconds=22.0).columns, RobotConfig())
+    said = diagnose(make(8, [hidden], seconds=12.0).columns, RobotConfig())
     assert [each.name for each in said.causes] in ([hidden.name], [])
     if cause == "imu.latency":
         assert said.causes
@@ -110,14 +102,6 @@ def test_a_cause_of_a_few_large_moments_is_not_called_unknown() -> None:
     assert not said.unexplained.depends_on
 
 
-def test_a_friction_that_stops_wheels_is_not_called_unknown() -> None:
-    """Along the columns of wheels that turn it is a poor fit, and a free curve over speed is a good one."""
-    more = Hidden("friction.coulomb", None, {"torque": 0.2309}, {"coulomb": 0.2309})
-    said = diagnose(make(519595171, [more], seconds=30.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] == [more.name]
-    assert not said.unexplained.depends_on
-
-
 def test_what_is_real_but_changes_next_to_nothing_is_said_not_to_matter() -> None:
     """A reading of 2 counts is read as 0: many zeros give that a name, but none of them is off by much."""
     hidden = Hidden("bemf.dead_zone", None, {"counts": 2.0}, {"dead_zone": 2.0})
@@ -125,16 +109,11 @@ def test_what_is_real_but_changes_next_to_nothing_is_said_not_to_matter() -> Non
     assert [each.name for each in said.causes] == [hidden.name]
     assert said.causes[0].little
     assert said.verdict is Verdict.ADEQUATE
-    late = diagnose(
-        make(5, [draw("imu.latency", np.random.default_rng(5))], seconds=16.0).columns, RobotConfig()
-    )
-    assert late.verdict is Verdict.EXPLAINED
-    assert late.causes[0].change > late.causes[0].unabsorbed > 1.0
 
 
 @pytest.mark.parametrize(
     ("seed", "seconds"),
-    [(3, 25.0), (4, 8.0), (5, 30.0), (4, 6.0), (50, 6.0), (14, 12.0), (37, 12.0), (49, 12.0)],
+    [(3, 25.0), (4, 6.0), (50, 6.0), (14, 12.0)],
 )
 def test_a_clean_recording_is_adequate_short_or_long(seed: int, seconds: float) -> None:
     said = diagnose(make(seed, seconds=seconds).columns, RobotConfig())
@@ -142,52 +121,31 @@ def test_a_clean_recording_is_adequate_short_or_long(seed: int, seconds: float) 
     assert said.causes == ()
 
 
-RIGID = Hidden("unknown", None, {}, {"bristle": 30000.0, "bristle_damping": 12.0})
+@pytest.mark.parametrize(
+    ("friction", "cause", "seed"),
+    [
+        ({"bristle": 30000.0, "bristle_damping": 12.0}, "drive.inertia", 6),
+        ({"smooth": 0.08}, "friction.coulomb", 8),
+    ],
+    ids=["gives next to nothing", "smooth curve"],
+)
+def test_a_robot_of_another_friction_has_nothing_wrong_for_that(
+    friction: dict[str, float], cause: str, seed: int
+) -> None:
+    hidden = draw(cause, np.random.default_rng(seed))
+    robot = [Hidden("unknown", None, {}, friction), hidden]
+    said = diagnose(make(seed, robot, seconds=9.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [hidden.name]
+    assert said.verdict is Verdict.EXPLAINED
 
 
-@pytest.mark.parametrize("cause", [None, "battery.internal_resistance", "drive.inertia", "drive.turn_scrub"])
-def test_a_robot_whose_friction_gives_next_to_nothing_has_nothing_wrong_for_that(cause: str | None) -> None:
-    hidden = [] if cause is None else [draw(cause, np.random.default_rng(6))]
-    said = diagnose(make(6, [RIGID, *hidden], seconds=16.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] == [each.name for each in hidden]
-
-
-SMOOTH = Hidden("unknown", None, {}, {"smooth": 0.08})
-
-
-@pytest.mark.parametrize("cause", [None, "friction.coulomb"])
-def test_a_robot_whose_friction_is_a_smooth_curve_has_nothing_wrong_for_that(cause: str | None) -> None:
-    hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
-    said = diagnose(make(8, [SMOOTH, *hidden], seconds=16.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] == [each.name for each in hidden]
-    assert said.verdict is (Verdict.EXPLAINED if hidden else Verdict.ADEQUATE)
-
-
-CHIP = Hidden("unknown", None, {}, {"gyro_smooth": 0.0039})
-
-
-@pytest.mark.parametrize("cause", [None, "imu.latency"])
-def test_a_robot_whose_gyro_smooths_has_nothing_wrong_for_that(cause: str | None) -> None:
-    hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
-    said = diagnose(make(8, [CHIP, *hidden], seconds=16.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] == [each.name for each in hidden]
+def test_a_robot_whose_gyro_smooths_has_nothing_wrong_for_that() -> None:
+    chip = Hidden("unknown", None, {}, {"gyro_smooth": 0.0039})
+    said = diagnose(make(8, [chip], seconds=9.0).columns, RobotConfig())
+    assert said.causes == ()
+    assert any("41 Hz" in each for each in said.notes)
     slip = next(each.reason for each in said.rejected if each.id == "drive.wheel_slip")
     assert "imu.low_pass" in slip
-
-
-@pytest.mark.parametrize("cause", ["friction.viscous", "motor.back_emf_constant"])
-def test_beside_one_other_cause_a_gyro_that_smooths_is_no_slip(cause: str) -> None:
-    hidden = draw(cause, np.random.default_rng(8))
-    said = diagnose(make(8, [CHIP, hidden], seconds=16.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] == [hidden.name]
-    assert any("41 Hz" in each for each in said.notes)
-
-
-def test_beside_another_cause_wheels_that_slip_more_than_a_chip_smooths_are_named() -> None:
-    slip = Hidden("drive.wheel_slip", None, {"time": 0.012}, {"slip": 0.012})
-    hidden = draw("motor.back_emf_constant", np.random.default_rng(8))
-    said = diagnose(make(8, [CHIP, slip, hidden], seconds=16.0).columns, RobotConfig())
-    assert {each.name for each in said.causes} == {slip.name, hidden.name}
 
 
 FREE_RUNNING = Hidden(
@@ -195,36 +153,13 @@ FREE_RUNNING = Hidden(
 )
 
 
-@pytest.mark.parametrize("cause", [None, "drive.turn_scrub"])
-def test_a_controller_whose_cycle_is_not_the_rows_has_nothing_wrong_for_that(cause: str | None) -> None:
-    hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
-    said = diagnose(make(8, [FREE_RUNNING, *hidden], seconds=16.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] == [each.name for each in hidden]
-    assert said.model is not None
-    assert said.model.chain.free_running
-    assert any("clock of its own" in each for each in said.notes)
-
-
-def test_beside_another_cause_a_program_s_speed_loop_is_no_latency() -> None:
-    """Commands answer what pushes the robot, before a reading shows it: a latency, by a clock in step."""
-    loops = replace(FREE_RUNNING, plant={**FREE_RUNNING.plant, "speed_loop": 0.0006})
-    hidden = draw("motor.back_emf_constant", np.random.default_rng(13))
-    said = diagnose(make(13, [loops, hidden], seconds=16.0).columns, RobotConfig())
+def test_a_controller_whose_cycle_is_not_the_rows_has_nothing_wrong_for_that() -> None:
+    hidden = draw("drive.turn_scrub", np.random.default_rng(8))
+    said = diagnose(make(8, [FREE_RUNNING, hidden], seconds=9.0).columns, RobotConfig())
     assert [each.name for each in said.causes] == [hidden.name]
     assert said.model is not None
     assert said.model.chain.free_running
-
-
-STEERS = Hidden("unknown", None, {}, {"line_steer": 0.7, "own_cycle": 0.0053, "gyro_smooth": 0.0039})
-
-
-def test_whole_swings_of_a_robot_that_follows_a_line_show_both_of_two_causes() -> None:
-    """Its program hears of a push before the wheels' readings do, and answers it ten times a second."""
-    rng = np.random.default_rng(2)
-    hidden = [draw(each, rng) for each in ("battery.internal_resistance", "bemf.offset")]
-    said = diagnose(make(2, [STEERS, *hidden], drive="legs", seconds=16.0).columns, RobotConfig())
-    assert {each.name for each in said.causes} == {each.name for each in hidden}
-    assert any("times a second" in each for each in said.notes)
+    assert any("clock of its own" in each for each in said.notes)
 
 
 def test_in_a_short_drive_a_place_is_a_moment() -> None:
@@ -236,7 +171,7 @@ def test_in_a_short_drive_a_place_is_a_moment() -> None:
 
 def test_structural_twins_are_reported_as_a_class() -> None:
     hidden = draw("imu.gyro_scale", np.random.default_rng(5))
-    said = diagnose(make(5, [hidden], seconds=16.0).columns, RobotConfig())
+    said = diagnose(make(5, [hidden], seconds=9.0).columns, RobotConfig())
     first, twins = said.causes[0], {"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}
     assert {first.id, *first.confounded_with} >= twins
     reasons = {each.id: each.reason for each in said.rejected}
@@ -245,20 +180,34 @@ def test_structural_twins_are_reported_as_a_class() -> None:
     assert any("full turns" in each for each in said.suggested_manoeuvres)
 
 
-def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on_and_its_course() -> None:
-    for kind, covariate in (("gyro_speed", "gyro over speed"), ("payload", "time (inertia)")):
-        hidden = draw_unknown(kind, np.random.default_rng(1))
-        said = diagnose(make(1, [hidden], seconds=24.0).columns, RobotConfig())
-        assert said.verdict in (Verdict.UNKNOWN, Verdict.PARTLY)
-        assert covariate in said.unexplained.depends_on
-        shape = next(each for each in said.shapes if each.depends_on == covariate)
-        if kind == "payload":  # falls on the robot 15 s after the start
-            early, late = shape.over < 14.0, shape.over > 16.0
-            assert np.abs(shape.values[early]).max() < 5.0
-            load = np.full(late.sum(), 100.0 * hidden.values[kind])
-            assert shape.values[late] == pytest.approx(load, rel=0.1)
-        else:
-            forward = 0.0345 * np.abs(shape.over)
-            slope, _ = np.polyfit(forward, shape.values, 1)
-            assert slope == pytest.approx(hidden.values[kind], rel=0.2)
-        assert said.to_dict()["shapes"][0]["over"] == shape.over.tolist()
+def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on() -> None:
+    hidden = draw_unknown("gyro_speed", np.random.default_rng(1))
+    said = diagnose(make(1, [hidden], seconds=10.0).columns, RobotConfig())
+    assert said.verdict is Verdict.UNKNOWN
+    assert said.unexplained.depends_on == ("gyro over speed",)
+    (shape,) = said.shapes
+    assert said.to_dict()["shapes"][0]["over"] == shape.over.tolist()
+
+
+@pytest.mark.parametrize(
+    ("kind", "covariate"), [("gyro_speed", "gyro over speed"), ("payload", "time (inertia)")]
+)
+def test_what_no_catalogue_has_is_shown_in_its_course(kind: str, covariate: str) -> None:
+    hidden = draw_unknown(kind, np.random.default_rng(1))
+    log = log_from_columns(make(1, [hidden], seconds=24.0).columns, RobotConfig())
+    problem, _ = problem_of(log, RobotConfig(), drive_causes())
+    start = start_search(problem, probes_for(problem))
+    probe = best_probe(start)
+    assert probe.name == f"unknown: {covariate}"
+    assert probe.lead > PROBE_GATE
+    (shape,) = shapes_of(estimated(_with_unknown(start, probe)))
+    assert shape.depends_on == covariate
+    if kind == "payload":  # falls on the robot 15 s after the start
+        early, late = shape.over < 14.0, shape.over > 16.0
+        assert np.abs(shape.values[early]).max() < 5.0
+        load = np.full(late.sum(), 100.0 * hidden.values[kind])
+        assert shape.values[late] == pytest.approx(load, rel=0.1)
+    else:
+        forward = 0.0345 * np.abs(shape.over)
+        slope, _ = np.polyfit(forward, shape.values, 1)
+        assert slope == pytest.approx(hidden.values[kind], rel=0.2)

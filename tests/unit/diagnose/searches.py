@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from raccoon.diagnose.fit import fit_at
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.fit import fit_at, fit_point
+from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits.others import Under, started
 from raccoon.diagnose.linear import linearise, tabulate
+from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
+from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search, look_around, start_search
 from raccoon.diagnose.unknown import probes_for
 
@@ -22,6 +29,22 @@ def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Sea
     real = replace(problem, features=replace(features, measured=measured))
     start = start_search(real, probes_for(real))
     return look_around(real, start.probes, named, start.whitener)
+
+
+def standing(
+    columns: Mapping[str, np.ndarray], habits: Habits, named: Mapping[str, float]
+) -> tuple[Search, Under]:
+    """A search of a recording that has named these causes under these habits, fitted from their first
+    coordinates, and what asks for the recording under others."""
+    robot, causes = RobotConfig(), drive_causes()
+    log = log_from_columns(columns, robot)
+    under = Under(lambda each: drive_problem(log, robot, causes, each, None))
+    start = started(under(habits))
+    point = start.fit.point
+    for name, size in named.items():
+        point = point.with_cause(name, np.array([size]))
+    fit = fit_point(start.problem, start.whitener, point)
+    return look_around(start.problem, start.probes, fit.point, start.whitener), under
 
 
 def plain_whitener(problem: Problem) -> Whitener:

@@ -11,24 +11,27 @@ import pytest
 
 from blind.drives import exciting
 from blind.generator import make
-from blind.hidden import draw
+from blind.hidden import Hidden, draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
-from raccoon.diagnose.habits.controller import drive_problem, problem_of
-from raccoon.diagnose.habits.notes import PAST
-from raccoon.diagnose.habits.others import best_of, carried, started
-from raccoon.diagnose.habits.searching import searched
+from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem, problem_of
+from raccoon.diagnose.habits.notes import PAST, notes_of
+from raccoon.diagnose.habits.others import as_wheels_give, best_of, carried, started, with_a_slow_battery
+from raccoon.diagnose.habits.searching import _as_logged, _under_another_filter, searched
+from raccoon.diagnose.hypotheses import neutral_settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.open_numbers import Wheels
 from raccoon.diagnose.problem import Point
+from raccoon.diagnose.quality import swing
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout import Habits, _cycle
+from raccoon.diagnose.spread import Spread
 from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from simulated_drives import recorded
+from unit.diagnose.searches import standing
 
 Effects = dict[tuple[str, str | None], dict[str, float]]
 
@@ -48,18 +51,6 @@ def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None
     log = log_from_columns(make(3, hidden, seconds=10.0).columns, ROBOT)
     _, habits = problem_of(log, ROBOT, CAUSES)
     assert habits.chain == Chain.firmware()
-
-
-def recorded(robot: Parameters, seconds: float, seed: int = 3, brake: bool = False) -> dict[str, np.ndarray]:
-    """A drive of a simulated robot, in whole counts, with the noise of its sensors."""
-    rng = np.random.default_rng(seed)
-    duty = exciting(rng, seconds)
-    time = 0.005 * np.arange(len(duty))
-    noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
-    commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], brake)
-    run = rollout([robot], commands, channels=tuple(noise), longest_step=0.001)
-    columns = {name: run[name][0] + noise[name] * rng.standard_normal(len(time)) for name in noise}
-    return columns | {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
 
 
 @pytest.mark.parametrize("chain", [Chain(), Chain.firmware()])
@@ -111,16 +102,6 @@ def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str)
     assert habits.chain == Chain()
 
 
-def test_a_median_of_samples_of_all_motors_at_once_is_no_latency() -> None:
-    """By the wheels alone it is next to the same as commands that are a sample late."""
-    said = diagnose(
-        recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 12.0, seed=1), ROBOT
-    )
-    assert said.causes == ()
-    assert said.model is not None
-    assert said.model.chain == Chain(median=True)
-
-
 def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
     """What is measured of a motor is the same where it is unpowered a tenth of the time."""
     lower: Effects = {("motor.armature_resistance", place): {"factor": 0.9} for place in ("left", "right")}
@@ -128,7 +109,7 @@ def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
         Parameters(ROBOT, SLIDING[Wheels.GIVING] | lower, Chain.firmware()),
         Parameters(ROBOT, SLIDING[Wheels.GIVING], replace(Chain.firmware(), coast_share=0.0)),
     ):
-        said = diagnose(recorded(robot, 12.0), ROBOT)
+        said = diagnose(recorded(robot, 6.0), ROBOT)
         assert [each.name for each in said.causes] == ["motor.armature_resistance"]
         assert any("does not pause for its samples" in each for each in said.notes)
 
@@ -138,34 +119,34 @@ def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("raccoon.diagnose.habits.searching.controller_of", lambda log, *_: (log, habits))
 
 
-def test_the_filter_is_asked_again_once_a_cause_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
+FIRMWARE = Habits(Chain.firmware(), False)
+NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+
+
+def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:
     """Where the habits were taken for the firmware's all the same."""
     dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
-    columns = recorded(dead, 12.0, seed=1)
-    taken_for(Habits(Chain.firmware(), False), monkeypatch)
-    said = diagnose(columns, ROBOT)
-    assert [each.name for each in said.causes] == ["actuation.deadband"]
-    assert said.model is not None
-    assert said.model.chain == Chain()
+    search, under = standing(recorded(dead, 6.0, seed=1), FIRMWARE, {"actuation.deadband": 1.0})
+    search, habits = _under_another_filter(search, FIRMWARE, under)
+    assert set(search.fit.point.active) == {"actuation.deadband"}
+    assert habits.chain == Chain()
 
 
-def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None:
     """The median delays the wheels' readings by nearly as much as the commands are late."""
     late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
-    columns = recorded(late, 8.0, seed=1)
-    taken_for(Habits(Chain.firmware(), False), monkeypatch)
-    said = diagnose(columns, ROBOT)
-    assert [each.name for each in said.causes] == ["actuation.latency"]
-    assert said.causes[0].parameters["seconds"].value == pytest.approx(0.008, abs=0.0005)
-    assert said.model is not None
-    assert said.model.chain == Chain()
+    search, under = standing(recorded(late, 6.0, seed=1), FIRMWARE, {"imu.latency": 0.3})
+    search, habits = _under_another_filter(search, FIRMWARE, under)
+    assert set(search.fit.point.active) == {"actuation.latency"}
+    settings = search.problem.settings(search.fit.point)
+    assert settings[("actuation.latency", None, "seconds")] == pytest.approx(0.008, abs=0.0005)
+    assert habits.chain == Chain()
 
 
 def test_a_median_and_a_filtered_gyro_are_no_late_commands() -> None:
-    """Both delay by a sample of 5 ms: as if all commands were late under the plain filter."""
-    columns = dict(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 20.0))
+    """Both delay by a sample of 5 ms: as if all commands were late under the plain filter, which the wheels
+    alone hardly tell from it."""
+    columns = dict(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 8.0))
     lag = 1.0 / (2.0 * math.pi * 41.0)
     rate, follows = columns["imu.gyro.z"], 0.005 / (0.005 + lag)
     filtered = [rate[0]]
@@ -189,6 +170,29 @@ def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
     assert not search.fit.point.active
 
 
+def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The program of a robot that follows a line hears of a push before the wheels' readings do, and answers
+    it ten times a second."""
+    rng = np.random.default_rng(2)
+    hidden = [draw(each, rng) for each in ("battery.internal_resistance", "bemf.offset")]
+    steers = {"line_steer": 0.7, "own_cycle": 0.0053, "gyro_smooth": 0.0039}
+    robot = [Hidden("unknown", None, {}, steers), *hidden]
+    log = log_from_columns(make(2, robot, drive="legs", seconds=12.0).columns, ROBOT)
+    known = Habits(FREE_RUNNING, False, low_pass=True)
+    taken_for(known, monkeypatch)
+    for name in ("_sooner", "_under_another_filter", "as_wheels_give", "_as_logged"):
+        asked = f"raccoon.diagnose.habits.searching.{name}"
+        monkeypatch.setattr(asked, lambda search, habits, *_: (search, habits))
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.gone_on", lambda search: search)
+    search, habits, _ = searched(log, ROBOT, CAUSES, None)
+    assert habits == replace(known, swing=swing(log))
+    assert set(search.fit.point.active) == {each.name for each in hidden}
+    (said,) = (each for each in notes_of(habits, (), NOTHING_FITTED) if "swing" in each)
+    assert "times a second" in said
+
+
 @pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
 def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> None:
     robot = Parameters(ROBOT, SLIDING[wheels], Chain.firmware())
@@ -196,40 +200,23 @@ def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> N
     assert habits == Habits(Chain.firmware(), False, wheels=wheels)
 
 
-def test_rigid_wheels_are_no_fault() -> None:
-    """Taken for wheels that give, a clean robot had a fifth of its inertia and five times its resistance: the
-    same drive, in which what gives is stiffer."""
-    robot = Parameters(ROBOT, {}, Chain.firmware())
-    said = diagnose(recorded(robot, 20.0), ROBOT)
-    assert said.causes == ()
-    assert said.model is not None
-    assert said.model.value("friction.presliding", "compliance") == 0.0
-
-
-def test_friction_that_is_a_curve_over_the_speed_is_no_fault() -> None:
-    """With a step instead its viscous friction was wrong."""
-    creeping: Effects = {("friction.presliding", None): {"creep": 0.08, "creep_tail": 1.0}}
-    said = diagnose(recorded(Parameters(ROBOT, creeping, Chain.firmware()), 20.0), ROBOT)
-    assert said.verdict is Verdict.ADEQUATE
-    assert said.causes == ()
-    assert said.model is not None
-    assert said.model.value("friction.presliding", "creep") == pytest.approx(0.08, abs=0.02)
-
-
 @pytest.mark.parametrize(
     ("wheels", "taken"),
     [(Wheels.RIGID, Wheels.GIVING), (Wheels.GIVING, Wheels.RIGID), (Wheels.CREEPING, Wheels.GIVING)],
 )
-def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(
-    wheels: Wheels, taken: Wheels, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where it was taken for the other all the same."""
+def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(wheels: Wheels, taken: Wheels) -> None:
+    """Where it was taken for the other all the same. Rigid wheels, taken for ones that give, had a fifth of
+    their inertia and five times their resistance; friction that is a curve over the speed was viscous."""
     heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
-    columns = recorded(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 20.0)
-    taken_for(Habits(Chain.firmware(), False, wheels=taken), monkeypatch)
-    search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
-    assert habits.wheels is wheels
+    columns = recorded(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 14.0)
+    first = replace(FIRMWARE, wheels=taken)
+    search, under = standing(columns, first, {"drive.inertia": 0.5})
+    search, habits = as_wheels_give(search, first, under)
+    assert habits == replace(FIRMWARE, wheels=wheels)
     assert set(search.fit.point.active) == {"drive.inertia"}
+    settings = search.problem.settings(search.fit.point)
+    creep = SLIDING[wheels].get(("friction.presliding", None), {}).get("creep", 0.0)
+    assert settings[("friction.presliding", None, "creep")] == pytest.approx(creep, abs=0.02)
 
 
 def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:
@@ -273,39 +260,44 @@ def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> N
     assert back.active == point.active
 
 
-@pytest.mark.parametrize("cause", [None, "drive.inertia"])
-def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | None) -> None:
+@pytest.mark.parametrize(("cause", "named"), [(None, "friction.load_dependent"), ("drive.inertia",) * 2])
+def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | None, named: str) -> None:
     """A logger that writes what it has just done, beside readings of now."""
     hidden = [] if cause is None else [draw(cause, np.random.default_rng(3))]
-    columns = dict(make(4, hidden, seconds=10.0).columns)
+    columns = dict(make(4, hidden, seconds=8.0).columns)
     for name in ("motor.0.duty", "motor.1.duty"):
         columns[name] = np.concatenate([columns[name][:1], columns[name][:-1]])
-    said = diagnose(columns, ROBOT)
-    assert [each.name for each in said.causes] == ([] if cause is None else [cause])
-    assert PAST in said.notes
-    assert said.model is not None
-    assert said.model.chain == Chain.firmware()
+    search, under = standing(columns, FIRMWARE, {named: 0.4})
+    search, habits = _as_logged(search, FIRMWARE, under)
+    assert list(search.fit.point.active) == [each.name for each in hidden]
+    assert habits == replace(FIRMWARE, past=True)
 
 
-@pytest.mark.parametrize("cause", [None, "drive.inertia"])
-def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | None) -> None:
+def test_a_logger_of_what_was_done_is_said() -> None:
+    assert notes_of(replace(FIRMWARE, past=True), (), NOTHING_FITTED) == (PAST,)
+    assert notes_of(FIRMWARE, (), NOTHING_FITTED) == ()
+
+
+@pytest.mark.parametrize(("cause", "named"), [(None, "battery.internal_resistance"), ("drive.inertia",) * 2])
+def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | None, named: str) -> None:
     """As RaccoonOS has it: 0.05 of each new reading."""
     hidden = [] if cause is None else [draw(cause, np.random.default_rng(3))]
-    columns = dict(make(4, hidden, seconds=10.0).columns)
+    columns = dict(make(4, hidden, seconds=8.0).columns)
     slow = columns["battery.voltage"].copy()
     new = np.flatnonzero(np.isfinite(slow))
     for before, now in pairwise(new):
         slow[now] = 0.95 * slow[before] + 0.05 * slow[now]
     columns["battery.voltage"] = slow
-    said = diagnose(columns, ROBOT)
-    assert [each.name for each in said.causes] == ([] if cause is None else [cause])
-    assert said.model is not None
-    assert said.model.chain.battery_time_constant == 0.2  # of readings every 10 ms
-    assert any("battery's reading follows with a filter of 0.2 s" in each for each in said.notes)
+    search, under = standing(columns, FIRMWARE, {named: -0.4})
+    search, habits = with_a_slow_battery(search, FIRMWARE, under)
+    assert list(search.fit.point.active) == [each.name for each in hidden]
+    assert habits.chain.battery_time_constant == 0.2  # of readings every 10 ms
+    (said,) = notes_of(habits, (), NOTHING_FITTED)
+    assert said.startswith("the battery's reading follows with a filter of 0.2 s")
 
 
 def test_commands_from_their_rows_on_are_taken_so() -> None:
-    columns = make(4, [draw("actuation.latency", np.random.default_rng(3))], seconds=12.0).columns
+    columns = make(4, [draw("actuation.latency", np.random.default_rng(3))], seconds=6.0).columns
     said = diagnose(columns, ROBOT)
     assert [each.name for each in said.causes] == ["actuation.latency"]
     assert PAST not in said.notes

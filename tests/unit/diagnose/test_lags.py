@@ -10,20 +10,56 @@ import pytest
 
 from blind.generator import make
 from blind.hidden import Hidden, draw
-from raccoon.core.config import RobotConfig
-from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem
-from raccoon.diagnose.habits.lags import LATE_GYRO, SLIP, as_lags_of_the_robot, starts_with_a_chip
-from raccoon.diagnose.habits.others import Under, started
-from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.habits.controller import FREE_RUNNING
+from raccoon.diagnose.habits.lags import (
+    LATE_GYRO,
+    SLIP,
+    as_lags_of_the_robot,
+    starts_with_a_chip,
+    with_readings_that_lag,
+)
+from raccoon.diagnose.habits.others import Under
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.select.outlook import Search, look_around
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.chain import Chain
+from unit.diagnose.searches import standing
 
-ROBOT, CAUSES = RobotConfig(), drive_causes()
+FIRMWARE = Habits(Chain.firmware(), False)
+CHIP = {"gyro_smooth": 0.0039}
+STRENGTH = "motor.back_emf_constant"
+
+
+def gone_on(
+    seed: int, others: dict[str, float], named: dict[str, float], *hidden: Hidden
+) -> tuple[Search, Habits]:
+    """What becomes of a search of 6 s of a blind robot, with other numbers of its plant, whose right motor
+    is a stronger or weaker one."""
+    motor = draw(STRENGTH, np.random.default_rng(seed))
+    columns = make(seed, [Hidden("unknown", None, {}, others), *hidden, motor], seconds=6.0).columns
+    search, under = standing(columns, FIRMWARE, {motor.name: np.sign(motor.values["factor"] - 1.0), **named})
+    assert set(search.fit.point.active) == {motor.name, *named}
+    return with_readings_that_lag(search, FIRMWARE, under)
+
+
+def test_beside_one_other_cause_a_gyro_that_smooths_is_no_late_one() -> None:
+    search, habits = gone_on(8, CHIP, {LATE_GYRO: 0.1})
+    assert set(search.fit.point.active) == {f"{STRENGTH}@right"}
+    assert habits.low_pass
+
+
+def test_beside_another_cause_wheels_that_slip_more_than_a_chip_smooths_are_named() -> None:
+    slip = Hidden(SLIP, None, {"time": 0.012}, {"slip": 0.012})
+    search, _ = gone_on(8, CHIP, {SLIP: 0.5}, slip)
+    assert set(search.fit.point.active) == {f"{STRENGTH}@right", SLIP}
+
+
+def test_beside_another_cause_a_program_s_speed_loop_is_no_latency() -> None:
+    """Commands answer what pushes the robot, before a reading shows it: a latency, by a clock in step."""
+    loop = {**CHIP, "own_cycle": 0.0053, "imu_latency": 0.0025, "speed_loop": 0.0006}
+    search, habits = gone_on(13, loop, {"actuation.latency": 0.3})
+    assert set(search.fit.point.active) == {f"{STRENGTH}@right"}
+    assert habits.chain.free_running
 
 
 def test_a_slip_a_little_larger_than_a_chip_s_lag_is_left_out_beside_a_late_gyro(problem: Problem) -> None:
@@ -38,28 +74,19 @@ def test_a_slip_a_little_larger_than_a_chip_s_lag_is_left_out_beside_a_late_gyro
 
 
 SLIPS = Hidden(SLIP, None, {"time": 0.005}, {"slip": 0.005})
-OTHERS = ("motor.back_emf_constant", "friction.viscous", "battery.internal_resistance")
+OTHERS = ("friction.viscous", "battery.internal_resistance")
 
 
 def smoothed(first: Hidden, chain: Chain, others: tuple[str, ...]) -> tuple[Search, Habits, Under]:
-    """A robot of which `first` lags beside others of its faults, where these were named and the lag was
-    taken for a gyro that smooths under this chain, as it is while nothing else has been found.
-    """
-    hidden = [draw(each, np.random.default_rng(8)) for each in others]
-    log = log_from_columns(make(8, [first, *hidden], seconds=10.0).columns, ROBOT)
+    """A robot of which `first` lags beside a stronger or weaker motor and others of its faults, where these
+    were named and the lag was taken for a gyro that smooths under this chain, as it is while nothing else has
+    been found."""
+    motor, *more = hidden = [draw(each, np.random.default_rng(8)) for each in (STRENGTH, *others)]
+    columns = make(8, [first, *hidden], seconds=10.0).columns
     habits = Habits(chain, brake=False, low_pass=True)
-    under = Under(lambda each: drive_problem(log, ROBOT, CAUSES, each, None))
-    problem = under(habits)
-    begin = started(problem)
-    point = problem.nominal()
-    for each in hidden:
-        (coordinate,) = problem.causes[each.name].coordinates
-        (value,) = each.values.values()
-        one = coordinate.value(1.0)
-        at = np.log(value) / np.log(one) if coordinate.factor else value / one
-        point = point.with_cause(each.name, np.array([at]))
-    there = fit_point(problem, begin.whitener, point)
-    return look_around(problem, probes_for(problem), there.point, begin.whitener), habits, under
+    named = {motor.name: np.sign(motor.values["factor"] - 1.0), **{each.name: 1.0 for each in more}}
+    search, under = standing(columns, habits, named)
+    return search, habits, under
 
 
 @pytest.mark.parametrize("chain", [Chain.firmware(), FREE_RUNNING])
@@ -75,7 +102,7 @@ def test_a_slip_that_was_taken_for_other_readings_is_named_once_much_else_is_wro
 
 
 def test_beside_two_causes_it_stays_the_chip_s() -> None:
-    search, habits, under = smoothed(SLIPS, Chain.firmware(), OTHERS[:2])
+    search, habits, under = smoothed(SLIPS, Chain.firmware(), OTHERS[:1])
     assert as_lags_of_the_robot(search, habits, under) == (search, habits)
 
 
