@@ -19,6 +19,9 @@ from blind.generator import make
 from csv_files import written
 from raccoon.cli.diagnose_many import recordings
 from raccoon.cli.main import main
+from raccoon.core.config import RobotConfig
+from raccoon.sim.model_file import save_model
+from raccoon.sim.parameters import Parameters
 from unit.diagnose.axes import motor
 
 Columns = dict[str, np.ndarray]
@@ -44,6 +47,7 @@ def test_one_motor_with_json_and_page(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_the_model_says_what_it_was_made_from(drive: Columns, tmp_path: Path) -> None:
     path, model, out = written(tmp_path / "run.csv", drive), tmp_path / "model.toml", tmp_path / "out.json"
+    save_model(Parameters.from_robot(RobotConfig()), model)  # a model replaces a model
     assert main(["diagnose", str(path), "--save-model", str(model), "--json", str(out)]) == 0
     table = tomllib.loads(model.read_text())
     assert table["provenance"]["recording"] == "run.csv"
@@ -52,7 +56,6 @@ def test_the_model_says_what_it_was_made_from(drive: Columns, tmp_path: Path) ->
     assert date.fromisoformat(table["provenance"]["date"])
     assert all(each["std"].keys() <= each["parameters"].keys() and each["std"] for each in table["effect"])
     assert main(["diagnose", str(path), "--model", str(model)]) == 0
-    assert main(["diagnose", str(path), "--save-model", str(model)]) == 0  # a model replaces a model
 
 
 class ClosedPipe(io.StringIO):
@@ -245,7 +248,8 @@ def test_a_time_that_comes_twice_costs_its_sample_only(
     again = np.insert(np.arange(len(drive["t"])), 500, 499)
     path = written(tmp_path / "run.csv", {name: each[again] for name, each in drive.items()})
     assert main(["diagnose", str(path)]) == 0
-    said = capsys.readouterr().out
+    said, told = capsys.readouterr()
+    assert "looking" not in told  # by whoever waits at no terminal
     assert (
         f"1 sample has the time of the one before and is left out: the first at {drive['t'][499]:.6g}" in said
     )
@@ -319,8 +323,3 @@ def test_whoever_waits_at_a_terminal_is_told_what_it_is_doing(
     assert any("looking for causes; so far none" in each for each in lines) is not broken
     last = max(index for index, each in enumerate(lines) if " s: " in each)
     assert lines[last + 1] == " " * len(lines[last])  # wiped out, whatever comes next
-
-
-def test_nobody_else_is_told(drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["diagnose", str(written(tmp_path / "run.csv", drive))]) == 0
-    assert "looking" not in capsys.readouterr().err

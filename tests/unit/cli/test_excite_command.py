@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from raccoon.cli.main import main
-from raccoon.core.config import RobotConfig, load_robot
-from raccoon.diagnose.diagnosis import diagnose
+from raccoon.core.config import RobotConfig
 from raccoon.sim.model_file import save_model
 from raccoon.sim.parameters import Parameters
 from raccoon.trace.loading import load_run
@@ -98,22 +97,6 @@ def test_without_a_question_it_is_the_checkup_and_what_that_would_show(
     head, _, *causes = capsys.readouterr().out.splitlines()
     assert head.startswith("checkup: ")
     assert re.search(r"drive\.backlash +from about 0\.00\d+ rad on", "\n".join(causes))
-
-
-def test_the_checkup_of_a_robot_with_three_faults_names_all_three(robot_toml: Path, tmp_path: Path) -> None:
-    model, run = tmp_path / "model.toml", tmp_path / "run.jsonl.gz"
-    faults = {
-        ("motor.armature_resistance", "left"): {"factor": 1.2},
-        ("bemf.dead_zone", None): {"counts": 60.0},
-        ("imu.gyro_drift", None): {"rate_per_second": 0.001},
-    }
-    save_model(Parameters(RobotConfig(), faults), model)
-    command = ["excite", "--robot", str(robot_toml), "--simulate", "--model", str(model)]
-    assert main([*command, "--record", str(run)]) == 0
-    said = diagnose(load_run(run).recording.columns, load_robot(robot_toml))
-    assert {each.name for each in said.causes} == {
-        "motor.armature_resistance@left", "bemf.dead_zone", "imu.gyro_drift"
-    }  # fmt: skip
 
 
 def test_a_drive_that_needs_more_room_than_there_is_is_not_driven(

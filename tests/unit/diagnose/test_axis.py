@@ -26,9 +26,8 @@ def named(columns: Columns) -> Diagnosis:
     return diagnose_axis(columns, 0, HERE)[0]
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_sound_carriage_has_no_cause(seed: int) -> None:
-    found = named(carriage(Axis(), seed))
+def test_a_sound_carriage_has_no_cause() -> None:
+    found = named(carriage(Axis(), 1))
     assert found.causes == ()
     assert found.verdict is Verdict.ADEQUATE
     assert found.identified["inertia"].value == pytest.approx(40.0, rel=0.02)
@@ -46,7 +45,7 @@ def test_a_sound_carriage_has_no_cause(seed: int) -> None:
 def test_a_hidden_cause_is_named_alone_with_its_size(
     axis: Axis, cause: str, number: str, value: float, tmp_path: Path
 ) -> None:
-    found = named(carriage(axis, 5))
+    found = named(carriage(axis, 5, seconds=6.0))
     assert [each.id for each in found.causes] == [cause]
     assert found.causes[0].parameters[number].value == pytest.approx(value, rel=0.12)
     assert found.causes[0].gain.heldout_rmse_after < 0.9 * found.causes[0].gain.heldout_rmse_before

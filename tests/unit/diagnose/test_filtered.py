@@ -33,7 +33,7 @@ def filtered(time_constant: float) -> RobotConfig:
 @pytest.fixture(scope="module")
 def of_stock_firmware() -> dict[str, np.ndarray]:
     rng = np.random.default_rng(2)
-    duty = exciting(rng, 10.0)
+    duty = exciting(rng, 6.0)
     time = 0.005 * np.arange(len(duty))
     names = ("motor.0.bemf", "motor.1.bemf", "imu.gyro.z", "battery.voltage")
     commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], False)

@@ -46,7 +46,7 @@ def test_what_was_unknown_is_named_with_its_number_once_somebody_has_an_idea(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     hidden = draw_unknown("gyro_speed", np.random.default_rng(1))
-    path = written(tmp_path / "run.csv", dict(make(1, [hidden], seconds=20.0).columns))
+    path = written(tmp_path / "run.csv", dict(make(1, [hidden], seconds=12.0).columns))
     out, model = tmp_path / "out.json", tmp_path / "model.toml"
     command = ["diagnose", str(path), "--causes", str(EXAMPLE), "--json", str(out)]
     assert main([*command, "--save-model", str(model)]) == 0
@@ -67,7 +67,7 @@ def test_what_was_unknown_is_named_with_its_number_once_somebody_has_an_idea(
 
 def test_what_reaches_the_motors_can_be_an_idea_as_well() -> None:
     lag = 0.04
-    duty = drives.exciting(np.random.default_rng(3), 10.0)
+    duty = drives.exciting(np.random.default_rng(3), 6.0)
     given = duty.copy()
     for row in range(1, len(duty)):
         given[row] = given[row - 1] + (1.0 - np.exp(-0.005 / lag)) * (duty[row] - given[row - 1])
@@ -85,7 +85,7 @@ def test_what_reaches_the_motors_can_be_an_idea_as_well() -> None:
 
 
 def test_where_a_reading_that_it_needs_is_missing_it_is_not_identifiable_and_the_rest_goes_on() -> None:
-    columns = dict(make(3, [draw("bemf.offset", np.random.default_rng(3))], seconds=12.0).columns)
+    columns = dict(make(3, [draw("bemf.offset", np.random.default_rng(3))], seconds=8.0).columns)
     del columns["imu.gyro.z"]
     causes = [*drive_causes(), *map(own_cause, load_own(EXAMPLE))]
     said = diagnose(columns, ROBOT, causes=causes)
