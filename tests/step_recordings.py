@@ -37,6 +37,7 @@ EFFECTS: dict[str, tuple[str, float, float, float, float]] = {
     "motor.heating": ("gain", 0.01, 0.0, 10.0, 0.1),
 }
 LATENCY = ("actuation.latency",)
+NEAR = 1e-6  # how far a number is moved for its column, as a part of it
 STICTION_SPEED = 5.0  # rad/s: a fiftieth of the top speed of these wheels
 CURRENT_SD, SPEED_SD = 0.3, 0.05  # A, m/s
 
@@ -85,6 +86,19 @@ def wheels(table: NDArray[np.void]) -> list[Wheel]:
 
 def simulated(numbers: Floats, wheel: Wheel, effects: tuple[str, ...] = ()) -> tuple[Floats, Floats]:
     """Speed (m/s) and current (A) of a wheel. numbers: logs of R, K, J, Coulomb, viscous; effects'."""
+    (speed,), (current,) = _side_by_side(numbers[None], wheel, effects)
+    return speed, current
+
+
+def _side_by_side(many: Floats, wheel: Wheel, effects: tuple[str, ...]) -> tuple[Floats, Floats]:
+    """Speeds and currents (wheels, times) of several sets of numbers (wheels, numbers)."""
+    robots = [_robot(numbers, effects) for numbers in many]
+    commands = Commands.of_wheels(wheel.time, wheel.command / SUPPLY, np.zeros_like(wheel.time))
+    run = rollout(robots, commands, channels=("motor.0.speed", "motor.0.current"), longest_step=0.001)
+    return RADIUS * run["motor.0.speed"], run["motor.0.current"]
+
+
+def _robot(numbers: Floats, effects: tuple[str, ...]) -> Parameters:
     resistance, back_emf, inertia, coulomb, viscous = (Measured(float(each)) for each in np.exp(numbers[:5]))
     model = RobotConfig().model
     motor = replace(model.left, armature_resistance=resistance, back_emf_constant=back_emf)
@@ -104,21 +118,28 @@ def simulated(numbers: Floats, wheel: Wheel, effects: tuple[str, ...] = ()) -> t
         if effect == "friction.stiction":
             values["speed"] = STICTION_SPEED
         robot = robot.with_effect(effect, None, **values)
-    commands = Commands.of_wheels(wheel.time, wheel.command / SUPPLY, np.zeros_like(wheel.time))
-    run = rollout(robot, commands, channels=("motor.0.speed", "motor.0.current"), longest_step=0.001)
-    return RADIUS * run["motor.0.speed"][0], run["motor.0.current"][0]
+    return robot
 
 
 def fitted(wheel: Wheel, effects: tuple[str, ...] = ()) -> Floats:
     """Numbers that fit the steps to 2 V and 4 V, with effects of the catalogue besides the base."""
     train = wheel.time < SPLIT
 
-    def residuals(numbers: Floats) -> Floats:
-        speed, current = simulated(numbers, wheel, effects)
-        parts = [(speed - wheel.speed)[train] / SPEED_SD, 0.05 * (numbers[:5] - START)]
+    def errors(many: Floats) -> Floats:
+        """Of several sets of numbers, (wheels, rows)."""
+        speed, current = _side_by_side(many, wheel, effects)
+        parts = [(speed - wheel.speed)[:, train] / SPEED_SD, 0.05 * (many[:, :5] - START)]
         if wheel.current_is_plausible:
-            parts.append((current - wheel.current)[train] / CURRENT_SD)
-        return np.concatenate(parts)
+            parts.append((current - wheel.current)[:, train] / CURRENT_SD)
+        return np.concatenate(parts, axis=1)
+
+    def residuals(numbers: Floats) -> Floats:
+        return np.asarray(errors(numbers[None])[0], float)
+
+    def columns(numbers: Floats) -> Floats:
+        steps = NEAR * np.maximum(np.abs(numbers), scale)
+        here, *moved = errors(np.vstack([numbers, numbers + np.diag(steps)]))
+        return np.asarray((np.array(moved) - here).T / steps, float)
 
     extra = np.array([EFFECTS[each][1:] for each in effects]).reshape(-1, 4)
     start, low, high = (
@@ -126,7 +147,15 @@ def fitted(wheel: Wheel, effects: tuple[str, ...] = ()) -> Floats:
     )
     scale = np.concatenate([np.full(5, 0.3), extra[:, 3]])
     return np.asarray(
-        least_squares(residuals, start, bounds=(low, high), x_scale=scale, ftol=1e-4, max_nfev=40).x
+        least_squares(
+            residuals,
+            start,
+            jac=columns,
+            bounds=(low, high),
+            x_scale=scale,
+            ftol=1e-4,
+            max_nfev=40,
+        ).x
     )
 
 

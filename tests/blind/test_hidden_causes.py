@@ -22,7 +22,7 @@ from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.unknown import probes_for
 
 
-@pytest.mark.parametrize("cause", ["drive.backlash", "actuation.latency", "imu.gyro_drift"])
+@pytest.mark.parametrize("cause", ["drive.backlash", "actuation.latency"])
 def test_a_single_hidden_cause_is_named_first(cause: str) -> None:
     """With a number near the hidden one. What it gains is judged on 14 s of the drive that follow: of 7 s one
     late wheel is a large part."""
@@ -45,19 +45,11 @@ def names_of(said: Diagnosis) -> set[str]:
     return {name for each in said.causes for name in (each.name, *each.confounded_with)}
 
 
-@pytest.mark.parametrize(
-    ("causes", "seed", "seconds"),
-    [
-        (("drive.backlash", "drive.wheel_slip"), 4, 8.0),
-        (("bemf.offset", "imu.gyro_drift"), 6, 8.0),  # both bend what a curve of the gyro over speed frees
-    ],
-)
-def test_two_hidden_causes_are_both_named_and_nothing_else(
-    causes: tuple[str, str], seed: int, seconds: float
-) -> None:
-    rng = np.random.default_rng(seed)
-    hidden = [draw(each, rng) for each in causes]
-    said = diagnose(make(seed, hidden, seconds=seconds).columns, RobotConfig())
+def test_two_hidden_causes_are_both_named_and_nothing_else() -> None:
+    """Both bend what a curve of the gyro over speed frees."""
+    rng = np.random.default_rng(6)
+    hidden = [draw(each, rng) for each in ("bemf.offset", "imu.gyro_drift")]
+    said = diagnose(make(6, hidden, seconds=8.0).columns, RobotConfig())
     assert {each.name for each in said.causes} == {each.name for each in hidden}
     assert not said.unexplained.depends_on
 
@@ -74,7 +66,7 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
     """Steps that add one cause at a time can end there: each of two wrong ones explains much."""
     rng = np.random.default_rng(12)
     hidden = [draw(each, rng) for each in ("actuation.latency", "motor.armature_resistance")]
-    log = log_from_columns(make(12, hidden, seconds=10.0).columns, RobotConfig())
+    log = log_from_columns(make(12, hidden, seconds=8.0).columns, RobotConfig())
     problem, _ = problem_of(log, RobotConfig(), drive_causes())
     start = start_search(problem, probes_for(problem))
     wrong = start.fit.point.with_cause("bemf.filter_lag", np.array([0.5]))
@@ -85,13 +77,10 @@ def test_a_wrong_set_is_exchanged_for_the_right_one() -> None:
     assert set(found.fit.point.active) == {each.name for each in hidden}
 
 
-@pytest.mark.parametrize("cause", ["imu.latency", "friction.stiction"])
-def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another(cause: str) -> None:
-    hidden = draw(cause, np.random.default_rng(8), size=0.3)
+def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another() -> None:
+    hidden = draw("imu.latency", np.random.default_rng(8), size=0.3)
     said = diagnose(make(8, [hidden], seconds=12.0).columns, RobotConfig())
-    assert [each.name for each in said.causes] in ([hidden.name], [])
-    if cause == "imu.latency":
-        assert said.causes
+    assert [each.name for each in said.causes] == [hidden.name]
 
 
 def test_a_cause_of_a_few_large_moments_is_not_called_unknown() -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.manoeuvres import CHECKUP, MANOEUVRES, manoeuvre
 from raccoon.sim.model_file import save_model
 from raccoon.sim.parameters import Parameters
 from raccoon.trace.loading import load_run
@@ -91,8 +92,10 @@ def test_a_model_of_a_real_robot_is_refused(
 
 
 def test_without_a_question_it_is_the_checkup_and_what_that_would_show(
-    robot_toml: Path, capsys: pytest.CaptureFixture[str]
+    robot_toml: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    a_quarter = manoeuvre(CHECKUP)[:2000]
+    monkeypatch.setitem(MANOEUVRES, CHECKUP, lambda: a_quarter)
     assert main(["excite", "--robot", str(robot_toml)]) == 0
     head, _, *causes = capsys.readouterr().out.splitlines()
     assert head.startswith("checkup: ")

@@ -39,7 +39,7 @@ def sagging() -> Diagnosis:
 
 def test_a_recording_of_another_robot_does_not_prove_a_cause() -> None:
     hidden = draw("battery.internal_resistance", np.random.default_rng(8))
-    columns, clean = make(8, [hidden], seconds=12.0).columns, make(9, seconds=8.0).columns
+    columns, clean = make(8, [hidden], seconds=8.0).columns, make(9, seconds=8.0).columns
     said = diagnose(dict(columns), ROBOT, holdout=dict(clean))
     assert [each.name for each in said.causes] == ["battery.internal_resistance"]
     assert any("is it the same robot" in note for note in said.notes)

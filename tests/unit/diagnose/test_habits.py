@@ -27,6 +27,7 @@ from raccoon.diagnose.problem import Point
 from raccoon.diagnose.quality import swing
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout import Habits, _cycle
+from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.spread import Spread
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
@@ -120,6 +121,7 @@ def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 FIRMWARE = Habits(Chain.firmware(), False)
+SEVERAL = ("battery.internal_resistance", "bemf.offset@left")
 NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 
 
@@ -175,22 +177,29 @@ def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swing
 ) -> None:
     """The program of a robot that follows a line hears of a push before the wheels' readings do, and answers
     it ten times a second."""
-    rng = np.random.default_rng(2)
-    hidden = [draw(each, rng) for each in ("battery.internal_resistance", "bemf.offset")]
-    steers = {"line_steer": 0.7, "own_cycle": 0.0053, "gyro_smooth": 0.0039}
-    robot = [Hidden("unknown", None, {}, steers), *hidden]
-    log = log_from_columns(make(2, robot, drive="legs", seconds=12.0).columns, ROBOT)
+    steers = Hidden("unknown", None, {}, {"line_steer": 0.7, "own_cycle": 0.0053, "gyro_smooth": 0.0039})
+    log = log_from_columns(make(2, [steers], drive="legs", seconds=12.0).columns, ROBOT)
     known = Habits(FREE_RUNNING, False, low_pass=True)
     taken_for(known, monkeypatch)
-    for name in ("_sooner", "_under_another_filter", "as_wheels_give", "_as_logged"):
+    steps = ("_sooner", "_under_another_filter", "as_wheels_give", "_braking", "_as_logged")
+    for name in steps:
         asked = f"raccoon.diagnose.habits.searching.{name}"
         monkeypatch.setattr(asked, lambda search, habits, *_: (search, habits))
     monkeypatch.setattr("raccoon.diagnose.habits.searching.gone_on", lambda search: search)
-    search, habits, _ = searched(log, ROBOT, CAUSES, None)
-    assert habits == replace(known, swing=swing(log))
-    assert set(search.fit.point.active) == {each.name for each in hidden}
-    (said,) = (each for each in notes_of(habits, (), NOTHING_FITTED) if "swing" in each)
-    assert "times a second" in said
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.with_lost_changes", lambda log, *_: log)
+    for names, seconds in ((SEVERAL, swing(log)), (SEVERAL[:1], 0.0)):
+
+        def begun(start: Search, names: tuple[str, ...] = names) -> Search:
+            point = start.fit.point
+            for each in names:
+                point = point.with_cause(each, np.array([1.0]))
+            return look_around(start.problem, start.probes, point, start.whitener)
+
+        monkeypatch.setattr("raccoon.diagnose.habits.searching.begun", begun)
+        _, habits, _ = searched(log, ROBOT, CAUSES, None)
+        assert habits == replace(known, swing=seconds)
+    said = notes_of(replace(known, swing=swing(log)), (), NOTHING_FITTED)
+    assert any("times a second" in each for each in said)
 
 
 @pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
@@ -298,9 +307,10 @@ def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | No
 
 def test_commands_from_their_rows_on_are_taken_so() -> None:
     columns = make(4, [draw("actuation.latency", np.random.default_rng(3))], seconds=6.0).columns
-    said = diagnose(columns, ROBOT)
-    assert [each.name for each in said.causes] == ["actuation.latency"]
-    assert PAST not in said.notes
+    search, under = standing(columns, FIRMWARE, {"actuation.latency": 0.4})
+    search, habits = _as_logged(search, FIRMWARE, under)
+    assert list(search.fit.point.active) == ["actuation.latency"]
+    assert habits == FIRMWARE
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def test_inertia_is_that_of_driving_straight() -> None:
 
 def test_a_diagnosis_says_so() -> None:
     hidden = draw("friction.coulomb", np.random.default_rng(3))
-    columns = dict(make(3, [hidden], seconds=8.0).columns)
+    columns = dict(make(3, [hidden], seconds=5.0).columns)
     robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
     found = diagnose_recording(columns, robot)
     assert "friction.coulomb" in [each.id for each in found.causes]
