@@ -148,7 +148,7 @@ def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None
 def test_a_median_and_a_filtered_gyro_are_no_late_commands() -> None:
     """Both delay by a sample of 5 ms: as if all commands were late under the plain filter, which the wheels
     alone hardly tell from it."""
-    columns = dict(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 8.0))
+    columns = dict(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 5.0))
     lag = 1.0 / (2.0 * math.pi * 41.0)
     rate, follows = columns["imu.gyro.z"], 0.005 / (0.005 + lag)
     filtered = [rate[0]]

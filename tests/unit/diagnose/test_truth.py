@@ -328,10 +328,10 @@ def test_a_number_that_no_simulator_takes_is_the_nearest_that_it_does(tmp_path: 
 
 
 def drive_of(model: Parameters) -> Columns:
-    """16 s of random steps of a simulated robot, with the noise of its readings and its true pose."""
+    """12 s of random steps of a simulated robot, with the noise of its readings and its true pose."""
     rng = np.random.default_rng(5)
-    time = 0.005 * np.arange(3200)
-    steps = np.repeat(rng.uniform(-0.7, 0.7, (32, 2)), 100, axis=0)
+    time = 0.005 * np.arange(2400)
+    steps = np.repeat(rng.uniform(-0.7, 0.7, (24, 2)), 100, axis=0)
     steps[:200] = steps[-50:] = 0.0
     commands = Commands.of_wheels(time, steps[:, 0], steps[:, 1], False)
     readings = ("motor.0.bemf", "motor.1.bemf", "imu.gyro.z", "battery.voltage")
@@ -339,7 +339,7 @@ def drive_of(model: Parameters) -> Columns:
     run = rollout(model, commands, channels=names)
     noise = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.008, "battery.voltage": 0.01}
     columns = {
-        name: np.asarray(run[name], float).reshape(-1) + noise.get(name, 0.0) * rng.standard_normal(3200)
+        name: np.asarray(run[name], float).reshape(-1) + noise.get(name, 0.0) * rng.standard_normal(len(time))
         for name in names
     }
     return {"t": time, "motor.0.duty": steps[:, 0], "motor.1.duty": steps[:, 1], **columns}
