@@ -15,6 +15,7 @@ from raccoon.cli.compare_mitigations.measure import (
     METHODS,
     Cells,
     End,
+    Ends,
     as_cells,
     ends_of,
     full_table,
@@ -42,15 +43,16 @@ from raccoon.core.errors import ConfigError
 CONFIG = RobotConfig()
 
 
-def measured(condition: str, methods: tuple[str, ...], number: int = 0) -> Cells:
-    found = ends_of(condition, number, 1, methods)
-    return {(method, condition, name): [end] for method, ends in found.items() for name, end in ends.items()}
+@pytest.fixture(scope="module")
+def ends() -> dict[str, Ends]:
+    """One robot on another battery, under every mitigation."""
+    return ends_of(BATTERY, 0, 1)
 
 
-def test_on_another_battery_the_paper_s_ranking_comes_out() -> None:
-    cells = measured(
-        BATTERY, ("none", "voltage scaling, 100 %", "voltage scaling, 80 %", "back-EMF + IMU fusion")
-    )
+def test_on_another_battery_the_paper_s_ranking_comes_out(ends: dict[str, Ends]) -> None:
+    cells: Cells = {
+        (method, BATTERY, name): [end] for method, its in ends.items() for name, end in its.items()
+    }
     metre = {
         method: cells[(method, BATTERY, "1 m")][0].distance for method, _, name in cells if name == "1 m"
     }
@@ -123,12 +125,8 @@ def test_what_is_left_of_a_metre_is_the_tape() -> None:
     assert ends["back-EMF + IMU fusion"]["1 m"].distance < 0.0005
 
 
-def test_tables_and_picture(tmp_path: Path) -> None:
-    cells = {
-        (method, BATTERY, name): [end]
-        for method in METHODS
-        for name, end in ends_of(BATTERY, 0, 0, ("none",))["none"].items()
-    }
+def test_tables_and_picture(ends: dict[str, Ends], tmp_path: Path) -> None:
+    cells = {(method, BATTERY, name): [end] for method in METHODS for name, end in ends["none"].items()}
     text = markdown(cells, {BATTERY: 1})
     assert all(f"## {name}" in text for name in MANOEUVRES)
     assert all(f"| {method} |" in text for method in METHODS)
@@ -153,7 +151,17 @@ def test_what_is_not_allowed_is_refused(
     assert said in capsys.readouterr().err
 
 
-def test_the_command_prints_and_writes_one_column(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_and_writes_one_column(
+    ends: dict[str, Ends],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def known(condition: str, number: int, seed: int, tape_std: float) -> dict[str, Ends]:
+        assert (condition, number) == (BATTERY, 0)
+        return ends
+
+    monkeypatch.setattr("raccoon.cli.compare_mitigations.measure.ends_of", known)
     out = tmp_path / "table.md"
     column = ["--condition", BATTERY, "--robots", "1", "--markdown", str(out)]
     assert main(["compare-mitigations", *column]) == 0
