@@ -26,6 +26,7 @@ MAX_BYTES = 1 << 30
 MAX_LINE = 1 << 20
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
+NOT_BACK = "allowed are numbers that do not go back"
 EVENT = "event"
 _SURFACE = re.compile(r"truth\.surface\.\d+")
 _COLORS = {"black": 1.0, "white": 0.0}
@@ -61,6 +62,7 @@ class _Reader:
         self._problems: list[str] = []
         self._events: list[Event] = []
         self._count = 0
+        self._backward = 0
 
     def recording(self) -> Recording:
         names = _header(next(self._rows, []))
@@ -71,6 +73,11 @@ class _Reader:
             if row is not None:
                 last = row["t"]
                 self._keep(row, columns)
+        if self._backward > self._count:
+            first = next(each for each in self._problems if each.endswith(NOT_BACK))
+            raise TraceError(
+                f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
+            )
         return Recording(
             {name: np.array(column, np.float64) for name, column in columns.items()},
             self._events,
@@ -100,7 +107,8 @@ class _Reader:
             else:
                 row[name] = self._value(name, cell)
         if not row["t"] >= last:
-            self._report(f"column t: {cells[names.index('t')]!r}: allowed are numbers that do not go back")
+            self._backward += row["t"] < last
+            self._report(f"column t: {cells[names.index('t')]!r}: {NOT_BACK}")
             return None
         if text:
             self._events.append(Event(self._count, text))

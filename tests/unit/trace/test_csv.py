@@ -99,6 +99,12 @@ def test_or_it_is_reported(tmp_path: Path, text: str, message: str) -> None:
     assert message in recording.problems[0]
 
 
+def test_a_file_whose_rows_go_back_is_not_left_with_one_of_them(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "t,x\n3,1\n2,1\n1,1\n")
+    with pytest.raises(TraceError, match=r"t goes back in 2 lines of 3; line 3, column t: '2': allowed are"):
+        read_csv(path, strict=False)
+
+
 def test_a_bad_value_is_blank_and_a_bad_row_is_left_out(tmp_path: Path) -> None:
     path = write(tmp_path / "run.csv", "t,x,y,event\n0,1,2,\n1,oops,3,a\n2,4\n0.5,5,6,b\n3,7,8,c\n")
     recording = read_csv(path, strict=False)
