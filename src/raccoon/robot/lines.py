@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from raccoon.control.motion import slewed
 from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.core.readings import SIMULATOR
+from raccoon.core.sections import REAL_CONTROLLERS
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.driving import search
@@ -230,7 +231,9 @@ def align_on_wall(
 
 def _no_grip(robot: Robot) -> str:
     """What to do where the simulator's walls are why the wheels turn on; nothing elsewhere."""
-    if robot.inputs is None or not robot.inputs.device.name.startswith(SIMULATOR.name):
+    device = None if robot.inputs is None else robot.inputs.device.name
+    simulated = device is not None and device.startswith(SIMULATOR.name)
+    if not simulated and robot.config.controller.port in REAL_CONTROLLERS:
         return ""
     return (
         ", as they always do at a wall of the simulator: end there by `drive(...).until(after_time(...))`, "

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -212,9 +213,11 @@ def test_the_robot_squares_up_to_a_wall(askew_deg: float) -> None:
         assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=1.5)
 
 
-def test_no_wall_is_said() -> None:
+@pytest.mark.parametrize("port", ["sim", "emulator"])
+def test_no_wall_is_said(port: str) -> None:
+    config = replace(CONFIG, controller=replace(CONFIG.controller, port=port))
     with (
-        open_robot(CONFIG, port=simulated()) as robot,
+        open_robot(config) as robot,
         pytest.raises(MotionTimeout, match=r"no wall after 1 s: .*at a wall of the simulator"),
     ):
         robot.run(align_on_wall(timeout=1.0))
