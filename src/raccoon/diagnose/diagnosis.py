@@ -56,7 +56,8 @@ of 1 s in 40 an eccentric wheel became another K_E, track width and inertia besi
 ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
 CLEAR = 25.0
 """Log evidence from which a cause stands whatever its error on another recording: a battery, a floor and what
-a robot carries may be others there."""
+a robot carries may be others there. So it does in the same one where the error is as large as is expected: a
+friction worth 218 was dropped by 12 s in which a wheel stopped a moment late."""
 
 
 def diagnose(
@@ -166,7 +167,8 @@ def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     search = estimated(search)
     judged = held_out(search, other)
     while True:
-        sure = [] if other is None else [name for name, gain in search.gains.items() if gain >= CLEAR]
+        excused = other is not None or judged.size_after <= judged.foreseen
+        sure = [name for name, gain in search.gains.items() if excused and gain >= CLEAR]
         errors = {name: error for name, error in judged.without.items() if name not in sure}
         worst = min(errors, key=lambda name: errors[name], default=None)
         if worst is None or errors[worst] > judged.harmless:

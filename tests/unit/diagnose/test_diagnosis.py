@@ -157,13 +157,26 @@ def test_an_explanation_carries_its_number(sagging: Diagnosis) -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "gain", "elsewhere", "dropped"),
-    [(0.8, 300.0, False, True), (0.95, 9.0, False, False), (0.8, 300.0, True, False), (0.8, 9.0, True, True)],
+    ("error", "gain", "elsewhere", "expected", "dropped"),
+    [
+        (0.8, 300.0, False, 0.9, True),
+        (0.8, 300.0, False, 1.1, False),
+        (0.8, 9.0, False, 1.1, True),
+        (0.95, 9.0, False, 0.9, False),
+        (0.8, 300.0, True, 0.9, False),
+        (0.8, 9.0, True, 0.9, True),
+    ],
 )
 def test_what_makes_unseen_data_worse_is_dropped(
-    error: float, gain: float, elsewhere: bool, dropped: bool, monkeypatch: pytest.MonkeyPatch
+    error: float,
+    gain: float,
+    elsewhere: bool,
+    expected: float,
+    dropped: bool,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """However clear it is in the data it was fitted on; another recording may be of another floor."""
+    """However clear it is in the data it was fitted on, where the error is larger than one expects; another
+    recording may be of another floor."""
     steps: list[str] = []
 
     def pruned(search: SimpleNamespace, name: str) -> SimpleNamespace:
@@ -172,7 +185,8 @@ def test_what_makes_unseen_data_worse_is_dropped(
 
     def judged(search: SimpleNamespace, other: object) -> SimpleNamespace:
         without = {"imu.latency": 3.0, "friction.stiction": error}
-        return SimpleNamespace(harmless=0.9, without={each: without[each] for each in search.gains})
+        left = {each: without[each] for each in search.gains}
+        return SimpleNamespace(harmless=0.9, size_after=1.0, foreseen=expected, without=left)
 
     for name, stand_in in (("estimated", lambda search: search), ("pruned", pruned), ("held_out", judged)):
         monkeypatch.setattr(diagnosis, name, stand_in)
