@@ -12,7 +12,7 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
-from raccoon.sim.collision import Obstacles
+from raccoon.sim.collision import BODY_RADIUS, Obstacles
 from raccoon.sim.equations import substep
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
@@ -24,8 +24,6 @@ from raccoon.sim.world import World
 
 LONGEST_STEP = 0.0025
 """s; the plant's own step, see docs/simulator.md."""
-BODY_RADIUS = 0.09
-"""m, of the disc that bumps into walls."""
 FLOATING = 2000.0
 """Counts on an analog port that nothing is plugged into."""
 

@@ -6,6 +6,9 @@ import math
 
 from raccoon.sim.world import World
 
+BODY_RADIUS = 0.09
+"""m, of a usual robot."""
+
 
 class Obstacles:
     """What stands on a table, for a round robot. Remembers how far it is from everything, so that it need

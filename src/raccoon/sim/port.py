@@ -21,6 +21,7 @@ from raccoon.core.readings import (
 )
 from raccoon.model.bemf import counter_lag
 from raccoon.sim.chain import Chain, Noise
+from raccoon.sim.collision import BODY_RADIUS
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
@@ -57,7 +58,7 @@ class SimPort:
         noise: bool | Noise = True,
         imu_rate_hz: float = 200.0,
         physics_step: float = 0.0025,
-        body_radius: float = 0.09,
+        body_radius: float = BODY_RADIUS,
     ) -> None:
         _check("rate_hz", rate_hz, 10.0, 1000.0)
         _check("imu_rate_hz", imu_rate_hz, 1.0, 1000.0)

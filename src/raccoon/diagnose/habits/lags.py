@@ -91,8 +91,9 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
     others, clock = search.fit.point.active.keys() - _late(search), habits.chain.free_running
     if not (habits.low_pass or clock) or habits.wombat or len(others) <= FEW:
         return search, habits
-    chain = replace(Chain.firmware(), battery_time_constant=habits.chain.battery_time_constant)
-    other = replace(habits, low_pass=False, chain=chain if clock else habits.chain)
+    other = replace(habits, low_pass=False)
+    if clock:
+        other = with_battery(replace(other, chain=Chain.firmware()), habits.chain.battery_time_constant)
     if not under.new(search, habits, [other]):
         return search, habits
     problem = under(other)
