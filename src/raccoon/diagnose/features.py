@@ -112,5 +112,7 @@ class Features:
 
     def simulated(self, channels: Array) -> Array:
         """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""
-        binned = [(bins @ channels[:, index].T).T for index, bins in enumerate(self.maps)]
-        return np.stack(binned, axis=-1)
+        binned = np.empty((len(channels), len(self.time), len(self.maps)))
+        for index, bins in enumerate(self.maps):
+            binned[..., index] = (bins @ channels[:, index].T).T
+        return binned

@@ -39,13 +39,16 @@ def heard(
     silent: counts up to which a reading of 0 may be, where a filter in whole counts leaves 0 later than it
     comes back to it.
     """
-    zones = np.where(zones < LEAST_ZONE, 0.0, zones)
-    size = np.abs(samples)
-    outside = np.sign(samples) * np.maximum(size - np.maximum(zones, silent * (zones > 0.0)), 0.0)
-    lacking = np.maximum(zones - np.abs(measured) - HALF_A_COUNT, 0.0)
-    louder = samples + IMPOSSIBLE * np.sign(measured) * lacking
-    louder = np.where(flickers & (zones > 0.0), measured + outside, louder)
-    return np.where(measured == 0.0, outside, np.where(np.isnan(measured), samples, louder))
+    zones, found = np.where(zones < LEAST_ZONE, 0.0, zones), samples.copy()
+    soft = (measured != 0.0) & ~flickers & (np.abs(measured) + HALF_A_COUNT < zones.max(initial=0.0))
+    cut = np.flatnonzero(soft)
+    lacking = np.maximum(zones - np.abs(measured[cut]) - HALF_A_COUNT, 0.0)
+    found[:, cut] += IMPOSSIBLE * np.sign(measured[cut]) * lacking
+    quiet = np.flatnonzero((measured == 0.0) | flickers)
+    own, said = samples[:, quiet], measured[quiet]
+    outside = np.maximum(np.abs(own) - np.maximum(zones, silent * (zones > 0.0)), 0.0)
+    found[:, quiet] = np.where((said == 0.0) | (zones > 0.0), said + np.copysign(outside, own), own)
+    return found
 
 
 def flickering(measured: Array) -> NDArray[np.bool_]:

@@ -63,7 +63,8 @@ class NoiseModel:
         """
         bins, channels = signals.shape[-2:]
         rows = np.ascontiguousarray(signals).reshape(-1, bins, channels)
-        whole = np.zeros_like(rows)
+        whole = np.empty_like(rows)
+        whole[:, : self.order] = 0.0
         row, late, number = rows.strides[0], bins - self.order, rows.itemsize
         past = as_strided(
             rows,

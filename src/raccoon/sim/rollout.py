@@ -276,7 +276,12 @@ def _earlier(rate: Floats, looked: Floats, age: Floats, latency: float, lag: flo
     would miss where within a row a command changes or a tooth meets its wheel.
     """
     inside = np.flatnonzero(np.diff(age) > lag) + 1
-    times = np.concatenate([age, age[inside] - lag])
-    order = np.argsort(times, kind="stable")
-    rates = np.concatenate([rate, looked[inside]])
-    return np.asarray(np.interp(age - latency, times[order], rates[order]), float)
+    if len(inside) == len(age) - 1:  # nearly always: one look in every row, and nothing to sort
+        times, rates = (np.empty(2 * len(age) - 1) for _ in range(2))
+        times[0::2], times[1::2] = age, age[1:] - lag
+        rates[0::2], rates[1::2] = rate, looked[1:]
+    else:
+        times = np.concatenate([age, age[inside] - lag])
+        order = np.argsort(times, kind="stable")
+        times, rates = times[order], np.concatenate([rate, looked[inside]])[order]
+    return np.asarray(np.interp(age - latency, times, rates), float)

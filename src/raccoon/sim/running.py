@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import os
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +31,7 @@ from raccoon.sim.quantities import Plant, State
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 FEW = 1  # robots up to which one after the other is faster
+SHORT = 500  # rows up to which a second thread costs more than it gains
 _NEUTRAL = {name: value for fields in SELDOM.values() for name, value in fields.items()}
 
 
@@ -78,9 +81,16 @@ def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: F
 def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
     commands = course.commands
     final = np.empty_like(states)
-    for kind, places in _blocks(lanes.plant, course.readings_only):
+    threads = _threads() if course.end - course.begin > SHORT else 1
+    jobs = [
+        (advance_lanes(kind), part)
+        for kind, places in _blocks(lanes.plant, course.readings_only)
+        for part in _parts(places, threads)
+    ]
+
+    def advance(job: tuple[Callable[..., None], Indices]) -> None:
+        compiled, places = job
         count = len(places)
-        width = _vectors(count)
         block = np.zeros((ROWS, STRIDE))
         block[:STATE_ROWS, :count] = states[places].T
         block[STATE_ROWS:OLDER_ROW, :count] = lanes.plant[places].T
@@ -88,12 +98,36 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
         noise = np.zeros((2, course.noise.shape[1], BLOCK))
         noise[:, :, :count] = course.noise[:, :, places]
         flat = block.reshape(-1)
-        advance_lanes(kind)(
-            flat, width, commands.rows, commands.time, course.begin, course.end, lanes.cycle, course.step,
-            lanes.slots, noise, kept, out, places, count,
+        compiled(
+            flat, _vectors(count), commands.rows, commands.time, course.begin, course.end, lanes.cycle,
+            course.step, lanes.slots, noise, kept, out, places, count,
         )  # fmt: skip
         final[places] = flat.reshape(ROWS, STRIDE)[:STATE_ROWS, :count].T
+
+    if threads == 1 or len(jobs) == 1:
+        for job in jobs:
+            advance(job)
+    else:
+        with ThreadPoolExecutor(threads) as pool:  # the equations run without the interpreter's lock
+            list(pool.map(advance, jobs))
     return final
+
+
+def _threads() -> int:
+    """How many blocks may run at once: one on each core, and no more than the threads that linear algebra may
+    have. Whoever starts a process for each core says 1."""
+    limits = [os.environ.get(name, "") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")]
+    return max(1, min([_cores(), *(int(each) for each in limits if each.isdecimal())]))
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _parts(places: Indices, threads: int) -> list[Indices]:
+    """The robots of a block as so many threads share them, whole vectors each."""
+    size = -(-_vectors(len(places)) // (threads * vector())) * vector()
+    return [places[start : start + size] for start in range(0, len(places), size)]
 
 
 def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]]:

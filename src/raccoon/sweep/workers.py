@@ -20,6 +20,8 @@ from raccoon.sweep.execute import Crew
 
 AHEAD = 2
 """Calls handed out for each worker: one to play, one to go on with."""
+THREADS = "OMP_NUM_THREADS"
+"""What a process reads of how many threads linear algebra may have; the simulator keeps to it."""
 
 
 class _Processes(ProcessPoolExecutor):
@@ -45,6 +47,9 @@ def process_crew(workers: int | None = None) -> Iterator[Crew]:
     count = _checked(workers, len(os.sched_getaffinity(0)))
     spawn = multiprocessing.get_context("spawn")
     ends, held = spawn.Pipe(duplex=False)
+    threads = os.environ.get(THREADS)
+    if count > 1 and threads is None:
+        os.environ[THREADS] = "1"  # a second thread would only wait for the other workers
 
     def pool() -> Executor:
         return _Processes(count, spawn, initializer=_begin_worker, initargs=(ends,))
@@ -59,6 +64,8 @@ def process_crew(workers: int | None = None) -> Iterator[Crew]:
         crew.close()
         held.close()
         ends.close()
+        if count > 1 and threads is None:
+            os.environ.pop(THREADS, None)
 
 
 @contextmanager

@@ -30,10 +30,10 @@ def test_a_silent_reading_says_that_the_speed_is_inside_the_zone_and_no_more() -
 
 
 def test_a_filter_that_leaves_0_late_is_silent_up_to_there() -> None:
-    samples, measured, steady = np.array([30.0, -45.0, 30.0, 8.0]), np.array([0.0, 0.0, 30.0, 8.0]), False
-    (said,) = heard(samples, np.array([[11.5]]), measured, np.full(4, steady), silent=40.0)
-    np.testing.assert_allclose(said, [0.0, -5.0, 30.0, 8.0 + IMPOSSIBLE * 3.0])
-    (none,) = heard(samples, np.array([[0.0]]), measured, np.full(4, steady), silent=40.0)
+    samples, measured, steady = np.array([[30.0, -45.0, 30.0, 8.0]]), np.array([0.0, 0.0, 30.0, 8.0]), False
+    said = heard(samples, np.array([[11.5]]), measured, np.full(4, steady), silent=40.0)
+    np.testing.assert_allclose(said, [[0.0, -5.0, 30.0, 8.0 + IMPOSSIBLE * 3.0]])
+    none = heard(samples, np.array([[0.0]]), measured, np.full(4, steady), silent=40.0)
     np.testing.assert_array_equal(none, samples)
 
 

@@ -59,6 +59,41 @@ def test_plain_robots_and_others_side_by_side_do_the_same_as_one_by_one(
     np.testing.assert_array_equal(together.final, alone.final)
 
 
+@pytest.mark.parametrize("count", [2, 9, 40])
+def test_threads_change_no_bit(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(running, "SHORT", 0)
+    robots = some_robots(count) + [nominal()] * count
+    results = []
+    for threads in (1, 3):
+        monkeypatch.setattr(running, "_threads", lambda threads=threads: threads)
+        results.append(rollout(robots, STEPS, noise=Noise(), seed=3))
+    for name, values in results[0].channels.items():
+        np.testing.assert_array_equal(results[1][name], values, err_msg=name)
+    np.testing.assert_array_equal(results[1].final, results[0].final)
+
+
+@pytest.mark.parametrize(
+    ("said", "threads"),
+    [
+        ({}, 4),
+        ({"OMP_NUM_THREADS": "1"}, 1),
+        ({"OPENBLAS_NUM_THREADS": "2"}, 2),
+        ({"OMP_NUM_THREADS": "16"}, 4),
+        ({"OMP_NUM_THREADS": "0"}, 1),
+        ({"OMP_NUM_THREADS": "", "OPENBLAS_NUM_THREADS": "3"}, 3),
+    ],
+)
+def test_no_more_threads_than_cores_and_than_linear_algebra_may_have(
+    said: dict[str, str], threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(running, "_cores", lambda: 4)
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in said.items():
+        monkeypatch.setenv(name, value)
+    assert running._threads() == threads
+
+
 def test_readings_alone_are_the_same_bits() -> None:
     names = [f"motor.{port}.{kind}" for port in (0, 1) for kind in ("bemf", "position", "current", "speed")]
     names += ["imu.gyro.z", "battery.voltage", "truth.heading"]

@@ -1,5 +1,6 @@
 """Every call gives one result, whatever becomes of the workers."""
 
+import os
 import signal
 import time
 from collections.abc import Callable
@@ -99,6 +100,16 @@ def test_numbers_of_workers_are_checked() -> None:
             pass
     with pytest.raises(ValueError, match="window is 0"):
         Crew(lambda: Breaking(0), 0)
+
+
+def test_a_worker_among_others_has_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    with process_crew(2) as crew:
+        assert crew.executor.submit(os.getenv, "OMP_NUM_THREADS").result() == "1"
+    assert "OMP_NUM_THREADS" not in os.environ
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    with process_crew(2) as crew:
+        assert crew.executor.submit(os.getenv, "OMP_NUM_THREADS").result() == "3"
 
 
 def test_a_worker_hears_no_interruption_from_its_start_on() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from functools import cache
 
 from raccoon.diagnose.hypotheses import by_name
 
@@ -33,6 +34,7 @@ _GATES = {
 }
 
 
+@cache
 def gate(name: str, alone: bool = False) -> float:
     """Log evidence from which a cause is named. alone: with no other beside it."""
     if "@" in name and name.startswith(_ONE_WHEEL):
