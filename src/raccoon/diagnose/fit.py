@@ -8,7 +8,7 @@ deviation. The log evidence of the model that was fitted is then, up to a consta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,8 @@ from raccoon.diagnose.evidence import bounded_least
 from raccoon.diagnose.problem import Point, Problem, Whitening, neighbours
 
 Array = NDArray[np.float64]
+Lost = Callable[["Fit", float], bool]
+"""Whether a fit whose cost is foretold to fall by so much in its next step is given up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +116,10 @@ class _Track:
         """Whether the trial, which costs that, is not below the best so far."""
         return self.best is not None and cost >= self.best.cost
 
+    def is_lost(self, lost: Lost | None) -> bool:
+        """Whether going on is in vain."""
+        return lost is not None and self.best is not None and lost(self.best, self.foretold)
+
     def shorten(self, problem: Problem) -> None:
         """Go less far next, after a trial that is no better."""
         self._scale_step(problem, SHORTER)
@@ -174,13 +180,18 @@ def _step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
 
 
 def fit_many(
-    problem: Problem, whitener: Whitening, starts: Sequence[Point], frozen: Array, iterations: int
+    problem: Problem,
+    whitener: Whitening,
+    starts: Sequence[Point],
+    frozen: Array,
+    iterations: int,
+    lost: Lost | None = None,
 ) -> list[Fit]:
     """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
-    columns of later coordinates are simulated anew in every iteration."""
+    columns of later coordinates are simulated anew in every iteration. lost: which are left as they are."""
     tracks = [_Track(problem.inside(each)) for each in starts]
     for _ in range(iterations):
-        going = [track for track in tracks if not track.arrived]
+        going = [track for track in tracks if not (track.arrived or track.is_lost(lost))]
         if not going:
             break
         going = _promising(problem, whitener, going)
@@ -220,14 +231,24 @@ def _promising(problem: Problem, whitener: Whitening, tracks: Sequence[_Track]) 
     return found
 
 
-def fit_afresh(problem: Problem, whitener: Whitening, starts: Sequence[Point], iterations: int) -> list[Fit]:
+def fit_afresh(
+    problem: Problem,
+    whitener: Whitening,
+    starts: Sequence[Point],
+    iterations: int,
+    lost: Lost | None = None,
+) -> list[Fit]:
     """Fit every start, all columns simulated in every iteration."""
-    return fit_many(problem, whitener, starts, np.zeros((0, problem.features.measured.size)), iterations)
+    none = np.zeros((0, problem.features.measured.size))
+    return fit_many(problem, whitener, starts, none, iterations, lost)
 
 
-def fit_point(problem: Problem, whitener: Whitening, start: Point, iterations: int = 10) -> Fit:
-    """Fit everything from one start, all columns simulated in every iteration, until it has arrived."""
-    return fit_afresh(problem, whitener, [start], iterations)[0]
+def fit_point(
+    problem: Problem, whitener: Whitening, start: Point, iterations: int = 10, lost: Lost | None = None
+) -> Fit:
+    """Fit everything from one start, all columns simulated in every iteration, until it has arrived or is
+    lost."""
+    return fit_afresh(problem, whitener, [start], iterations, lost)[0]
 
 
 def fit_scanned(problem: Problem, whitener: Whitening, start: Point) -> Fit:

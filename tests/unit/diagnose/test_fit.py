@@ -133,6 +133,22 @@ def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:
     assert fit.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
 
 
+def test_a_fit_that_is_given_up_stays_where_it_is(problem: Problem) -> None:
+    truth = problem.nominal().with_cause("drive.inertia", np.array([-0.8]))
+    measured = problem.predict([truth])[0]
+    problem = replace(problem, features=replace(problem.features, measured=measured))
+    whitener = plain_whitener(problem)
+    starts = [problem.nominal().with_cause("drive.inertia", np.array([u])) for u in (0.0, 0.5)]
+
+    def lost(fit: Fit, foretold: float) -> bool:
+        assert foretold > 0.0
+        return bool(fit.point.active["drive.inertia"][0] == 0.5)
+
+    went, stayed = fit_afresh(problem, whitener, starts, 10, lost)
+    assert went.point.active["drive.inertia"][0] == pytest.approx(-0.8, abs=0.12)
+    assert stayed.point.active["drive.inertia"][0] == 0.5
+
+
 def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Problem) -> None:
     """Far from everything a set of causes may simulate to nonsense; its start is given up, not the search."""
     truth = problem.nominal().with_cause("drive.inertia", np.array([0.4]))

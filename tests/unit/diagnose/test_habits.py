@@ -18,21 +18,32 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
 from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem, problem_of
 from raccoon.diagnose.habits.notes import PAST, notes_of
-from raccoon.diagnose.habits.others import as_wheels_give, best_of, carried, started, with_a_slow_battery
+from raccoon.diagnose.habits.others import (
+    DOUBT,
+    MOST_KEPT,
+    Under,
+    _ended_behind,
+    as_wheels_give,
+    best_of,
+    carried,
+    started,
+    with_a_slow_battery,
+)
 from raccoon.diagnose.habits.searching import _as_logged, _under_another_filter, searched
 from raccoon.diagnose.hypotheses import neutral_settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.open_numbers import Wheels
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.quality import swing
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout import Habits, _cycle
+from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.spread import Spread
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 from simulated_drives import recorded
-from unit.diagnose.searches import standing
+from unit.diagnose.searches import search_at, standing
 
 Effects = dict[tuple[str, str | None], dict[str, float]]
 
@@ -226,6 +237,46 @@ def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(wheels: Wheels, t
     settings = search.problem.settings(search.fit.point)
     creep = SLIDING[wheels].get(("friction.presliding", None), {}).get("creep", 0.0)
     assert settings[("friction.presliding", None, "creep")] == pytest.approx(creep, abs=0.02)
+
+
+def test_a_beginning_is_searched_once_and_handed_out_as_it_was(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Search] = []
+
+    def begun(start: Search) -> Search:
+        made.append(start)
+        return start
+
+    monkeypatch.setattr("raccoon.diagnose.habits.others.begun", begun)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.started", lambda its: search_at(its, its.nominal()))
+    under = Under(lambda _: problem)
+    under.beginning(FIRMWARE, problem).failed["drive.inertia"] = "explains too little"
+    assert under.beginning(FIRMWARE, problem).failed == {}
+    assert len(made) == 1
+    others = [replace(FIRMWARE, swing=0.1 * each) for each in range(1, MOST_KEPT + 1)]
+    for each in (*others, others[0], FIRMWARE):  # which the last of the others took the place of
+        under.beginning(each, problem)
+    assert len(made) == 1 + MOST_KEPT + 1
+    under.forget()
+    under.beginning(FIRMWARE, problem)
+    assert len(made) == 1 + MOST_KEPT + 2
+
+
+def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_with(problem: Problem) -> None:
+    measured = problem.predict([problem.nominal()])[0]
+    driven = replace(problem, features=replace(problem.features, measured=measured))
+
+    def search(name: str, u: float) -> Search:
+        return search_at(driven, driven.nominal().with_cause(name, np.array([u])))
+
+    found = search("drive.inertia", 0.0)
+    near, far = (explains_more(search("drive.inertia", u), found) for u in (0.01, 1.0))
+    assert -DOUBT < near < DOUBT < 2.0 * DOUBT < -far
+    assert _ended_behind(search("drive.inertia", 1.0), found, 0.0)
+    assert not _ended_behind(search("drive.inertia", 1.0), found, far)
+    assert not _ended_behind(search("drive.inertia", 0.01), found, 0.0)
+    assert not _ended_behind(search("motor.back_emf_constant", 1.0), found, 0.0)
 
 
 def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:

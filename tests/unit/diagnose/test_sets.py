@@ -45,6 +45,15 @@ def test_climbing_replaces_one_that_imitates_two(start: frozenset[int]) -> None:
     assert sets.best(1) == [frozenset({0, 1})]
 
 
+def test_sets_that_are_solved_at_once_have_the_scores_of_each_alone() -> None:
+    columns, target = imitated(5)
+    once, alone = (sets_of(columns, target, 0, 4, 6) for _ in range(2))
+    once.climb(frozenset({2}))
+    assert len({len(each) for each in once.scores}) > 2
+    for chosen, score in once.scores.items():
+        assert alone.score(chosen) == pytest.approx(score, rel=1e-12)
+
+
 def test_a_one_sided_cause_must_have_its_sign() -> None:
     columns, target = imitated(3)
     sets = sets_of(columns, -target, 0, 1)

@@ -19,8 +19,9 @@ from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, start_search
+from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import whole
+from raccoon.diagnose.select.search import begun, gone_on, whole
 from raccoon.diagnose.unknown import probes_for
 from raccoon.diagnose.watch import tell
 
@@ -34,6 +35,12 @@ DOUBT = 10.0
 """Log evidence, gates counted, by which another filter than the firmware's must lead in the end."""
 ROUGH_STEPS = 8
 """Of a fit that says which of several starts is the likeliest."""
+AGAIN = "searching again as another controller or gear would have it"
+LOST, FORETOLD = 150.0, 4.0
+"""Log evidence that a fit lacks, also after so many times what its next step is foretold to gain, when it is
+given up; what a habit may lack in the end is a hundred."""
+MOST_KEPT = 4
+"""Beginnings of searches that are kept, some ten megabytes each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,14 +48,30 @@ class Under:
     """The problem of a drive under some habits.
 
     vain: what was named and unknown under which habits, when no fit under which others was ahead; they are
-    not asked for again with the same.
+    not asked for again with the same. beginnings: the latest searches from their start, as far as one begins.
     """
 
     problem_of: Callable[[Habits], Problem]
     vain: set[Asked] = field(default_factory=set)
+    beginnings: dict[Habits, Search] = field(default_factory=dict)
 
     def __call__(self, habits: Habits) -> Problem:
         return self.problem_of(habits)
+
+    def forget(self) -> None:
+        """What was found out, once the drive is another."""
+        self.vain.clear()
+        self.beginnings.clear()
+
+    def beginning(self, habits: Habits, problem: Problem) -> Search:
+        """The beginning of a search from its start under habits, whose problem this is: the same for whoever
+        asks."""
+        kept = self.beginnings.pop(habits, None)
+        self.beginnings[habits] = begun(started(problem)) if kept is None else kept
+        while len(self.beginnings) > MOST_KEPT:
+            del self.beginnings[next(iter(self.beginnings))]
+        found = self.beginnings[habits]
+        return replace(found, failed=dict(found.failed), rivals=dict(found.rivals))
 
     def new(self, search: Search, habits: Habits, others: Iterable[Habits]) -> list[Habits]:
         """Those of other habits that were not asked for in vain with what is named."""
@@ -70,13 +93,20 @@ def started(problem: Problem) -> Search:
 
 def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
     """The likeliest, gates counted, of these starts once they are fitted in another problem: with the columns
-    that base numbers have at the first, and that one with its own."""
+    that base numbers have at the first, and that one with its own. One that is far behind is left where it
+    is."""
     whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
+
+    def lost(fit: Fit, foretold: float) -> bool:
+        gained = 0.5 * FORETOLD * foretold
+        hopeless = fit.evidence + gained < search.fit.evidence - LOST
+        return hopeless and net_lead(search, fit, search.fit) < -LOST
+
     if len(there) > 1:
         columns = fit_at(problem, whitener, there[0]).jacobian[: len(problem.base)]
-        rough = fit_many(problem, whitener, there, columns, ROUGH_STEPS)
+        rough = fit_many(problem, whitener, there, columns, ROUGH_STEPS, lost)
         there = [max(rough, key=lambda each: net_lead(search, each, search.fit)).point]
-    return fit_point(problem, whitener, there[0])
+    return fit_point(problem, whitener, there[0], lost=lost)
 
 
 def leads(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
@@ -84,12 +114,11 @@ def leads(search: Search, problem: Problem, starts: Sequence[Point]) -> float:
     return net_lead(search, best_of(search, problem, starts), search.fit)
 
 
-def again(search: Search, problem: Problem, wanted: float = DOUBT, by: Way = whole) -> Search | None:
-    """The search of another problem, where what was found there is ahead by `wanted`. by: how far to
-    search."""
-    tell("searching again as another controller or gear would have it")
-    second = by(started(problem))
-    return second if explains_more(second, search) > wanted else None
+def again(search: Search, problem: Problem) -> Search | None:
+    """The whole search of another problem, where what was found there is ahead."""
+    tell(AGAIN)
+    second = whole(started(problem))
+    return second if explains_more(second, search) > DOUBT else None
 
 
 def if_ahead(
@@ -108,8 +137,22 @@ def if_ahead(
     if leads(search, problem, starts) < far:
         under.were_vain(search, habits, [other])
         return search, habits
-    found = again(search, problem, wanted, by)
-    return (search, habits) if found is None else (found, other)
+    tell(AGAIN)
+    second = under.beginning(other, problem)
+    if by is whole:
+        if _ended_behind(second, search, min(wanted, 0.0)):
+            under.were_vain(search, habits, [other])
+            return search, habits
+        second = gone_on(second)
+    return (second, other) if explains_more(second, search) > wanted else (search, habits)
+
+
+def _ended_behind(second: Search, search: Search, wanted: float) -> bool:
+    """Whether a search that has only begun ended with the causes that are named already, far from what is
+    wanted: going on from these found nothing better under the habits that they were found under."""
+    named, there = search.fit.point.active, second.fit.point.active
+    same = set(named) == set(there) and set(search.unknown) == set(second.unknown)
+    return same and len(there) < SEVERAL and explains_more(second, search) < wanted - DOUBT
 
 
 def carried(point: Point, here: Problem, there: Problem) -> Point:

@@ -91,7 +91,7 @@ def searched(
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
         restored = better
-        under.vain.clear()
+        under.forget()
         search = whole(started(under(habits)))
     search, habits = _under_another_filter(search, habits, under)
     search, habits = as_wheels_give(search, habits, under)

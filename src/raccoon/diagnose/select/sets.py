@@ -7,7 +7,7 @@ have to be named.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -75,11 +75,8 @@ class Sets:
         factor = np.linalg.cholesky(np.eye(len(index)) + self.rest.matrix[np.ix_(index, index)])
         half = np.linalg.solve(factor, self.rest.projection[index])
         mean = np.linalg.solve(factor.T, half)
-        position = 0
-        for each in sorted(chosen):
-            if self.members[each].one_sided and mean[position] <= 0.0:
-                return mean, -np.inf
-            position += len(self.members[each].span)
+        if self._wrong_sign(chosen, mean):
+            return mean, -np.inf
         return mean, float(0.5 * half @ half - np.log(np.diag(factor)).sum())
 
     def score(self, chosen: Chosen) -> float:
@@ -89,10 +86,38 @@ class Sets:
             self.scores[chosen] = evidence - gates([self.members[each].name for each in chosen])
         return self.scores[chosen]
 
+    def _score_all(self, sets: Sequence[Chosen]) -> None:
+        """What `score` says of each: those of as many columns are solved at once."""
+        alike: dict[int, list[tuple[Chosen, list[int]]]] = {}
+        for chosen in dict.fromkeys(each for each in sets if each and each not in self.scores):
+            index = [i for each in sorted(chosen) for i in self.members[each].span]
+            alike.setdefault(len(index), []).append((chosen, index))
+        for size, same in alike.items():
+            columns = np.array([its for _, its in same])
+            matrices = np.eye(size) + self.rest.matrix[columns[:, :, None], columns[:, None, :]]
+            factors = np.linalg.cholesky(matrices)
+            halves = np.linalg.solve(factors, self.rest.projection[columns][..., None])
+            means = np.linalg.solve(factors.transpose(0, 2, 1), halves)[..., 0]
+            diagonals = np.diagonal(factors, axis1=1, axis2=2)
+            found = 0.5 * (halves[..., 0] ** 2).sum(axis=1) - np.log(diagonals).sum(axis=1)
+            for (chosen, _), mean, evidence in zip(same, means, found, strict=True):
+                score = -np.inf if self._wrong_sign(chosen, mean) else float(evidence)
+                self.scores[chosen] = score - gates([self.members[each].name for each in chosen])
+
+    def _wrong_sign(self, chosen: Chosen, mean: Array) -> bool:
+        position = 0
+        for each in sorted(chosen):
+            if self.members[each].one_sided and mean[position] <= 0.0:
+                return True
+            position += len(self.members[each].span)
+        return False
+
     def climb(self, chosen: Chosen) -> None:
         """Take the best step until none helps; every score on the way is kept."""
         for _ in range(STEPS):
-            best = max(self._steps(chosen), key=self.score)
+            steps = list(self._steps(chosen))
+            self._score_all(steps)
+            best = max(steps, key=self.score)
             if self.score(best) <= self.score(chosen):
                 return
             chosen = best
