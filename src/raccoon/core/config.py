@@ -31,6 +31,7 @@ from raccoon.core.schema import Measured, refuse_unknown, section, shown, subtab
 from raccoon.core.sections import (
     REAL_CONTROLLERS,
     BatteryConfig,
+    BodyConfig,
     ControllerConfig,
     DriveConfig,
     MechanismConfig,
@@ -45,6 +46,7 @@ __all__ = [
     "BatteryConfig",
     "BatteryModel",
     "BemfModel",
+    "BodyConfig",
     "ControllerConfig",
     "DriveConfig",
     "DriveModel",
@@ -78,6 +80,7 @@ class RobotConfig:
     controller: ControllerConfig = field(default_factory=ControllerConfig)
     battery: BatteryConfig = field(default_factory=BatteryConfig)
     drive: DriveConfig = field(default_factory=DriveConfig)
+    body: BodyConfig = field(default_factory=BodyConfig)
     motors: Mapping[int, MotorConfig] = field(default_factory=dict)
     tophats: Mapping[str, TophatConfig] = field(default_factory=dict)
     servos: Mapping[str, ServoConfig] = field(default_factory=dict)
@@ -165,6 +168,7 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
         "controller",
         "battery",
         "drive",
+        "body",
         "motor",
         "tophat",
         "servo",
@@ -184,6 +188,7 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
         controller=section(ControllerConfig, table.get("controller", {}), "controller"),
         battery=section(BatteryConfig, table.get("battery", {}), "battery"),
         drive=section(DriveConfig, table.get("drive", {}), "drive"),
+        body=section(BodyConfig, table.get("body", {}), "body"),
         motors={
             _motor_port(key): section(MotorConfig, entry, f"motor.{key}")
             for key, entry in subtable(table, "motor", "").items()
@@ -197,6 +202,7 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
 
 
 _SECTION_NOTES = {
+    "body": "  # the box around the wheels, for the walls of the simulator",
     "motor.0": "  # one section a motor port, 0 to 3",
     "tophat.front": "  # one section a tophat, by any name",
     "servo.claw": "  # one section a servo, by any name",
@@ -234,6 +240,7 @@ def template() -> str:
         ("controller", ControllerConfig),
         ("battery", BatteryConfig),
         ("drive", DriveConfig),
+        ("body", BodyConfig),
         ("motor.0", MotorConfig),
         ("tophat.front", TophatConfig),
         ("servo.claw", ServoConfig),

@@ -75,6 +75,22 @@ class DriveConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class BodyConfig:
+    """`[body]`: the box that bumps into simulated walls, and how hard it can push."""
+
+    front: float = number(0.09, "m", "flat front, ahead of the wheel axis", Bounds(0.0, 1.0))
+    back: float = number(0.09, "m", "flat back, behind the wheel axis", Bounds(0.0, 1.0))
+    width: float = number(0.18, "m", "from the left side to the right", Bounds(0.01, 2.0))
+    mass: float = number(3.0, "kg", "of the robot", Bounds(0.05, 50.0))
+    grip: float = number(
+        0.9,
+        "",
+        "most that both tyres push with before they spin, over the robot's weight",
+        Bounds(0.01, 5.0),
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class MotorConfig:
     """`[motor.N]`: wiring and calibration of one motor port."""
 

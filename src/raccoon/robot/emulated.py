@@ -12,7 +12,7 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
-from raccoon.sim.collision import BODY_RADIUS, Obstacles
+from raccoon.sim.contact import NO_SLIP, Contact
 from raccoon.sim.equations import substep
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
@@ -44,9 +44,10 @@ class SimulatedPlant:
         self._ports = robot.drive.left, robot.drive.right
         self._signs = wiring_signs(parameters)
         self._world = replace(World.default(), walls=()) if world is None else world
-        self._obstacles = Obstacles(self._world, BODY_RADIUS)
         self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
         self._state = state_at_rest(self._numbers)
+        self._contact = Contact(self._world, robot.body, self._level, LONGEST_STEP, (0.0, 0.0, 0.0))
+        self._touching = False
         self.free_motors = {
             each.motor: FreeMotor(robot, each.motor, each.inertia) for each in robot.mechanisms.values()
         }
@@ -60,29 +61,44 @@ class SimulatedPlant:
     def become(self, parameters: Parameters) -> None:
         """Go on as another robot, from here at this speed: another battery, another load. Wiring stays."""
         self._numbers = self._level = plant_numbers(parameters)
+        self._contact.become(self._level)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
-        before = self._state.forward_speed
+        before = self._forward_speed
         steps = math.ceil(seconds / LONGEST_STEP)
         for _ in range(steps):
             step = seconds / steps
             self._state = substep(self._state, self._numbers, self._command(drives), step, 1.0 / step)
-        self._meet_the_world()
+            self._meet_the_world(step)
         for port, motor in self.free_motors.items():
             motor.step(drives[port], self._state.bus, seconds)
-        change = (self._state.forward_speed - before) / seconds if seconds > 0.0 else 0.0
+        change = (self._forward_speed - before) / seconds if seconds > 0.0 else 0.0
         return self._seen(change)
 
-    def _meet_the_world(self) -> None:
+    @property
+    def _forward_speed(self) -> float:
+        return self._state.forward_speed + self._contact.slip.forward
+
+    def _meet_the_world(self, seconds: float) -> None:
         s = self._state
-        x, y = self._obstacles.pushed_out(s.x, s.y)
-        if (x, y) != (s.x, s.y):
-            self._state = s._replace(x=x, y=y)
-        if self._world.ramps:
+        x, y, heading = self._contact.meet((s.x, s.y, s.heading), seconds)
+        if self._contact.slip is not NO_SLIP:
+            self._state = s._replace(
+                x=x, y=y, heading=heading, heading_cos=math.cos(heading), heading_sin=math.sin(heading)
+            )
+        left, right = self._contact.loads
+        touching = left != 0.0 or right != 0.0
+        if touching or self._touching or self._world.ramps:
             along_x, along_y = self._world.slope(x, y)
             level = self._level
-            self._numbers = level._replace(slope_x=level.slope_x + along_x, slope_y=level.slope_y + along_y)
+            self._numbers = level._replace(
+                slope_x=level.slope_x + along_x,
+                slope_y=level.slope_y + along_y,
+                pushed_left=left,
+                pushed_right=right,
+            )
+        self._touching = touching
 
     def _command(self, drives: tuple[Drive, ...]) -> Command:
         left, right = (drives[port] for port in self._ports)
@@ -99,6 +115,7 @@ class SimulatedPlant:
 
     def _seen(self, acceleration: float) -> PlantState:
         s, p = self._state, self._numbers
+        turn_rate = s.yaw_rate + self._contact.slip.turning
         volts = [0.0] * MOTOR_PORTS
         volts[self._ports[0]] = self._signs[0] * p.back_emf_left * s.speed_left
         volts[self._ports[1]] = self._signs[1] * p.back_emf_right * s.speed_right
@@ -107,8 +124,8 @@ class SimulatedPlant:
         return PlantState(
             bemf_volts=tuple(volts),
             battery_voltage=s.bus,
-            gyro=(0.0, 0.0, s.yaw_rate),
-            accel=specific_force(acceleration, s.forward_speed, s.yaw_rate),
+            gyro=(0.0, 0.0, turn_rate),
+            accel=specific_force(acceleration, self._forward_speed, turn_rate),
             analog=self._analog(),
         )
 

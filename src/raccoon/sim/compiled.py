@@ -47,6 +47,8 @@ def source(kind: Kind = ANY) -> str:
     texts = [files("raccoon.sim").joinpath(name).read_text("utf-8") for name in _TEXTS]
     tags = [f"# effect: {each}" for each in kind.without]
     tags += [f"# without effect: {each}" for each in kind.always]
+    if kind is not ANY:
+        tags.append("# world: contact")  # robots in lanes have no table
     texts = [_without(text, tuple(tags)) for text in texts]
     return "\n\n".join((_HEAD, *map(_functions, texts), lanes_text(kind.unfollowed)))
 

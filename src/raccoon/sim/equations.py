@@ -5,7 +5,8 @@ many side by side. That asks for three habits: no branches that change what is c
 `a if c else b`), no division that can meet 0, no function that a vector unit does not have.
 
 A statement that ends with `# effect: ID` is the term of that effect. At the neutral value it changes nothing,
-not even the last bit: without the statement the plant gives the same numbers. docs/simulator.md derives the
+not even the last bit: without the statement the plant gives the same numbers. One that ends with
+`# world: contact` is left out for robots in lanes, which have no table. docs/simulator.md derives the
 equations.
 """
 
@@ -112,6 +113,8 @@ def driven(
     own_left = p.inertia_own + half * damp_left
     own_right = p.inertia_own + half * damp_right
     other = p.inertia_other + half * damp_both
+    drive_left += p.pushed_left  # world: contact
+    drive_right += p.pushed_right  # world: contact
     push_left += h * (drive_left + slope)
     push_right += h * (drive_right + slope)
     sliding_left = Rubbing(h * left.forward, h * left.backward, 0.0)

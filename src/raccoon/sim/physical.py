@@ -124,6 +124,8 @@ def _chassis_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         0.5 * (straight - turn),
         value("drive.slope", "along_x"),
         value("drive.slope", "along_y"),
+        0.0,  # what a robot touches, a table says; see `contact`
+        0.0,
     )
 
 

@@ -21,7 +21,6 @@ from raccoon.core.readings import (
 )
 from raccoon.model.bemf import counter_lag
 from raccoon.sim.chain import Chain, Noise
-from raccoon.sim.collision import BODY_RADIUS
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
@@ -42,7 +41,7 @@ class SimPort:
     the words are for, by default that of the parameters. start: pose in the world (m, m, rad). truth: whether
     Inputs.truth says where the robot is. noise: False for sensors that scatter by nothing, or how much.
     imu_rate_hz: how often a new IMU reading comes. physics_step: s, no step of the plant is longer.
-    body_radius: m, of the disc that bumps into walls. The same seed gives the same run.
+    The same seed gives the same run.
     """
 
     def __init__(
@@ -58,12 +57,10 @@ class SimPort:
         noise: bool | Noise = True,
         imu_rate_hz: float = 200.0,
         physics_step: float = 0.0025,
-        body_radius: float = BODY_RADIUS,
     ) -> None:
         _check("rate_hz", rate_hz, 10.0, 1000.0)
         _check("imu_rate_hz", imu_rate_hz, 1.0, 1000.0)
         _check("physics_step", physics_step, 1e-5, 0.005)
-        _check("body_radius", body_radius, 0.0, 1.0)
         if not all(math.isfinite(each) for each in start):
             raise ConfigError(f"start is {start}: allowed are finite numbers")
         config = robot or parameters.robot
@@ -80,7 +77,7 @@ class SimPort:
             slots=sample_slots(parameters),
             longest_step=min(physics_step, safe_step(np.array([plant]))),
             start=start,
-            body_radius=body_radius,
+            body=parameters.robot.body,
         )
         self._ports = config.drive.left, config.drive.right
         self._signs = wiring_signs(parameters)

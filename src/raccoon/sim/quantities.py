@@ -111,6 +111,8 @@ class Plant(NamedTuple):
     inertia_other: float
     slope_x: float
     slope_y: float
+    pushed_left: float  # N m at the wheel, forward, by what the robot touches
+    pushed_right: float
     deadband_left: float
     deadband_right: float
     latency: float

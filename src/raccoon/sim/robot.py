@@ -9,19 +9,23 @@ from typing import Any
 import numpy as np
 
 from raccoon.core.readings import Outputs
-from raccoon.sim.collision import Obstacles
+from raccoon.core.sections import BodyConfig
+from raccoon.sim.collision import Pose
 from raccoon.sim.compiled import advance_one, has_numba
+from raccoon.sim.contact import NO_SLIP, Contact
 from raccoon.sim.physical import state_at_rest
 from raccoon.sim.quantities import Plant, State
 from raccoon.sim.world import World
 
 Noise = Sequence[Sequence[float]]
+UNSEEN = 1e-6
+"""Rad/s that no gyro sees."""
 
 
 class SimulatedRobot:
     """Steps the plant by one period a call, remembers commands for their latency, minds walls and ramps.
 
-    start: pose in the world. body_radius: m, of the disc that bumps into things.
+    start: pose in the world. body: the box that bumps into things.
     """
 
     def __init__(
@@ -33,17 +37,21 @@ class SimulatedRobot:
         cycle: float,
         slots: tuple[float, float],
         longest_step: float,
-        start: tuple[float, float, float],
-        body_radius: float,
+        start: Pose,
+        body: BodyConfig,
     ) -> None:
-        self.state: State = state_at_rest(plant)
+        self._rolled: State = state_at_rest(plant)
         self._level_plant = self._plant = plant
         self._world = world
         self._period = period
         self._cycle = cycle
         self._slots = slots
         self._longest_step = longest_step
-        self._obstacles = Obstacles(world, body_radius)
+        self._contact = Contact(world, body, plant, period, start)
+        self._touching = False
+        self._slipped = 0.0  # rad/s, slip as the gyro's low-pass follows it
+        low_pass = plant.low_pass
+        self._follows = 1.0 if low_pass == 0.0 else -math.expm1(-period / low_pass)
         self._start_x, self._start_y, self._start_heading = start
         self._cos, self._sin = math.cos(start[2]), math.sin(start[2])
         rows = 1 + (math.ceil(plant.latency / period) + 1 if plant.latency > 0.0 else 0)
@@ -57,9 +65,21 @@ class SimulatedRobot:
         self._advance = advance_one()
 
     @property
-    def pose(self) -> tuple[float, float, float]:
+    def state(self) -> State:
+        """Of the plant, with the speeds of the robot itself where tyres slip at a wall."""
+        slip, seen = self._contact.slip, self._rolled
+        if slip is NO_SLIP and self._slipped == 0.0:
+            return seen
+        return seen._replace(
+            forward_speed=seen.forward_speed + slip.forward,
+            yaw_rate=seen.yaw_rate + slip.turning,
+            gyro_rate=seen.gyro_rate + self._slipped,
+        )
+
+    @property
+    def pose(self) -> Pose:
         """x, y in m and heading in rad (unwrapped), in the world."""
-        s = self.state
+        s = self._rolled
         return (
             self._start_x + self._cos * s.x - self._sin * s.y,
             self._start_y + self._sin * s.x + self._cos * s.y,
@@ -76,27 +96,43 @@ class SimulatedRobot:
             for index, draw in enumerate(draws):
                 ours[index] = draw
         after = self._advance(
-            self.state, self._plant, self._past, self._times,
+            self._rolled, self._plant, self._past, self._times,
             self._rows - 1, self._rows, self._cycle, self._longest_step, self._slots,
             self._noise, self._kept, self._out,
         )  # fmt: skip
-        self.state = State._make(after)
+        self._rolled = State._make(after)
         self._meet_the_world()
 
     def _meet_the_world(self) -> None:
-        x, y, _ = self.pose
-        free_x, free_y = self._obstacles.pushed_out(x, y)
-        if (free_x, free_y) != (x, y):
-            dx, dy = free_x - self._start_x, free_y - self._start_y
-            self.state = self.state._replace(
-                x=self._cos * dx + self._sin * dy, y=self._cos * dy - self._sin * dx
+        pose = self.pose
+        contact = self._contact
+        x, y, heading = contact.meet(pose, self._period)
+        slip = contact.slip
+        if slip is not NO_SLIP:
+            dx, dy = x - self._start_x, y - self._start_y
+            ahead = heading - self._start_heading
+            self._rolled = self._rolled._replace(
+                x=self._cos * dx + self._sin * dy,
+                y=self._cos * dy - self._sin * dx,
+                heading=ahead,
+                heading_cos=math.cos(ahead),
+                heading_sin=math.sin(ahead),
             )
-        if self._world.ramps:
-            along_x, along_y = self._world.slope(free_x, free_y)
+        if slip is not NO_SLIP or self._slipped != 0.0:
+            self._slipped += self._follows * (slip.turning - self._slipped)
+            if abs(self._slipped) < UNSEEN:
+                self._slipped = 0.0
+        left, right = contact.loads
+        touching = left != 0.0 or right != 0.0
+        if touching or self._touching or self._world.ramps:
+            along_x, along_y = self._world.slope(x, y)
             self._plant = self._level_plant._replace(
                 slope_x=self._level_plant.slope_x + self._cos * along_x + self._sin * along_y,
                 slope_y=self._level_plant.slope_y + self._cos * along_y - self._sin * along_x,
+                pushed_left=left,
+                pushed_right=right,
             )
+        self._touching = touching
 
 
 def bridges(outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]) -> Any:

@@ -98,6 +98,7 @@ def robot_table(config: RobotConfig) -> dict[str, Any]:
         "controller": _plain(config.controller),
         "battery": _plain(config.battery),
         "drive": _plain(config.drive),
+        "body": _plain(config.body),
         "motor": {str(port): _plain(motor) for port, motor in config.motors.items()},
         "tophat": {name: _plain(tophat) for name, tophat in config.tophats.items()},
         "servo": {name: _plain(servo) for name, servo in config.servos.items()},

@@ -12,12 +12,20 @@ from raccoon.core.config import parse_robot
 from raccoon.core.errors import ConfigError
 from raccoon.core.nominal import MODEL_SECTIONS
 from raccoon.core.schema import Bounds
-from raccoon.core.sections import BatteryConfig, ControllerConfig, MechanismConfig, MotionConfig, MotorConfig
+from raccoon.core.sections import (
+    BatteryConfig,
+    BodyConfig,
+    ControllerConfig,
+    MechanismConfig,
+    MotionConfig,
+    MotorConfig,
+)
 from raccoon.robot.actions import wait
 from raccoon.robot.opening import open_robot
 
 SECTIONS: dict[str, type[Any]] = {
     "controller": ControllerConfig,
+    "body": BodyConfig,
     "battery": BatteryConfig,
     "motor.0": MotorConfig,
     "mechanism.arm": MechanismConfig,

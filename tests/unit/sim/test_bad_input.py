@@ -91,7 +91,6 @@ def test_impossible_parameters(value: Any) -> None:
         (lambda: SimPort(plain(), rate_hz=NAN), "rate_hz is nan"),
         (lambda: SimPort(plain(), imu_rate_hz=-5.0), "imu_rate_hz is -5.0"),
         (lambda: SimPort(plain(), start=(NAN, 0.0, 0.0)), "start is"),
-        (lambda: SimPort(plain(), body_radius=-1.0), "body_radius is -1.0"),
         (lambda: rollout(plain(), COMMANDS, longest_step=1.0), r"longest_step is 1\.0 s: .* up to 0\.02"),
         (lambda: rollout(plain(), COMMANDS, initial={"x": NAN}), "initial: x is nan"),
         (lambda: rollout([plain()] * 3, COMMANDS, initial={"x": [1.0, 2.0]}), r"shape \(2,\): .* or 3"),

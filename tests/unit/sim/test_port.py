@@ -90,15 +90,6 @@ def test_it_takes_no_commands_after_close_and_closes_twice() -> None:
         port.read()
 
 
-def test_walls_hold_the_robot_and_let_it_slide() -> None:
-    parameters = Parameters.from_robot(RobotConfig())
-    port = SimPort(parameters, World.default(), start=(0.0, 0.3, 0.3), noise=False, body_radius=0.09)
-    inputs = drive(port, (1.0, 1.0), 1200)
-    assert inputs.truth is not None
-    assert inputs.truth.y == pytest.approx(0.57 - 0.09, abs=1e-9)
-    assert inputs.truth.x > 0.8
-
-
 @pytest.mark.parametrize(("name", "value"), [("rate_hz", 0.0), ("imu_rate_hz", -1.0), ("physics_step", 0.1)])
 def test_impossible_options_are_named(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=name):

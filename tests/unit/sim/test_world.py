@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from raccoon.core.config import RobotConfig, TophatConfig
+from raccoon.core.config import BodyConfig, RobotConfig, TophatConfig
 from raccoon.core.readings import Outputs
 from raccoon.sim.collision import Obstacles
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.tophats import Tophat, darkness
-from raccoon.sim.world import Box, Line, Ramp, Thing, World, walls_around
+from raccoon.sim.world import Box, Line, Ramp, Thing, Wall, World, walls_around
 
 PARAMETERS = Parameters.from_robot(
     RobotConfig(tophats={"front": TophatConfig(analog=0, forward=0.1, left=0.02)})
@@ -61,26 +61,94 @@ def test_crossing_a_line_shows_in_the_word_and_in_the_truth() -> None:
     assert min(each.analog[0] or 0 for each in cycles) == pytest.approx(1270, abs=2)
 
 
-def test_obstacles_are_the_same_whether_or_not_it_looked_before() -> None:
+BOX = BodyConfig(front=0.12, back=0.06, width=0.2)
+
+
+def touched(world: World, x: float, y: float, heading_deg: float) -> list[tuple[float, ...]]:
+    """Place, direction and depth of each touch of a box with corners at (0.12, 0.1) and (-0.06, 0.1)."""
+    found = Obstacles(world, BOX).touches((x, y, math.radians(heading_deg)))
+    return sorted(tuple(round(number, 9) + 0.0 for number in touch) for touch in found)
+
+
+def test_touches_are_the_same_whether_or_not_it_looked_before() -> None:
     world = World(walls=walls_around(Box((-1.0, -1.0), (1.0, 1.0))), objects=(Thing((0.3, 0.2), 0.1),))
-    walker = Obstacles(world, 0.1)
+    walker = Obstacles(world, BOX)
     random = np.random.default_rng(5)
-    x = y = 0.0
+    x = y = heading = 0.0
+    met = 0
     for _ in range(4000):
-        wish = x + random.normal(0.0, 0.01), y + random.normal(0.0, 0.01)
-        x, y = walker.pushed_out(*wish)
-        assert (x, y) == pytest.approx(Obstacles(world, 0.1).pushed_out(*wish), abs=1e-12)
-        assert max(abs(x), abs(y)) <= 0.9 + 1e-12
-        assert math.dist((x, y), (0.3, 0.2)) >= 0.2 - 1e-9
+        x, y = (min(max(each + random.normal(0.0, 0.02), -0.95), 0.95) for each in (x, y))
+        heading += random.normal(0.0, 0.1)
+        fresh = Obstacles(world, BOX).touches((x, y, heading))
+        assert walker.touches((x, y, heading)) == fresh
+        met += bool(fresh)
+    assert 500 < met < 3500
 
 
-def test_a_corner_holds_from_both_sides() -> None:
+def test_a_wall_ahead_is_touched_by_both_front_corners_or_by_the_one_that_leads() -> None:
+    world = World(walls=(Wall((0.5, -1.0), (0.5, 1.0)),))
+    assert touched(world, 0.379, 0.0, 0.0) == []
+    both = [(0.12, -0.1, -1.0, 0.0, 0.001), (0.12, 0.1, -1.0, 0.0, 0.001)]
+    assert touched(world, 0.381, 0.0, 0.0) == both
+    # Turned left the right corner leads; behind the wall its normal looks the other way.
+    ((x, y, normal_x, normal_y, depth),) = touched(world, 0.381, 0.0, 10.0)
+    assert (x, y) == (0.12, -0.1)
+    assert (normal_x, normal_y) == pytest.approx((-math.cos(math.radians(10)), math.sin(math.radians(10))))
+    lead = 0.12 * math.cos(math.radians(10)) + 0.1 * math.sin(math.radians(10))
+    assert depth == pytest.approx(0.381 + lead - 0.5)
+    assert touched(world, 0.559, 0.0, 0.0) == [
+        (-0.06, -0.1, 1.0, 0.0, 0.001),
+        (-0.06, 0.1, 1.0, 0.0, 0.001),
+    ]
+
+
+def test_the_back_and_the_sides_touch_as_well() -> None:
+    wall = World(walls=(Wall((-1.0, 0.0), (1.0, 0.0)),))
+    assert touched(wall, 0.0, 0.059, 90.0) == [
+        (-0.06, -0.1, 1.0, 0.0, 0.001),
+        (-0.06, 0.1, 1.0, 0.0, 0.001),
+    ]
+    assert touched(wall, 0.0, 0.099, 0.0) == [(-0.06, -0.1, 0.0, 1.0, 0.001), (0.12, -0.1, 0.0, 1.0, 0.001)]
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_the_end_of_a_wall_touches_a_side_and_no_corner(turned: bool) -> None:
+    ends = ((0.05, 0.099), (0.05, 1.0))
+    world = World(walls=(Wall(*(ends[::-1] if turned else ends)),))
+    assert touched(world, 0.0, 0.0, 0.0) == [(0.05, 0.099, 0.0, -1.0, 0.001)]
+    ahead = World(walls=(Wall((0.119, 0.02), (0.6, 0.1)),))
+    assert touched(ahead, 0.0, 0.0, 0.0) == [(0.119, 0.02, -1.0, 0.0, 0.001)]
+
+
+def test_a_wall_narrower_than_the_robot_touches_with_its_ends() -> None:
+    world = World(walls=(Wall((0.119, -0.05), (0.119, 0.3)),))
+    assert touched(world, 0.0, 0.0, 0.0) == [
+        (0.119, -0.05, -1.0, 0.0, 0.001),
+        (0.12, 0.1, -1.0, 0.0, 0.001),
+    ]
+
+
+def test_in_a_corner_of_the_table_each_wall_pushes_its_own_way() -> None:
     world = World(walls=walls_around(Box((-1.0, -1.0), (1.0, 1.0))))
-    assert Obstacles(world, 0.1).pushed_out(0.97, 0.95) == pytest.approx((0.9, 0.9))
+    ways = {touch[2:4] for touch in touched(world, 0.8805, 0.9005, 0.0)}
+    assert ways == {(-1.0, 0.0), (0.0, -1.0)}
+
+
+def test_an_object_touches_a_face_or_a_corner() -> None:
+    assert touched(World(objects=(Thing((0.169, 0.03), 0.05),)), 0.0, 0.0, 0.0) == [
+        (0.12, 0.03, -1.0, 0.0, 0.001)
+    ]
+    ((x, y, normal_x, normal_y, depth),) = touched(World(objects=(Thing((0.15, 0.14), 0.06),)), 0.0, 0.0, 0.0)
+    assert (x, y, depth) == pytest.approx((0.12, 0.1, 0.01))
+    assert (normal_x, normal_y) == pytest.approx((-0.6, -0.8))
+    assert touched(World(objects=(Thing((0.0, -0.08), 0.05),)), 0.0, 0.0, 0.0) == [
+        (0.0, -0.08, 0.0, 1.0, 0.07)
+    ]
 
 
 def test_nothing_stands_in_the_way_on_an_empty_table() -> None:
-    assert Obstacles(World.empty(), 0.1).pushed_out(7.0, -3.0) == (7.0, -3.0)
+    assert Obstacles(World.empty(), BOX).touches((7.0, -3.0, 0.3)) == []
+    assert Obstacles(World.empty(), BOX).far(7.0, -3.0)
 
 
 @pytest.mark.parametrize("start", [0.0, math.pi / 2])
