@@ -7,6 +7,7 @@ U = R I + K_E w and K_E I = J dw/dt + b w + T_c sign(w) give
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from raccoon.core.config import RobotConfig
@@ -35,6 +36,15 @@ class WheelModel:
         direction = (speed > 0.0) - (speed < 0.0) or (acceleration > 0.0) - (acceleration < 0.0)
         torque = self.inertia * acceleration + self.viscous * speed + self.coulomb * direction
         return self.back_emf_constant * speed + self.resistance / self.back_emf_constant * torque
+
+    def pressing(self, wanted: float, speed: float, torque: float) -> float:
+        """V for `wanted` rad/s, but no more than gives `torque` N m beyond friction at the present `speed`.
+
+        A wheel that is turned back, or whose reading scatters about 0, gets what one does that stands.
+        """
+        ahead = max(0.0, speed if wanted > 0.0 else -speed)
+        most = self.voltage(ahead, torque / self.inertia)
+        return math.copysign(min(abs(self.voltage(wanted)), most), wanted)
 
     def top_speed(self, voltage: float) -> float:
         """Rad/s at steady state with `voltage` V at the motor; 0 where it cannot overcome friction."""

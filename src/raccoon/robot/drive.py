@@ -126,13 +126,19 @@ class Drive:
         self._claim()
         self._open_loop = (left, right)
 
-    def push(self, forward: float, battery_voltage: float | None) -> None:
-        """In this tick, give both motors the voltage for `forward` m/s and no more, whatever they do."""
+    def push(
+        self, forward: float, battery_voltage: float | None, speeds: tuple[float, float], force: float
+    ) -> None:
+        """In this tick, give both motors the voltage for `forward` m/s and no more, whatever they do; and of
+        that no more than presses with `force` N a wheel at the rad/s that the left and the right one turn
+        with (inf: all of it).
+        """
         self._claim()
         voltage = self.wheels.battery if battery_voltage is None else battery_voltage
+        wanted, torque = self.wheel_speed(forward), force * self._radius
         left, right = (
-            max(-1.0, min(1.0, wheel.voltage(self.wheel_speed(forward)) / voltage))
-            for wheel in self.wheels.models
+            max(-1.0, min(1.0, wheel.pressing(wanted, speed, torque) / voltage))
+            for wheel, speed in zip(self.wheels.models, speeds, strict=True)
         )
         self._open_loop = (left, right)
 

@@ -24,13 +24,14 @@ from raccoon import (
     seq,
     wait,
 )
+from raccoon.core.config import BodyConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions import Action
 from raccoon.robot.driving import search
 from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Line, World
+from raccoon.sim.world import Line, Wall, World
 from robots import CONFIG, simulated
 
 CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
@@ -175,42 +176,37 @@ def test_a_line_is_not_looked_for_without_driving(make: Callable[[], object]) ->
         make()
 
 
-class WallAhead:
-    """A wall across the way: a front corner that touches it stops its wheel: the robot turns square."""
-
-    def __init__(self, distance: float, heading: float) -> None:
-        self._port = simulated(start=(0.0, 0.0, heading))
-        self._distance = distance
-        self._last: Inputs | None = None
-
-    def read(self) -> Inputs:
-        self._last = self._port.read()
-        return self._last
-
-    def write(self, outputs: Outputs) -> None:
-        assert self._last is not None
-        assert self._last.truth is not None
-        here = self._last.truth
-        duty = list(outputs.duty)
-        for port, side in ((0, 0.08), (1, -0.08)):
-            corner = here.x + 0.05 * math.cos(here.heading) - side * math.sin(here.heading)
-            if corner > self._distance:
-                duty[port] = 0.0
-        self._port.write(Outputs(duty=tuple(duty), brake=(True,) * 4))
-
-    def close(self) -> None:
-        self._port.close()
+def _wall(askew: float, distance: float) -> World:
+    """A wall ahead, or behind for a distance below 0, to which the heading `askew` rad is square."""
+    x, y = distance * math.cos(askew), distance * math.sin(askew)
+    along_x, along_y = -2.0 * math.sin(askew), 2.0 * math.cos(askew)
+    return World(walls=(Wall((x - along_x, y - along_y), (x + along_x, y + along_y)),))
 
 
-@pytest.mark.parametrize("askew_deg", [8.0, -8.0])
-def test_the_robot_squares_up_to_a_wall(askew_deg: float) -> None:
-    with open_robot(CONFIG, port=WallAhead(0.2, deg(askew_deg))) as robot:
+@pytest.mark.parametrize("speed", [0.06, -0.06, 0.15])
+@pytest.mark.parametrize("askew_deg", [8.0, -8.0, 20.0])
+def test_the_robot_squares_up_to_a_wall(askew_deg: float, speed: float) -> None:
+    port = simulated(world=_wall(deg(askew_deg), math.copysign(0.2, speed)))
+    with open_robot(CONFIG, port=port) as robot:
         robot.run(wait(0.5))
-        robot.run(align_on_wall(heading=0.0, heading_std=0.01))
-        robot.run(wait(0.2))
-        assert robot.inputs is not None
-        assert robot.inputs.truth is not None
-        assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=1.5)
+        result = robot.run(align_on_wall(speed, heading=deg(askew_deg), heading_std=0.01))
+        _, _, heading = port._robot.pose
+        assert math.degrees(heading) == pytest.approx(askew_deg, abs=0.5)
+        here = robot.estimate
+        assert here.heading == pytest.approx(heading, abs=deg(0.3))
+        # What gyro and wheels said of the turn before the wall was believed.
+        assert math.degrees(result.heading) == pytest.approx(0.0, abs=0.5)
+        assert port._robot.state.speed_left == pytest.approx(0.0, abs=0.01)
+
+
+def test_wheels_that_spin_at_a_wall_are_said_as_well() -> None:
+    slippery = replace(CONFIG, body=BodyConfig(mass=1.0, grip=0.5))
+    port = simulated(world=_wall(0.0, 0.12), config=slippery)
+    with (
+        open_robot(slippery, port=port) as robot,
+        pytest.raises(MotionTimeout, match=r"no wall after 2 s: .* or spinning at it"),
+    ):
+        robot.run(align_on_wall(timeout=2.0))
 
 
 @pytest.mark.parametrize("port", ["sim", "emulator"])
@@ -218,6 +214,6 @@ def test_no_wall_is_said(port: str) -> None:
     config = replace(CONFIG, controller=replace(CONFIG.controller, port=port))
     with (
         open_robot(config) as robot,
-        pytest.raises(MotionTimeout, match=r"no wall after 1 s: .*at a wall of the simulator"),
+        pytest.raises(MotionTimeout, match="no wall after 1 s: the wheels still turn"),
     ):
         robot.run(align_on_wall(timeout=1.0))
