@@ -6,8 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raccoon import open_robot, wait
 from raccoon.cli.main import main
+from raccoon.cli.view.drawing import _outline
 from raccoon.cli.view.drive import drive_of
+from raccoon.core.config import BodyConfig, ControllerConfig, RobotConfig
 from raccoon.core.errors import TraceError
 
 TABLES = Path(__file__).resolve().parents[3] / "examples" / "tables"
@@ -51,6 +54,20 @@ def test_how_far_and_how_long(recording: Path) -> None:
     drive = drive_of(recording)
     assert drive.seconds == 2.0
     assert drive.length == pytest.approx(0.5 * np.pi / 2, rel=1e-3)
+
+
+def test_the_robot_is_drawn_as_long_and_as_wide_as_it_was_recorded(tmp_path: Path) -> None:
+    for front in (0.09, 0.2):
+        config = RobotConfig(controller=ControllerConfig(port="sim"), body=BodyConfig(front=front))
+        path = tmp_path / f"front {front}.jsonl"
+        with open_robot(config, record=path, seed=1) as robot:
+            robot.run(wait(0.1))
+        drive = drive_of(path.with_suffix(".jsonl.gz"))
+        assert drive.body == config.body
+        corners, (line, _) = _outline(drive.best, 0, drive.body)
+        assert corners[:, 0].tolist() == pytest.approx([front, -0.09, -0.09, front])
+        assert corners[:, 1].tolist() == pytest.approx([0.09, 0.09, -0.09, -0.09])
+        assert line.tolist() == pytest.approx([0.0, front])
 
 
 def test_it_can_be_moved_to_where_it_started(recording: Path) -> None:

@@ -10,10 +10,10 @@ import numpy as np
 
 from raccoon.cli.outputs import save_figure
 from raccoon.cli.view.drive import Drive, Path2
+from raccoon.core.config import BodyConfig
 from raccoon.core.files import write_atomically
 from raccoon.sim.world import Box, World
 
-BODY_RADIUS = 0.09  # m
 FRAMES_A_SECOND = 10
 MOST_FRAMES = 600
 ANIMATION_DPI = 72
@@ -26,8 +26,8 @@ def write_picture(drive: Drive, world: World, path: Path) -> None:
     figure, axes = _table(world, drive)
     for which, trail in _trails(axes, drive):
         trail.set_data(which.x, which.y)
-    _robot(axes, drive.best, 0, filled=False)
-    _robot(axes, drive.best, -1, filled=True)
+    _robot(axes, drive, 0, filled=False)
+    _robot(axes, drive, -1, filled=True)
     axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize=7)
     _save(figure, path)
 
@@ -52,7 +52,7 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
     moments = np.linspace(best.time[0], best.time[-1], count)
     rows = np.searchsorted(best.time, moments).clip(0, len(best.time) - 1)
     trails = _trails(axes, drive)
-    body, nose = _robot(axes, best, 0, filled=True)
+    body, nose = _robot(axes, drive, 0, filled=True)
     clock = axes.set_title("", fontsize=8, loc="left")
 
     def draw(frame: int) -> Any:
@@ -60,8 +60,9 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
         for which, trail in trails:
             until = int(np.searchsorted(which.time, moments[frame], side="right"))
             trail.set_data(which.x[:until], which.y[:until])
-        body.center = (best.x[row], best.y[row])
-        nose.set_data(*_nose(best, row))
+        outline, line = _outline(best, row, drive.body)
+        body.set_xy(outline)
+        nose.set_data(*line)
         clock.set_text(f"{best.time[row] - best.time[0]:.1f} s")
         figure.canvas.draw()
         return Image.fromarray(np.asarray(figure.canvas.buffer_rgba())).convert("RGB").quantize()
@@ -130,18 +131,24 @@ def _rectangle(box: Box, **style: Any) -> Any:
     return Rectangle(box.low, box.high[0] - box.low[0], box.high[1] - box.low[1], **style)
 
 
-def _robot(axes: Any, path: Path2, row: int, *, filled: bool) -> tuple[Any, Any]:
-    from matplotlib.patches import Circle
+def _robot(axes: Any, drive: Drive, row: int, *, filled: bool) -> tuple[Any, Any]:
+    from matplotlib.patches import Polygon
 
-    body = Circle((path.x[row], path.y[row]), BODY_RADIUS, fill=filled, color=TRUTH, alpha=0.35)
+    outline, line = _outline(drive.best, row, drive.body)
+    body = Polygon(outline, closed=True, fill=filled, color=TRUTH, alpha=0.35)
     axes.add_patch(body)
-    (nose,) = axes.plot(*_nose(path, row), color=TRUTH, linewidth=2.0)
+    (nose,) = axes.plot(*line, color=TRUTH, linewidth=2.0)
     return body, nose
 
 
-def _nose(path: Path2, row: int) -> tuple[list[float], list[float]]:
-    x, y, heading = path.x[row], path.y[row], path.heading[row]
-    return [x, x + BODY_RADIUS * np.cos(heading)], [y, y + BODY_RADIUS * np.sin(heading)]
+def _outline(path: Path2, row: int, body: BodyConfig) -> tuple[Any, Any]:
+    """Corners of the robot's box (4, 2), and x and y of a line from its middle to its front."""
+    heading = path.heading[row]
+    ahead, aside = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
+    middle, side = np.array([path.x[row], path.y[row]]), 0.5 * body.width
+    ends = ((body.front, side), (-body.back, side), (-body.back, -side), (body.front, -side))
+    corners = np.array([middle + along * ahead + across * aside for along, across in ends])
+    return corners, np.stack([middle, middle + body.front * ahead], axis=1)
 
 
 def _extent(world: World, drive: Drive) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -150,7 +157,8 @@ def _extent(world: World, drive: Drive) -> tuple[tuple[float, float], tuple[floa
     ys = np.concatenate([each.y for each in paths])
     low, high = (float(xs.min()), float(ys.min())), (float(xs.max()), float(ys.max()))
     if world.area is None:
-        return (low[0] - BODY_RADIUS, low[1] - BODY_RADIUS), (high[0] + BODY_RADIUS, high[1] + BODY_RADIUS)
+        reach = max(drive.body.front, drive.body.back, 0.5 * drive.body.width)
+        return (low[0] - reach, low[1] - reach), (high[0] + reach, high[1] + reach)
     area = world.area
     return (
         (min(low[0], area.low[0]), min(low[1], area.low[1])),

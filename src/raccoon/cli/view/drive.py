@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.config import BodyConfig
 from raccoon.core.errors import TraceError
 from raccoon.trace.loading import Run, load_run
 
@@ -38,11 +39,13 @@ class Path2:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive to draw. truth or estimate may be absent, not both. events: time and text."""
+    """A drive to draw. truth or estimate may be absent, not both. events: time and text. body: the robot's
+    outline, the usual one where the recording does not say."""
 
     truth: Path2 | None
     estimate: Path2 | None
     events: tuple[tuple[float, str], ...]
+    body: BodyConfig
 
     @property
     def best(self) -> Path2:
@@ -82,7 +85,7 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
         estimate = estimate.placed(*begin)
     time = run.recording["t"]
     events = tuple((float(time[each.tick]), each.text) for each in run.recording.events if each.tick >= 0)
-    return Drive(truth, estimate, events)
+    return Drive(truth, estimate, events, BodyConfig() if run.robot is None else run.robot.body)
 
 
 def _truth(run: Run) -> Path2 | None:
