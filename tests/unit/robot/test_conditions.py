@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from raccoon import (
+    MotionTimeout,
     after_distance,
     bumped,
     drive,
@@ -16,53 +17,57 @@ from raccoon import (
     wait_for,
 )
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.sim.port import SimPort
+from raccoon.sim.world import Wall, World
 from robots import CONFIG, simulated
 
+WALL = World(walls=(Wall((0.29, -1.0), (0.29, 1.0)),))
+"""Met after 0.2 m."""
 
-class Walled:
-    """The simulated robot. Ahead of 0.2 m its wheels get power and do not turn."""
+
+def walled() -> SimPort:
+    """The simulated robot before a wall, with drivers that give 0.5 A: a push that its tyres hold."""
+    return simulated(world=WALL, effects={"motor.current_limit": {"limit": 0.5}})
+
+
+class Struck:
+    """The simulated robot, which is struck once on its way, from the front."""
 
     def __init__(self) -> None:
         self._port = simulated()
-        self._ahead = False
-        self._held: tuple[float | None, ...] | None = None
+        self._struck: float | None = None
 
     def read(self) -> Inputs:
         inputs = self._port.read()
         assert inputs.truth is not None
-        if not (self._ahead and inputs.truth.x > 0.2):
-            self._held = None
+        assert inputs.accel is not None
+        if self._struck is None and inputs.truth.x > 0.2:
+            self._struck = inputs.time
+        if self._struck is None or inputs.time - self._struck > 0.03:
             return inputs
-        self._held = self._held or inputs.position
-        return replace(inputs, bemf=(0.0,) * 4, position=self._held)
+        return replace(inputs, accel=(-15.0 / inputs.device.accel_m_s2, *inputs.accel[1:]))
 
     def write(self, outputs: Outputs) -> None:
-        self._ahead = outputs.duty[0] > 0.0
         self._port.write(outputs)
 
     def close(self) -> None:
         self._port.close()
 
 
-class Struck(Walled):
-    """The same with free wheels: it is struck once on its way, from the front."""
-
-    def read(self) -> Inputs:
-        inputs = self._port.read()
-        assert inputs.truth is not None
-        assert inputs.accel is not None
-        if self._held is None and inputs.truth.x > 0.2:
-            self._held = (inputs.time,)
-        if self._held is None or self._held[0] is None or inputs.time - self._held[0] > 0.03:
-            return inputs
-        return replace(inputs, accel=(-15.0 / inputs.device.accel_m_s2, *inputs.accel[1:]))
-
-
 def test_a_robot_backs_off_from_what_stalls_it() -> None:
-    with open_robot(CONFIG, port=Walled()) as robot:
+    with open_robot(CONFIG, port=walled()) as robot:
         robot.run(wait(0.5))
         robot.run(seq(drive(0.15).until(stalled()), drive(-0.15).until(stalled() | after_distance(0.1))))
-        assert robot.estimate.distance == pytest.approx(0.1, abs=0.02)
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        assert robot.inputs.truth.x == pytest.approx(0.1, abs=0.02)
+
+
+def test_wheels_that_spin_at_a_wall_are_not_stalled() -> None:
+    with open_robot(CONFIG, port=simulated(world=WALL)) as robot:
+        robot.run(wait(0.5))
+        with pytest.raises(MotionTimeout):
+            robot.run(drive(0.15).until(stalled()).timeout(4.0))
 
 
 def test_a_robot_backs_off_from_what_struck_it() -> None:
@@ -76,13 +81,13 @@ def test_a_robot_backs_off_from_what_struck_it() -> None:
 
 
 def test_a_wheel_that_goes_on_standing_still_is_stalled() -> None:
-    with open_robot(CONFIG, port=Walled()) as robot:
+    with open_robot(CONFIG, port=walled()) as robot:
         robot.run(wait(0.5))
         robot.run(race(drive(0.15), seq(wait_for(stalled()), wait_for(stalled()))).timeout(6.0))
 
 
 def test_what_still_holds_is_not_its_opposite() -> None:
-    with open_robot(CONFIG, port=Walled()) as robot:
+    with open_robot(CONFIG, port=walled()) as robot:
         robot.run(wait(0.5))
         stuck = seq(wait_for(stalled()), wait_for(~stalled()))
         assert robot.run(race(drive(0.15), stuck, seq(wait_for(stalled()), wait(0.5))))[0] == 2

@@ -32,6 +32,12 @@ GRIP = 0.5 * ROBOT.body.grip * ROBOT.body.mass * GRAVITY * RADIUS
 """N m that a tyre carries."""
 AHEAD = 0.2
 WALL = World(walls=(Wall((AHEAD, -2.0), (AHEAD, 2.0)),))
+LOOSE = (
+    ("friction.presliding", {"compliance": 0.05, "damping": 0.1}),
+    ("drive.backlash", {"angle": 0.05}),
+    ("drive.wheel_slip", {"time": 0.02}),
+    ("drive.wheel_eccentricity", {"amplitude": 0.02}),
+)
 WEAK, STRONG = 0.12, 0.6
 """Duties: 0.24 N m beyond friction against the grip's 0.46, and 2.3 N m."""
 
@@ -140,6 +146,20 @@ def test_a_robot_that_meets_a_wall_askew_ends_square_to_it_and_stands(
     later = run.drive(sign * duty, sign * duty, 2.0)
     assert (later.x, later.y, later.heading) == pytest.approx(
         (reached.x, reached.y, reached.heading), abs=1e-6
+    )
+
+
+@pytest.mark.parametrize(("effect", "values"), LOOSE)
+@pytest.mark.parametrize("duty", [WEAK, STRONG])
+def test_loose_gears_and_soft_tyres_stand_at_a_wall_as_well(
+    effect: str, values: dict[str, float], duty: float
+) -> None:
+    run = Run(start=(0.07, 0.0, 0.15), robot=Parameters.from_robot(ROBOT).with_effect(effect, None, **values))
+    reached = run.drive(duty, duty, 7.0)
+    assert reached.heading == pytest.approx(0.0, abs=math.radians(0.1))
+    later = run.drive(duty, duty, 0.5)
+    assert (later.x, later.y, later.heading) == pytest.approx(
+        (reached.x, reached.y, reached.heading), abs=1e-5
     )
 
 
