@@ -12,7 +12,7 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
-from raccoon.sim.contact import NO_SLIP, Contact
+from raccoon.sim.contact import NO_LOADS, NO_SLIP, Contact, loaded
 from raccoon.sim.equations import substep
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
@@ -87,17 +87,9 @@ class SimulatedPlant:
             self._state = s._replace(
                 x=x, y=y, heading=heading, heading_cos=math.cos(heading), heading_sin=math.sin(heading)
             )
-        left, right = self._contact.loads
-        touching = left != 0.0 or right != 0.0
+        touching = self._contact.loads != NO_LOADS
         if touching or self._touching or self._world.ramps:
-            along_x, along_y = self._world.slope(x, y)
-            level = self._level
-            self._numbers = level._replace(
-                slope_x=level.slope_x + along_x,
-                slope_y=level.slope_y + along_y,
-                pushed_left=left,
-                pushed_right=right,
-            )
+            self._numbers = loaded(self._level, self._world.slope(x, y), self._contact.loads)
         self._touching = touching
 
     def _command(self, drives: tuple[Drive, ...]) -> Command:

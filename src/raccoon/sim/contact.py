@@ -30,7 +30,7 @@ ROUNDS, SOFT = 20, 0.02
 ENOUGH = 1e-3
 """N, of how far a tyre may be beyond its grip."""
 Pair = tuple[float, float]
-"""Of the left and of the right wheel."""
+"""Of the left and of the right wheel, or of x and y."""
 
 
 class Slip(NamedTuple):
@@ -40,7 +40,18 @@ class Slip(NamedTuple):
     turning: float
 
 
-NO_SLIP = Slip(0.0, 0.0)
+NO_SLIP, NO_LOADS = Slip(0.0, 0.0), (0.0, 0.0)
+
+
+def loaded(level: Plant, slope: Pair, loads: Pair) -> Plant:
+    """A robot on a slope (N m at each wheel along x and y of its start pose) whose wheels are pushed (N m,
+    left and right)."""
+    return level._replace(
+        slope_x=level.slope_x + slope[0],
+        slope_y=level.slope_y + slope[1],
+        pushed_left=loads[0],
+        pushed_right=loads[1],
+    )
 
 
 class _Push(NamedTuple):
@@ -70,7 +81,7 @@ class Contact:
         self._grip = 0.5 * body.grip * body.mass * GRAVITY
         self._period = period
         self._before = pose
-        self.loads: Pair = (0.0, 0.0)
+        self.loads: Pair = NO_LOADS
         """N m on each wheel, forward positive: for the next step of the plant."""
         self.slip = NO_SLIP
         """In the last step."""
@@ -91,7 +102,7 @@ class Contact:
     def meet(self, pose: Pose, seconds: float) -> Pose:
         """Where the robot is that rolled to `pose` in a step of `seconds`, and what is then on its wheels."""
         before, self._before = self._before, pose
-        self.slip, self.loads = NO_SLIP, (0.0, 0.0)
+        self.slip, self.loads = NO_SLIP, NO_LOADS
         if self._obstacles.far(pose[0], pose[1]) or seconds <= 0.0:
             return pose
         touches = self._obstacles.touches(pose)

@@ -12,7 +12,7 @@ from raccoon.core.readings import Outputs
 from raccoon.core.sections import BodyConfig
 from raccoon.sim.collision import Pose
 from raccoon.sim.compiled import advance_one, has_numba
-from raccoon.sim.contact import NO_SLIP, Contact
+from raccoon.sim.contact import NO_LOADS, NO_SLIP, Contact, loaded
 from raccoon.sim.physical import state_at_rest
 from raccoon.sim.quantities import Plant, State
 from raccoon.sim.world import World
@@ -122,16 +122,11 @@ class SimulatedRobot:
             self._slipped += self._follows * (slip.turning - self._slipped)
             if abs(self._slipped) < UNSEEN:
                 self._slipped = 0.0
-        left, right = contact.loads
-        touching = left != 0.0 or right != 0.0
+        touching = contact.loads != NO_LOADS
         if touching or self._touching or self._world.ramps:
             along_x, along_y = self._world.slope(x, y)
-            self._plant = self._level_plant._replace(
-                slope_x=self._level_plant.slope_x + self._cos * along_x + self._sin * along_y,
-                slope_y=self._level_plant.slope_y + self._cos * along_y - self._sin * along_x,
-                pushed_left=left,
-                pushed_right=right,
-            )
+            slope = self._cos * along_x + self._sin * along_y, self._cos * along_y - self._sin * along_x
+            self._plant = loaded(self._level_plant, slope, contact.loads)
         self._touching = touching
 
 

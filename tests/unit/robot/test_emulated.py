@@ -8,7 +8,7 @@ from functools import partial
 
 import pytest
 
-from raccoon import Robot, align_on_wall, calibrate_drive, open_robot, seq, straight, wait
+from raccoon import Robot, calibrate_drive, open_robot, seq, straight, wait
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.readings import Outputs, Status
@@ -17,7 +17,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.world import Box, Ramp, Wall, World
+from raccoon.sim.world import Box, Ramp, World
 
 
 def driven(
@@ -160,32 +160,3 @@ def test_a_calibration_does_not_call_a_hidden_offset_none(firmware: Firmware, co
 
 def _taped(plant: SimulatedPlant) -> float:
     return plant.pose[0]
-
-
-@pytest.mark.parametrize("firmware", ["stock", 21])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_robot_squares_up_to_a_wall_and_its_odometry_knows(
-    firmware: Firmware, sign: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    plants = []
-
-    def remembered(parameters: Parameters, world: World | None) -> SimulatedPlant:
-        plants.append(SimulatedPlant(parameters, world))
-        return plants[-1]
-
-    monkeypatch.setattr("raccoon.robot.emulated.SimulatedPlant", remembered)
-    askew = math.radians(10.0)
-    middle = 0.2 * sign * math.cos(askew), 0.2 * sign * math.sin(askew)
-    along = -math.sin(askew), math.cos(askew)
-    start, end = ((middle[0] + k * along[0], middle[1] + k * along[1]) for k in (-1.0, 1.0))
-    config = RobotConfig()
-    port = open_emulated(config, firmware, world=World(walls=(Wall(start, end),)))
-    with open_robot(config, port=port) as robot:
-        robot.run(wait(1.0))
-        result = robot.run(align_on_wall(0.08 * sign, heading=askew))
-        robot.run(wait(0.2))
-        (plant,) = plants
-        assert plant.pose[2] == pytest.approx(askew, abs=math.radians(0.2))
-        # What wheels do at a wall costs the odometry as much as a slip (docs/odometry.md).
-        assert robot.estimate.heading == pytest.approx(plant.pose[2], abs=math.radians(0.3))
-        assert result.heading == pytest.approx(0.0, abs=math.radians(0.3))  # before it was told
