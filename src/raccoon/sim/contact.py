@@ -176,6 +176,7 @@ class _Felt(NamedTuple):
 
 
 def _felt(pushes: list[_Push], slips: Pair, seconds: float) -> _Felt:
+    """What all touches together do at these slips."""
     left, right = slips
     tyre_left = tyre_right = own_left = own_right = from_right = from_left = soft = 0.0
     for way, across, force, stiffness, sliding, gradual in pushes:
