@@ -97,11 +97,11 @@ class RecursiveFit:
         self.covariance = [[spread[i] ** 2 if i == j else 0.0 for j in range(3)] for i in range(3)]
         self.rows = 0
 
-    def add(self, row: Vector3, volts: float) -> float:
-        """Take a row; the V by which it was off."""
+    def add(self, row: Vector3, volts: float, doubt: float = 0.0) -> float:
+        """Take a row; the V by which it was off. doubt: V, deviation of this row beyond the noise."""
         P = self.covariance
         gain = [sum(P[i][j] * row[j] for j in range(3)) for i in range(3)]
-        total = self._variance + sum(row[i] * gain[i] for i in range(3))
+        total = self._variance + doubt * doubt + sum(row[i] * gain[i] for i in range(3))
         off = volts - sum(row[i] * self.values[i] for i in range(3))
         spread = self._prior[1]
         for i in range(3):

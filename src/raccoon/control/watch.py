@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from raccoon.control.feedforward import WheelModel
-from raccoon.control.identify import RecursiveFit, Windows
+from raccoon.control.identify import RecursiveFit, Vector3, Windows
 
 STALL_SPEED_SHARE = 0.2
 """Of the speed this voltage gives a nominal wheel; the slowest of the paper's motors reaches far more."""
@@ -14,10 +14,16 @@ STALL_TIME = 0.35
 """s of it: longer than breaking loose takes at the least voltage that does it."""
 STALL_OVERDRIVE = 0.8
 """V beyond what friction takes before silence means anything."""
+HELD_TIME = 0.06
+"""s of silence after which something holds the wheel; one that starts under full voltage reads by then."""
+LOOSE_TIME = 0.1
+"""s after it was let go in which the reading jumps by the filter's law and not by the motor's."""
 ODD_SHARE = 0.25
 """A motor that takes this much more or less than its model, or under load than the other, is reported."""
 ODD_LOADS = (0.5, 2.0)
 """Load factors beyond which both motors together are."""
+LATE = 0.005
+"""s by which a reading may be later or earlier than the others: what a jerk tells is that much in doubt."""
 LEAST_ROWS = 12
 """Windows before anything is said."""
 
@@ -78,7 +84,17 @@ class WheelWatch:
     resistance again shows as half as much more of both.
     """
 
-    __slots__ = ("_fit", "_least_slope", "_model", "_silent", "_static", "_windows", "stalled")
+    __slots__ = (
+        "_fit",
+        "_found",
+        "_least_slope",
+        "_loose",
+        "_model",
+        "_silent",
+        "_static",
+        "_windows",
+        "stalled",
+    )
 
     def __init__(self, model: WheelModel) -> None:
         self._model = model
@@ -89,7 +105,8 @@ class WheelWatch:
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
         self._fit = RecursiveFit(nominal, spread, noise=0.06, memory=120.0)
-        self._silent = 0.0
+        self._found: tuple[Vector3, float] | None = None
+        self._silent = self._loose = 0.0
         self.stalled = False
 
     def update(self, voltage: float, speed: float | None, dt: float) -> None:
@@ -101,9 +118,23 @@ class WheelWatch:
         moves = abs(speed) >= self._least_slope * spare
         self._silent = 0.0 if moves or spare <= STALL_OVERDRIVE else self._silent + dt
         self.stalled = self._silent > STALL_TIME
+        self._loose = max(0.0, self._loose - dt)
+        if self._silent > HELD_TIME:
+            self._loose, self._found = LOOSE_TIME, None
+        if self._loose > 0.0:
+            self._windows.clear()
+        else:
+            self._learn(voltage, speed, dt)
+
+    def _learn(self, voltage: float, speed: float, dt: float) -> None:
+        """Take each window when the next is full: in the last one before it was held, a wheel was braked by
+        more than its motor."""
         found = self._windows.add(voltage, speed, dt)
         if found is not None:
-            self._fit.add(*found)
+            if self._found is not None:
+                row, volts = self._found
+                self._fit.add(row, volts, LATE * row[2] / self._model.gain)
+            self._found = found
 
     def rest(self) -> None:
         """The motor is off: nothing is learnt."""
