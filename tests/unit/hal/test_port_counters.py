@@ -5,6 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from raccoon.hal.wombat.counters import CounterRate, Counters, StockBemf
+from raccoon.hal.wombat.dialect import Reading
+from raccoon.hal.wombat.stock_dialect import StockDialect
 
 INT32 = st.integers(-0x8000_0000, 0x7FFF_FFFF)
 STEP = st.integers(-4000, 4000)
@@ -130,3 +132,30 @@ def test_rates_need_motion() -> None:
         rate.update((400 * 9, 0, 0, 0), (400.0, 0.0, 0.0, 0.0), 0.05)
     assert bemf.rate_hz == pytest.approx(250.0)
     assert rate.rate_hz == pytest.approx(180.0)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "seconds", "torn"),
+    [
+        (400, 400, 0.0002, False),
+        (400, 790, 0.0002, False),  # an update fell between the looks
+        (-400, -1150, 0.005, False),
+        (0, 90, 0.0002, False),  # it starts
+        (656, 400, 0.0002, True),
+        (400, 144, 0.005, True),
+        (20, 276, 0.0002, True),
+    ],
+)
+def test_counters_that_count_on_between_two_looks_are_not_torn(
+    first: int, second: int, seconds: float, torn: bool
+) -> None:
+    assert StockDialect().torn((0, first, 0, 0), (0, second, 0, 0), seconds) is torn
+
+
+def test_two_updates_in_one_look_deserve_no_second_one() -> None:
+    dialect = StockDialect(250.0)
+    frame = Reading(b"", (), (0, 0, 0, 0), 0)
+    dialect.bemf(frame, (0, 600, 0, 0), 0.004)
+    assert not dialect.suspicious((0, 1190, 0, 0), 0.005)
+    assert dialect.suspicious((0, 1190, 0, 0), 0.004)
+    assert dialect.suspicious((0, 600 + 256, 0, 0), 0.005)

@@ -8,10 +8,10 @@ from functools import partial
 
 import pytest
 
-from raccoon import Robot, calibrate_drive, open_robot, seq, straight, wait
+from raccoon import Robot, calibrate_drive, open_robot, seq, straight, turn, wait
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
-from raccoon.core.readings import Outputs, Status
+from raccoon.core.readings import Fault, Outputs, Status
 from raccoon.hal.wombat.emulator import COAST, Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.motor import steady_speed
@@ -160,3 +160,21 @@ def test_a_calibration_does_not_call_a_hidden_offset_none(firmware: Firmware, co
 
 def _taped(plant: SimulatedPlant) -> float:
     return plant.pose[0]
+
+
+def test_a_slow_bus_tears_nothing() -> None:
+    """At 5 ms a transfer a cycle is 15 ms, and counters move between two looks. The second one was taken for
+    one of the first's time: speeds twice as fast, wheels that slipped, and 39 mm."""
+    port = open_emulated(RobotConfig(), world=World.empty())
+    emulator = port._link
+    assert isinstance(emulator, Emulator)
+    plant = emulator._board._plant
+    assert isinstance(plant, SimulatedPlant)
+    emulator.faults.latency = 0.005
+    with open_robot(RobotConfig(), port=port) as robot:
+        robot.run(seq(wait(1.0), straight(0.5), turn(math.radians(90.0)), straight(0.3)))
+        here = robot.estimate
+        assert port.fault_counts.keys() == {Fault.OVERRUN}
+    x, y, heading = plant.pose
+    assert math.hypot(here.x - x, here.y - y) < 0.01
+    assert here.heading == pytest.approx(heading, abs=math.radians(0.5))

@@ -110,6 +110,10 @@ class Dialect(Protocol):
         """Whether counters moved in a way that deserves a second look."""
         ...
 
+    def torn(self, first: Counts, second: Counts, seconds: float, /) -> bool:
+        """Whether of two looks at the counters, `seconds` apart, the second shows that the first was torn."""
+        ...
+
     @property
     def counters_stuck(self) -> bool:
         """Whether counters stand still that must not."""

@@ -74,7 +74,7 @@ class WombatPort:
         self._failure: str | None = None
         self._outputs = STOP
         self.dialect = dialect or probe(link, self._clock)
-        self._receiver = Receiver(self.dialect, link)
+        self._receiver = Receiver(self.dialect, link, self._clock)
         self._monitor = Monitor(self.dialect, 1.0 / rate_hz, watch_analog, resting_bemf)
         self._polls = self.dialect.polls(1.0 / rate_hz)
         self._ticker = Ticker(1.0 / (rate_hz * self._polls), self._clock)

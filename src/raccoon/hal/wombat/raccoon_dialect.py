@@ -123,6 +123,9 @@ class RaccoonDialect:
     def suspicious(self, _differences: Counts, _seconds: float) -> bool:
         return False
 
+    def torn(self, _first: Counts, _second: Counts, _seconds: float) -> bool:
+        return False
+
     @property
     def counters_stuck(self) -> bool:
         return any(

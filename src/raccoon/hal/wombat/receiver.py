@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from raccoon.core.clock import Clock
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Fault, Words
 from raccoon.hal.wombat.counters import Bemf, Counters, Counts
@@ -14,22 +15,22 @@ ALIGN_ATTEMPTS = 3
 LARGEST_DISOBEDIENCE = 40
 """Frames in a row whose command does not show in the controller."""
 RESTARTS, RESTART_SECONDS = 3, 10.0
-TORN_COUNTS = 200
-"""A second look that differs by more proves that the first was torn: its low byte is 256 counts."""
 
 
 class Receiver:
     """Exchanges frames and accepts the good ones; keeps the positions.
 
     `collect` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's.
+    clock: tells how much later a second look was taken than the first.
     """
 
-    def __init__(self, dialect: Dialect, link: Link) -> None:
+    def __init__(self, dialect: Dialect, link: Link, clock: Clock) -> None:
         self._dialect = dialect
         self._link = link
+        self._clock = clock
         self._counters = Counters(dialect.fastest_counter)
         self._last: Reading | None = None
-        self._time = 0.0
+        self._time = self._taken = 0.0
         self._sent = bytes(dialect.length)
         self._expected: bytes | None = None
         self._previous: bytes | None = None
@@ -66,6 +67,7 @@ class Receiver:
 
         Raises HardwareError where the link or the controller is lost.
         """
+        self._taken = time
         reply = self.exchange(frame)
         if not self._dialect.aligned(reply):
             recovered = self._recover(reply, time)
@@ -78,7 +80,7 @@ class Receiver:
             return None
         self._unusable_since = None
         self._last = reading
-        self._time = time
+        self._time = self._taken
         return reading
 
     def _checked(self, reply: bytes, time: float) -> Reading | None:
@@ -98,6 +100,7 @@ class Receiver:
             if looked is None:
                 return None
             reading, differences = looked
+            seconds = self._taken - self._time
         self._counters.accept(reading.position, differences)
         bemf = self._dialect.bemf(reading, differences, seconds)
         if bemf is not None:
@@ -109,7 +112,10 @@ class Receiver:
         return not plausible or self._dialect.suspicious(differences, seconds)
 
     def _second_look(self, differences: Counts, seconds: float) -> tuple[Reading, Counts] | None:
-        """Read again to tell a torn word from a counter that has really jumped."""
+        """Read again to tell a torn word from a counter that has really jumped. Counters count on meanwhile:
+        on a slow bus an update or two fall between the looks."""
+        first, self._taken = self._taken, self._clock.now()
+        later = self._taken - first
         reply = self.exchange(self._sent)
         if not self._dialect.aligned(reply):
             self.faults.append(Fault.TORN)
@@ -117,11 +123,12 @@ class Receiver:
         second = self._dialect.read(reply)
         moved = self._counters.differences(second.position)
         apart = max(abs(new - old) for new, old in zip(moved, differences, strict=True))
-        if self._counters.plausible(moved, seconds):
-            if apart > TORN_COUNTS:
+        if self._counters.plausible(moved, seconds + later):
+            believed = self._counters.plausible(differences, seconds)
+            if not believed or self._dialect.torn(differences, moved, later):
                 self.faults.append(Fault.TORN)
             return second, moved
-        if not self._near(apart):
+        if not self._near(apart, later):
             self.faults.append(Fault.TORN)
             return None
         # Both looks agree on a place where the motors cannot have got to.
@@ -129,8 +136,8 @@ class Receiver:
         self._counters.continue_from(second.position)
         return second, (0, 0, 0, 0)
 
-    def _near(self, apart: int) -> bool:
-        return self._counters.plausible((apart, 0, 0, 0), 0.0)
+    def _near(self, apart: int, seconds: float) -> bool:
+        return self._counters.plausible((apart, 0, 0, 0), seconds)
 
     def _check_obedience(self, reply: bytes) -> None:
         if self._expected is None or self._dialect.obeys(reply, self._expected):

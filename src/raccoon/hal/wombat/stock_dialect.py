@@ -115,11 +115,21 @@ class StockDialect:
         )
 
     def suspicious(self, differences: Counts, seconds: float) -> bool:
-        if seconds * self._rate_hz > 1.4:
+        updates = seconds * self._rate_hz
+        if updates > 1.4:
             return False
+        most = 1 if updates <= 1.0 else 2
         return any(
-            difference and abs(difference - last) > LARGEST_STEP
+            difference and min(abs(difference - n * last) / n for n in range(1, most + 1)) > LARGEST_STEP
             for difference, last in zip(differences, self._bemf.value, strict=True)
+        )
+
+    def torn(self, first: Counts, second: Counts, seconds: float) -> bool:
+        # A counter goes on the way it went, by no more than the updates that may have fallen in between.
+        updates = math.floor(seconds * self._rate_hz) + 1
+        return any(
+            not -LARGEST_STEP <= math.copysign(1.0, old) * (new - old) <= updates * abs(old) + LARGEST_STEP
+            for old, new in zip(first, second, strict=True)
         )
 
     @property
