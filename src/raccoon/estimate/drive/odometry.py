@@ -25,7 +25,7 @@ from raccoon.estimate.drive.published import pose_covariance, published
 from raccoon.estimate.drive.readings import DriveReadings, Pending
 from raccoon.estimate.drive.slip import MOST_FORCE, BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
-from raccoon.estimate.drive.timing import Swing
+from raccoon.estimate.drive.timing import Shaking, Swing
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
@@ -71,7 +71,7 @@ class Odometry:
         self._left, self._right = self._readings.left, self._readings.right
         self._gyro, self._reasons = self._readings.gyro, self._readings.reasons
         self._standstill, self._bump = Standstill(), BumpWatch()
-        self._swing = Swing()
+        self._swing, self._shaking = Swing(), Shaking()
         self._configure(SIMULATOR)
         self.resets = 0
         """How often the pose was set anew, after which nothing planned in the one before holds."""
@@ -218,7 +218,7 @@ class Odometry:
         swing = self._swing.update(
             span, self._geometry.body_motion(left.speed, right.speed)[1], self._readings.rate
         )
-        wobble = noise.wobble(read[0], read[1], span)
+        wobble = noise.wobble(read[0], read[1], span) + self._shaking.update(span, read[0], read[1]) ** 2
         if pending.gyro_count and pending.gyro_span > 0.5 * span:
             read = (*read, pending.turn / pending.gyro_span)
             of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks

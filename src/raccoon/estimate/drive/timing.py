@@ -1,10 +1,10 @@
-"""Wheels and gyro in time: how fast the turn rate changes, which shows the delay between them, and which of
-both is late.
+"""Wheels and gyro in time: how fast the turn rate changes, which shows the delay between them; turns that are
+too quick for both; and which of both is late.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 
 from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.generated import Flat
@@ -14,6 +14,11 @@ LEAST_SWING = 1.0
 """rad/s2; less may be noise."""
 SAME_TURN = 0.6
 """Share of the faster of both turn rates by which wheels and gyro may differ and still mean one turn."""
+
+SHAKEN = 0.15
+"""s for which it counts that the wheels shook the robot."""
+LEAST_SHAKING = 0.5
+"""rad/s of half the wheels' difference, to and fro; in turns of the motions it is less."""
 
 _DELAY = variance_index(State.GYRO_DELAY)
 
@@ -35,6 +40,30 @@ class Swing:
         before, self._before = self._before, (wheels, gyro)
         swing, fastest = (wheels - before[0]) / span, max(map(abs, (*before, wheels, gyro)))
         return swing if abs(swing) > LEAST_SWING and abs(wheels - gyro) < SAME_TURN * fastest else 0.0
+
+
+class Shaking:
+    """How much the wheels shake the robot to and fro, as full power on one and then on the other does every
+    20 to 60 ms. Feed it every step of the filter.
+
+    Gyro and wheels smooth and sample such a turn in their own ways. The one then reads a share less of it
+    than the other, step after step: to the filter that looks like a scale, and not like noise.
+    """
+
+    __slots__ = ("_down", "_half", "_up")
+
+    def __init__(self) -> None:
+        self._half = self._up = self._down = 0.0
+
+    def update(self, span: float, left: float, right: float) -> float:
+        """How much half the difference of the wheels' speeds (rad/s) has lately gone both up and down, beyond
+        what a turn does that begins and ends.
+        """
+        half, keep = 0.5 * (right - left), exp(-span / SHAKEN)
+        change, self._half = half - self._half, half
+        self._up = self._up * keep + max(change, 0.0)
+        self._down = self._down * keep + max(-change, 0.0)
+        return max(0.0, min(self._up, self._down) - LEAST_SHAKING)
 
 
 def wheels_lead(flat: Flat, timing: float) -> tuple[float, float]:
