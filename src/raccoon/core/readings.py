@@ -23,6 +23,7 @@ ANALOG_FULL_SCALE = 4095
 
 Words = tuple[float | None, ...]
 """One word a port; None where the port has nothing (new) to say."""
+NO_ANALOG: Words = (None,) * ANALOG_PORTS
 Flags = tuple[bool | None, ...]
 Vector = tuple[float, float, float]
 
@@ -123,7 +124,7 @@ class Inputs:
     position: Words = (None,) * MOTOR_PORTS
     gyro: Vector | None = None
     accel: Vector | None = None
-    analog: Words = (None,) * ANALOG_PORTS
+    analog: Words = NO_ANALOG
     digital: Flags = (None,) * DIGITAL_PORTS
     battery: float | None = None
     faults: tuple[Fault, ...] = ()

@@ -8,16 +8,29 @@ from functools import partial
 
 import pytest
 
-from raccoon import Robot, after_time, calibrate_drive, motors, open_robot, seq, straight, turn, wait
+from raccoon import (
+    Robot,
+    after_time,
+    calibrate_drive,
+    calibrate_tophats,
+    motors,
+    open_robot,
+    seq,
+    straight,
+    turn,
+    wait,
+)
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
-from raccoon.core.readings import Fault, Outputs, Status
+from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.hal.wombat.emulator import COAST, Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.world import Box, Ramp, World
+
+TOPHATS = RobotConfig(tophats={"left": TophatConfig(0, 0.10, 0.035), "right": TophatConfig(1, 0.10, -0.035)})
 
 
 def driven(
@@ -193,6 +206,39 @@ def test_power_on_one_wheel_and_then_the_other_teaches_no_scales(firmware: Firmw
     x, y, _ = plant.pose
     assert here.status is Status.OK
     assert math.hypot(here.x - x, here.y - y) < 0.01
+
+
+class Restarted:
+    """The port of an emulated Wombat that restarts at `at` s."""
+
+    def __init__(self, port: WombatPort, at: float) -> None:
+        self._port, self._at = port, at
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        if inputs.time >= self._at:
+            self._at = math.inf
+            _emulator(self._port).reset()
+        return inputs
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_a_restart_in_the_middle_of_a_calibration_spoils_no_tophat() -> None:
+    """The stock firmware's analog filter begins at 0 again: the floor was "one surface"."""
+    port = open_emulated(TOPHATS)
+    with open_robot(TOPHATS, port=Restarted(port, 2.0)) as robot:
+        robot.run(wait(1.0))
+        found = calibrate_tophats(robot, distance=1.15, speed=0.2)
+    assert port.fault_counts[Fault.RESET] == 1
+    for each in found.values():
+        white, black = each.surfaces()
+        assert each.verdict == "ok"
+        assert (white.mean, black.mean) == pytest.approx((1266.0, 3780.0), abs=20.0)
 
 
 def _emulator(port: WombatPort) -> Emulator:

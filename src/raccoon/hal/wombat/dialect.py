@@ -127,8 +127,9 @@ class Dialect(Protocol):
         bemf: Words,
         faults: tuple[Fault, ...],
         imu: bool,
+        analog: bool,
     ) -> Inputs:
-        """The readings of a cycle."""
+        """The readings of a cycle. imu, analog: whether these words can be used."""
         ...
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ LATE = 1.5
 """Cycles."""
 MISSING_SECONDS = 0.05
 """Words that an IMU never sends (all bits alike) are forgiven that long: it may still be starting."""
+ANALOG_SETTLING = 0.1
+"""S after a restart in which analog words rise from 0, by the stock filter in steps of a tenth of the way."""
 IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE = 0.06, 3.0, 5.0
 
 
@@ -66,6 +69,7 @@ class Monitor:
         self._time = 0.0
         self._cycles = 0
         self._stuck = False
+        self._analog_from = -math.inf
         self.frozen = False
         self.fault_counts: Counter[Fault] = Counter()
 
@@ -95,6 +99,8 @@ class Monitor:
         Raises HardwareError where the controller's main loop hangs.
         """
         self._count_cycle(time, faults)
+        if Fault.RESET in faults:
+            self._analog_from = time + ANALOG_SETTLING
         if reading is None:
             return self._close(Inputs(time, self._dialect.device, faults=self._named(faults)))
         if self._stale(reading, time, duties, faults):
@@ -104,15 +110,14 @@ class Monitor:
             self._bemf = [each and each - rest for each, rest in zip(bemf, self._resting_bemf, strict=True)]
             self._watch_motors(bemf, time, duties, faults)
         self._watch_board(reading, time, faults)
-        fresh = self._imu_fresh(reading, time, faults)
-        inputs = self._dialect.inputs(reading, time, position, bemf or NOTHING, self._named(faults), fresh)
+        fresh, analog = self._imu_fresh(reading, time, faults), time >= self._analog_from
+        words = bemf or NOTHING
+        inputs = self._dialect.inputs(reading, time, position, words, self._named(faults), fresh, analog)
         if fresh:
             self._judge_imu(inputs)
         if self._imu_watch.distrusted(time):
             faults.append(Fault.IMU_IMPLAUSIBLE)
-            inputs = self._dialect.inputs(
-                reading, time, position, bemf or NOTHING, self._named(faults), False
-            )
+            inputs = self._dialect.inputs(reading, time, position, words, self._named(faults), False, analog)
         return self._close(inputs)
 
     def _count_cycle(self, time: float, faults: list[Fault]) -> None:
@@ -157,7 +162,7 @@ class Monitor:
         if self._battery.update(reading.battery * self._dialect.device.battery_volts, time):
             faults.append(Fault.BROWN_OUT)
         first = self._dialect.first_analog
-        for port in self._watch_analog:
+        for port in self._watch_analog if time >= self._analog_from else ():
             if not SATURATED_LOW < reading.words[first + port] < SATURATED_HIGH:
                 faults.append(Fault.ANALOG_SATURATED)
 

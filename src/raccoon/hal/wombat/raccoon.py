@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.readings import Device, Fault, Inputs, Vector, Words, quick_inputs
+from raccoon.core.readings import NO_ANALOG, Device, Fault, Inputs, Vector, Words, quick_inputs
 from raccoon.hal.wombat.bits import FLAGS, PORTS
 from raccoon.hal.wombat.devices import GRAVITY, RACCOON_17, RACCOON_21
 
@@ -193,11 +193,12 @@ def inputs(
     bemf: Words | None = None,
     faults: tuple[Fault, ...] = (),
     imu: bool = True,
+    analog: bool = True,
 ) -> Inputs:
     """The readings of one frame.
 
     position: ticks per motor port; the wrapping counters of this frame where not given.
-    imu: False where it has nothing new.
+    imu: False where it has nothing new. analog: False where its words cannot be used.
     """
     words: tuple[Any, ...] = telemetry.words
     vectors = body_vectors(words) if imu else None
@@ -214,7 +215,7 @@ def inputs(
         position,
         gyro,
         accel,
-        words[11:17],
+        words[11:17] if analog else NO_ANALOG,
         FLAGS[bits & PORTS],
         words[17],
         faults,

@@ -141,6 +141,7 @@ class RaccoonDialect:
         bemf: Words,
         faults: tuple[Fault, ...],
         imu: bool,
+        analog: bool,
     ) -> Inputs:
         return raccoon.inputs(
             Telemetry(reading.words),
@@ -150,6 +151,7 @@ class RaccoonDialect:
             bemf=bemf,
             faults=faults,
             imu=imu,
+            analog=analog,
         )
 
     @property

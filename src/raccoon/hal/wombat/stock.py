@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.readings import Device, Fault, Inputs, Words, quick_inputs
+from raccoon.core.readings import NO_ANALOG, Device, Fault, Inputs, Words, quick_inputs
 from raccoon.hal.wombat.bits import FLAGS, PORTS
 from raccoon.hal.wombat.devices import STOCK, STOCK_COUNTS_PER_TICK
 
@@ -196,11 +196,13 @@ def inputs(
     bemf: Words = (None, None, None, None),
     faults: tuple[Fault, ...] = (),
     imu: bool = True,
+    analog: bool = True,
 ) -> Inputs:
     """The readings of one frame.
 
     position: ticks per motor port; the wrapping counters of this frame where not given. bemf: counts; the
     stock frame carries none, whoever sees successive frames derives it. imu: False where it has nothing new.
+    analog: False where its words cannot be used.
     """
     words = registers.words
     if position is None:
@@ -214,7 +216,7 @@ def inputs(
         position,
         (words[20], words[19], -words[21]) if imu else None,
         (words[17], words[16], -words[18]) if imu else None,
-        words[6:12],
+        words[6:12] if analog else NO_ANALOG,
         FLAGS[bits & PORTS],
         words[42],
         faults,

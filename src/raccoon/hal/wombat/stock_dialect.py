@@ -144,6 +144,7 @@ class StockDialect:
         bemf: Words,
         faults: tuple[Fault, ...],
         imu: bool,
+        analog: bool,
     ) -> Inputs:
         return stock.inputs(
             Registers(reading.words),
@@ -153,6 +154,7 @@ class StockDialect:
             bemf=bemf,
             faults=faults,
             imu=imu,
+            analog=analog,
         )
 
     @property
