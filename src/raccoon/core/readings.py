@@ -23,8 +23,9 @@ ANALOG_FULL_SCALE = 4095
 
 Words = tuple[float | None, ...]
 """One word a port; None where the port has nothing (new) to say."""
-NO_ANALOG: Words = (None,) * ANALOG_PORTS
 Flags = tuple[bool | None, ...]
+NO_ANALOG: Words = (None,) * ANALOG_PORTS
+NO_DIGITAL: Flags = (None,) * DIGITAL_PORTS
 Vector = tuple[float, float, float]
 
 
@@ -125,7 +126,7 @@ class Inputs:
     gyro: Vector | None = None
     accel: Vector | None = None
     analog: Words = NO_ANALOG
-    digital: Flags = (None,) * DIGITAL_PORTS
+    digital: Flags = NO_DIGITAL
     battery: float | None = None
     faults: tuple[Fault, ...] = ()
     truth: Truth | None = None

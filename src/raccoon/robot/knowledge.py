@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.port import Port
-from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, STOP, Inputs, Outputs
+from raccoon.core.readings import (
+    ANALOG_PORTS,
+    DIGITAL_PORTS,
+    NO_ANALOG,
+    NO_DIGITAL,
+    STOP,
+    Flags,
+    Inputs,
+    Outputs,
+    Words,
+)
 from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
@@ -20,6 +30,8 @@ if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
     from raccoon.robot.mechanisms import Mechanism
     from raccoon.robot.servos import Servo
+
+W = TypeVar("W")
 
 
 @runtime_checkable
@@ -54,6 +66,8 @@ class Knowledge:
         self.attachments = Attachments(self.config)
         self.tophats = {name: TophatSensor(name, each) for name, each in self.config.tophats.items()}
         self.inputs: Inputs | None = None
+        self._analog: Words = NO_ANALOG
+        self._digital: Flags = NO_DIGITAL
         self._outputs = STOP
         self._plan: Pose | None = None
         self._planned_in = 0  # the odometry's resets so far
@@ -118,14 +132,26 @@ class Knowledge:
         return named("mechanism", self.attachments.mechanisms, name)
 
     def analog(self, port: int) -> float | None:
-        """Counts of an analog port, None where it gave nothing; ValueError where there is no such port."""
+        """Counts of an analog port as last read, None where it never gave anything; ValueError where there is
+        no such port.
+
+        A cycle without words, as after a frame that was lost, has those of the one before: `inputs` tells.
+        """
         check_port("analog", port, ANALOG_PORTS)
-        return None if self.inputs is None else self.inputs.analog[port]
+        return self._analog[port]
 
     def digital(self, port: int) -> bool | None:
-        """True where the digital port is closed (pressed); ValueError where there is no such port."""
+        """True where the digital port was closed (pressed) when last read, None where it never was read;
+        ValueError where there is no such port.
+        """
         check_port("digital", port, DIGITAL_PORTS)
-        return None if self.inputs is None else self.inputs.digital[port]
+        return self._digital[port]
+
+    def _keep_words(self, inputs: Inputs) -> None:
+        """Keep the newest word of every port."""
+        analog, digital = inputs.analog, inputs.digital
+        self._analog = analog if None not in analog else _newest(self._analog, analog)
+        self._digital = digital if None not in digital else _newest(self._digital, digital)
 
     @property
     def outputs(self) -> Outputs:
@@ -136,3 +162,7 @@ class Knowledge:
         """Write a remark into the recording, where there is one."""
         if self._notes is not None:
             self._notes.event(text)
+
+
+def _newest(before: tuple[W | None, ...], now: tuple[W | None, ...]) -> tuple[W | None, ...]:
+    return tuple(old if new is None else new for old, new in zip(before, now, strict=True))

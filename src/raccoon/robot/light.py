@@ -56,7 +56,7 @@ def rehearse_light(
         light = StartLight(calibration, rehearsal=True)
         begin = robot.time
         while robot.time - begin < seconds:
-            reading = light.update(robot.time, robot.analog(port))
+            reading = light.update(robot.time, word(robot, port))
             if reading.fired:
                 robot.note(f"rehearsal: start light {light.fires}")
             tell_light(robot, port, reading)
@@ -64,6 +64,11 @@ def rehearse_light(
         return light.fires
 
     return Action(f"rehearse the light on analog {port}", steps)
+
+
+def word(robot: Robot, port: int) -> float | None:
+    """Counts of this very cycle, None where it had none: the last ones again would be light that stands."""
+    return None if robot.inputs is None else robot.inputs.analog[port]
 
 
 def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:

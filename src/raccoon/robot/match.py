@@ -12,7 +12,7 @@ from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
 from raccoon.robot.actions import NOTHING_RUN, Action, Steps, perform
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
-from raccoon.robot.light import tell_light, tell_no_lamp
+from raccoon.robot.light import tell_light, tell_no_lamp, word
 from raccoon.robot.limits import check_function, check_kind, check_number, check_port
 from raccoon.robot.remarks import say, tell
 
@@ -128,7 +128,7 @@ def wait_for_light(port: int, calibration: StartLightCalibration | None = None) 
 
         light = StartLight(calibration)
         tell_no_lamp(robot, port)
-        while not (reading := light.update(robot.time, robot.analog(port))).fired:
+        while not (reading := light.update(robot.time, word(robot, port))).fired:
             tell_light(robot, port, reading)
             yield
         robot.note("start light")

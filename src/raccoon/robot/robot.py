@@ -134,6 +134,7 @@ class Robot(Knowledge):
         self.paused = elapsed > self._pause
         self.dt = self._cycle if self.paused else elapsed
         self.inputs = inputs
+        self._keep_words(inputs)
         self.ticks += 1
         self._late = self._late + 1 if self.dt > (LATE - 0.5) * self._cycle else 0
         if self._late == LATE_TICKS:

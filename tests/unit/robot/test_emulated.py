@@ -208,6 +208,20 @@ def test_power_on_one_wheel_and_then_the_other_teaches_no_scales(firmware: Firmw
     assert math.hypot(here.x - x, here.y - y) < 0.01
 
 
+def test_a_lost_frame_leaves_a_program_the_last_words() -> None:
+    """`robot.analog(0) > 2400` was a TypeError after each, and a button that is held was "released"."""
+    port = open_emulated(TOPHATS)
+    with open_robot(TOPHATS, port=port) as robot:
+        robot.run(wait(0.3))
+        before, pressed = robot.analog(0), robot.digital(0)
+        _emulator(port).faults.silent = 0
+        inputs = robot.tick()
+        assert inputs.analog[0] is None
+        assert (robot.analog(0), robot.digital(0)) == (before, pressed)
+    assert before == pytest.approx(1266.0, abs=40.0)
+    assert pressed is False
+
+
 class Restarted:
     """The port of an emulated Wombat that restarts at `at` s."""
 
