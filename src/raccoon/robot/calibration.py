@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 REST = 1.0  # s of standing before and after a calibration drive
+STANDING = 0.4  # s of it in which a tophat that is unplugged wanders
+SETTLING = 0.2  # s in which a robot comes to stand
 
 
 def watched(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
@@ -81,6 +83,7 @@ def calibrate_tophats(
 ) -> dict[str, TophatCalibration]:
     """Drive `distance` m over floor and lines and calibrate every tophat from what it read.
 
+    The robot stands for 0.4 s before and 0.6 s after it, in which an open port shows that wanders.
     Returns the calibrations by name; they are in use from now on. speed: m/s, negative backwards;
     `motion.speed` when None. store: file that they are added to as `set_name` (`load_tophats` reads it). A
     sensor whose height changed since the calibration before is said, and so is a store that fails after the
@@ -89,6 +92,7 @@ def calibrate_tophats(
     and why; no calibration is changed then.
     """
     from raccoon.estimate.tophat import calibrate
+    from raccoon.estimate.tophat.quality import restless
 
     check_way(distance=distance)
     velocity = robot.config.motion.speed if speed is None else speed
@@ -99,14 +103,26 @@ def calibrate_tophats(
     if kept is not None:
         stored = _checked(kept, set_name)
         before = {name: stored.get(name) if each is None else each for name, each in before.items()}
+    begin: list[Inputs] = []
     readings: list[Inputs] = []
-    _drive(robot, watched(searching, readings))
+    end: list[Inputs] = []
+    standing = wait(STANDING)
+    stands = seq(
+        watched(standing, begin), watched(searching, readings), wait(SETTLING), watched(standing, end)
+    )
+    _drive(robot, stands)
     found = {
         name: calibrate(_counts(readings, sensor.config.analog)) for name, sensor in robot.tophats.items()
     }
-    useless = {name: each for name, each in found.items() if each.threshold is None}
+    useless = {
+        name: f"{each.verdict}, {each.reason}" for name, each in found.items() if each.threshold is None
+    }
+    for name, sensor in robot.tophats.items():
+        port = sensor.config.analog
+        if any(restless(_counts(each, port)) for each in (begin, end)):
+            useless[name] = f"floating, it wanders while the robot stands: is it plugged into analog {port}?"
     if useless:
-        reasons = "; ".join(f"{name}: {each.verdict}, {each.reason}" for name, each in useless.items())
+        reasons = "; ".join(f"{name}: {why}" for name, why in useless.items())
         raise CalibrationError(f"after {distance:g} m: {reasons}")
     for name, each in found.items():
         robot.tophat(name).calibrate(each)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 PROVING = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
 CHECKED_EVERY = 40  # ticks
 MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
-TOP, BOTTOM = 4091.0, 4.0  # counts at which a reading stands at an end of the converter
+TOP, BOTTOM = 4083.0, 4.0  # counts at which a reading stands at an end of the converter
 
 
 class TophatSensor:

@@ -5,6 +5,7 @@ import pytest
 
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
+from raccoon.estimate.tophat.quality import restless
 
 PAPER = [(180, 2930), (50, 170), (1270, 3800), (140, 250), (1830, 3810), (50, 130), (3440, 4030), (130, 220)]
 
@@ -118,3 +119,15 @@ def test_two_phases() -> None:
     same = calibrate_two_phase(rng.normal(1270, 18, 200), rng.normal(1275, 18, 200))
     assert same.verdict is Verdict.ONE_SURFACE
     assert calibrate_two_phase([], rng.normal(3800, 9, 200)).verdict is Verdict.TOO_FEW
+
+
+@pytest.mark.parametrize("flicker", [0.0, 200.0])
+def test_one_that_is_plugged_in_is_calm_while_the_robot_stands(flicker: float) -> None:
+    random = np.random.default_rng(1)
+    time = 0.005 * np.arange(80)
+    lamp = flicker * np.sin(2.0 * np.pi * 100.0 * time + 1.0)
+    shadow = np.where(time > 0.2, -600.0, 0.0) - 800.0 * time
+    assert not restless(1500.0 + random.normal(0.0, 5.0, 80) + lamp + shadow)
+    wandering = np.cumsum(random.normal(0.0, 15.0, 80))
+    assert restless(1500.0 + wandering)
+    assert not restless(1500.0 + wandering[:20])

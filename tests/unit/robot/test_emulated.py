@@ -22,6 +22,7 @@ from raccoon import (
 )
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
+from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.hal.wombat.emulator import COAST, Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
@@ -253,6 +254,28 @@ def test_a_restart_in_the_middle_of_a_calibration_spoils_no_tophat() -> None:
         white, black = each.surfaces()
         assert each.verdict == "ok"
         assert (white.mean, black.mean) == pytest.approx((1266.0, 3780.0), abs=20.0)
+
+
+@pytest.mark.parametrize("firmware", ["stock", 21])
+def test_an_open_port_is_no_tophat_though_it_follows_its_neighbour(firmware: Firmware) -> None:
+    """It showed the neighbour's white and black, and was calibrated with 18 deviations between them."""
+    port = open_emulated(TOPHATS, firmware)
+    with open_robot(TOPHATS, port=port) as robot:
+        robot.run(wait(0.5))
+        _emulator(port).faults.floating = {0}
+        with pytest.raises(CalibrationError, match=r"m: left: floating, .* into analog 0") as raised:
+            calibrate_tophats(robot, distance=1.15, speed=0.25)
+        assert "right" not in str(raised.value)
+
+
+def test_what_the_stock_filter_makes_of_full_scale_is_saturated() -> None:
+    """Rising, it stops at 4086."""
+    port = open_emulated(TOPHATS)
+    _emulator(port).faults.saturated = {0: 4095}
+    with open_robot(TOPHATS, port=port) as robot:
+        robot.run(wait(0.5))
+        with pytest.raises(CalibrationError, match=r"left: saturated, 100% of the readings .* top"):
+            calibrate_tophats(robot, distance=0.1, speed=0.25)
 
 
 def _emulator(port: WombatPort) -> Emulator:

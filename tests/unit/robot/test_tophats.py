@@ -55,8 +55,8 @@ def compared(action: Action[object], seen: list[tuple[float, bool, bool]]) -> Ac
     "light",
     [
         "[[light]]\nlow = [1.5, -2.0]\nhigh = [2.2, 2.0]\nambient = 0.6\n",
-        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.8\nend = 8.0\n",
-        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.3\nbegin = 9.0\n",
+        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.8\nend = 9.0\n",
+        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.3\nbegin = 10.0\n",
     ],
     ids=["sun patch", "sun goes", "sun comes"],
 )
@@ -147,7 +147,7 @@ def test_a_calibration_that_cannot_be_stored_after_the_drive_is_used_and_that_is
 
 
 class Rewired:
-    """A port whose analog readings go through `change` from 7 s on."""
+    """A port whose analog readings go through `change` from 8 s on."""
 
     def __init__(self, port: Port, change: Callable[[list[float | None]], None]) -> None:
         self._port, self._change = port, change
@@ -155,7 +155,7 @@ class Rewired:
     def read(self) -> Inputs:
         inputs = self._port.read()
         counts = list(inputs.analog)
-        if inputs.time > 7.0:
+        if inputs.time > 8.0:
             self._change(counts)
         return replace(inputs, analog=tuple(counts))
 
@@ -189,7 +189,7 @@ def swap(counts: list[float | None]) -> None:
 def test_what_is_wrong_with_a_sensor_is_said(
     tmp_path: Path, change: Callable[[list[float | None]], None], said: str, status: Status
 ) -> None:
-    port = simulated(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.018}})
+    port = simulated(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
     with open_robot(CONFIG, port=Rewired(port, change)) as robot:
         robot.run(wait(0.3))
         calibrate_tophats(robot, 0.9)

@@ -11,8 +11,11 @@ from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration, V
 Array = NDArray[np.float64]
 
 LEAST_READINGS = 40  # 0.2 s at 200 Hz
-RAIL = 4.0  # counts from an end of the converter within which a reading stands at it
+BOTTOM, TOP = 4.0, 4083.0  # counts from which a reading stands at an end: a rising stock filter stops at 4086
 MOST_AT_RAIL = 0.9
+RESTLESS_BLOCK = 4  # readings averaged, over which lamps that flicker cancel
+LEAST_BLOCKS = 6
+RESTLESS = 15.0  # counts by which such means change at random under a robot that stands: plugged in, below 5
 WANDERING = 250.0  # counts between successive readings: no floor under a sensor does that
 
 
@@ -40,8 +43,12 @@ def refusal(counts: Array) -> TophatCalibration | None:
         return TophatCalibration(
             Verdict.TOO_FEW, f"{len(counts)} readings; at least {LEAST_READINGS} are needed"
         )
-    for rail, name in ((0.0, "bottom (too much light)"), (FULL_SCALE, "top (no light, or unplugged)")):
-        share = float(np.mean(np.abs(counts - rail) <= RAIL))
+    ends = (
+        (counts <= BOTTOM, "bottom (too much light)"),
+        (counts >= TOP, "top (no light, or unplugged)"),
+    )
+    for there, name in ends:
+        share = float(np.mean(there))
         if share >= MOST_AT_RAIL:
             return TophatCalibration(
                 Verdict.SATURATED, f"{share:.0%} of the readings stand at the converter's {name}"
@@ -52,3 +59,18 @@ def refusal(counts: Array) -> TophatCalibration | None:
 def wanders(counts: Array) -> bool:
     """True where readings jump about as an open input does. Ask only where no two surfaces were found."""
     return float(np.median(np.abs(np.diff(counts)))) > WANDERING
+
+
+def restless(standing: ArrayLike) -> bool:
+    """True where the readings of a robot that stands wander as an open input does, which may follow its
+    neighbour and so show white and black.
+
+    Judged by second differences of short means: one shadow that passes, or light that changes evenly, is no
+    wandering. False where there are too few readings to tell.
+    """
+    counts = np.asarray(standing, dtype=float)
+    blocks = len(counts) // RESTLESS_BLOCK
+    if blocks < LEAST_BLOCKS:
+        return False
+    means = counts[: blocks * RESTLESS_BLOCK].reshape(blocks, RESTLESS_BLOCK).mean(axis=1)
+    return float(np.median(np.abs(np.diff(means, 2)))) > RESTLESS

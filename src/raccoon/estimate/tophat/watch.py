@@ -8,10 +8,9 @@ from enum import StrEnum
 from itertools import pairwise
 
 from raccoon.estimate.tophat.calibration import TophatCalibration
-from raccoon.estimate.tophat.quality import RAIL
+from raccoon.estimate.tophat.quality import BOTTOM, TOP
 from raccoon.estimate.tophat.sensor import explanations
 
-FULL_SCALE = 4095.0
 WINDOW = 200  # readings: one second at 200 Hz
 LEAST = 40  # readings before anything is said
 MOST_STRANGE = 0.3  # of the readings may lie on no surface: edges, lines along the way
@@ -60,9 +59,9 @@ class CalibrationWatch:
             return Fit.UNKNOWN
         ordered = sorted(readings)
         steps = sorted(abs(after - before) for before, after in pairwise(readings))
-        if ordered[len(ordered) // 10] >= FULL_SCALE - RAIL or steps[len(steps) // 2] > RESTLESS:
+        if ordered[len(ordered) // 10] >= TOP or steps[len(steps) // 2] > RESTLESS:
             return Fit.UNPLUGGED
-        if ordered[-1 - len(ordered) // 10] <= RAIL:
+        if ordered[-1 - len(ordered) // 10] <= BOTTOM:
             return Fit.SATURATED
         strange = sum(1 for each in readings if not self._explained(each))
         return Fit.CHANGED if strange > MOST_STRANGE * len(readings) else Fit.FITS
