@@ -24,6 +24,10 @@ ODD_LOADS = (0.5, 2.0)
 """Load factors beyond which both motors together are."""
 LATE = 0.005
 """s by which a reading may be later or earlier than the others: what a jerk tells is that much in doubt."""
+WINDOW = 0.05
+"""s over which voltage and speed are compared."""
+RAMP = 1.0
+"""V by which the voltage of a motion that speeds up changes in a window, at the most."""
 LEAST_ROWS = 12
 """Windows before anything is said."""
 
@@ -87,8 +91,10 @@ class WheelWatch:
     __slots__ = (
         "_fit",
         "_found",
+        "_high",
         "_least_slope",
         "_loose",
+        "_low",
         "_model",
         "_silent",
         "_static",
@@ -100,12 +106,13 @@ class WheelWatch:
         self._model = model
         self._static = model.static_voltage
         self._least_slope = STALL_SPEED_SHARE * model.gain
-        self._windows = Windows()
+        self._windows = Windows(WINDOW)
         nominal = (model.static_voltage, 1.0 / model.gain, model.acceleration_voltage)
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
         self._fit = RecursiveFit(nominal, spread, noise=0.06, memory=120.0)
-        self._found: tuple[Vector3, float] | None = None
+        self._found: tuple[Vector3, float, float] | None = None
+        self._low = self._high = 0.0
         self._silent = self._loose = 0.0
         self.stalled = False
 
@@ -129,12 +136,16 @@ class WheelWatch:
     def _learn(self, voltage: float, speed: float, dt: float) -> None:
         """Take each window when the next is full: in the last one before it was held, a wheel was braked by
         more than its motor."""
+        self._low, self._high = min(self._low, voltage), max(self._high, voltage)
         found = self._windows.add(voltage, speed, dt)
         if found is not None:
             if self._found is not None:
-                row, volts = self._found
-                self._fit.add(row, volts, LATE * row[2] / self._model.gain)
-            self._found = found
+                self._fit.add(*self._found)
+            row, volts = found
+            # What is read is of a moment earlier: of another mean voltage, where that swings.
+            swung = LATE * max(0.0, self._high - self._low - RAMP) / WINDOW
+            self._found = row, volts, math.hypot(LATE * row[2] / self._model.gain, swung)
+            self._low = self._high = voltage
 
     def rest(self) -> None:
         """The motor is off: nothing is learnt."""

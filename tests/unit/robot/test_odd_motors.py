@@ -22,14 +22,15 @@ from raccoon import (
     wait,
 )
 from raccoon.core.clock import SteppedClock
+from raccoon.core.config import TophatConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.hal.wombat.emulator import Emulator
 from raccoon.hal.wombat.port import WombatPort
-from raccoon.robot.emulated import SimulatedPlant
+from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.world import World
+from raccoon.sim.world import Line, World
 from robots import CONFIG, run, simulated
 
 BARE = replace(CONFIG, motors={})
@@ -240,3 +241,19 @@ def test_the_missing_speed_is_noted() -> None:
     run(motors(1.0, 1.0, tuned_at=7.0).until(after_time(0.2)), port)
     # 0.9 V of 7.0 V are missing, at 0.92 (rad/s)/V and 34.5 mm: 29 mm/s.
     assert [note.split(" m/s")[0] for note in port.notes] == ["remark: voltage scaling: 13 % missing, 0.029"]
+
+
+def test_a_loop_that_follows_a_line_to_and_fro_makes_no_motor_odd(caplog: pytest.LogCaptureFixture) -> None:
+    """Its speeds jump with every look at the tophat: motors "took half the voltage a speed should"."""
+    config = replace(RobotConfig(), tophats={"left": TophatConfig(0, 0.10, 0.035)})
+    line = Line(((-1.0, 0.01), (3.0, 0.01)), 0.05)
+    port = open_emulated(config, 21, seed=1, world=World(lines=(line,)))
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(0.5))
+        for _ in range(1200):
+            dark = (robot.analog(0) or 0.0) > 2400.0
+            robot.drive.velocity(0.10, 0.9 if dark else -0.9)
+            robot.tick()
+        robot.run(straight(0.1))
+        assert robot.estimate.y == pytest.approx(0.0, abs=0.03)
+    assert [record.message for record in caplog.records] == []
