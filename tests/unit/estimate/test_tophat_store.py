@@ -155,6 +155,14 @@ def test_open_input_is_unplugged() -> None:
     assert watch.fit is Fit.UNPLUGGED
 
 
+def test_what_goes_to_and_fro_over_an_edge_in_a_slow_loop_is_plugged_in() -> None:
+    """2 mm a reading, as in a loop with 10 ms of the program's own code: it was "jumping about"."""
+    watch = CalibrationWatch(made(1270, 3800))
+    for counts in (1270.0, 2100.0, 3800.0, 3200.0) * 50:
+        watch.update(counts, 0.002)
+    assert watch.fit is not Fit.UNPLUGGED
+
+
 def test_watch_says_nothing_of_a_few_readings() -> None:
     assert CalibrationWatch(made(1270, 3800)).fit is Fit.UNKNOWN
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from itertools import pairwise
 
 from raccoon.estimate.tophat.calibration import TophatCalibration
 from raccoon.estimate.tophat.quality import BOTTOM, TOP
@@ -17,6 +16,7 @@ MOST_STRANGE = 0.3  # of the readings may lie on no surface: edges, lines along 
 REACH = 6.0  # standard deviations within which a reading lies on a surface
 SHARE = 0.08  # of the contrast, that a level may have moved
 RESTLESS = 250.0  # counts between successive readings
+FAR = 1.5e-3  # m between them from which a sensor that goes to and fro over an edge jumps about as well
 
 
 class Fit(StrEnum):
@@ -41,9 +41,12 @@ class CalibrationWatch:
         self._white = (white.mean - REACH * white.sd - slack, white.mean + REACH * white.sd + slack)
         self._black = (black.mean - REACH * black.sd - slack, black.mean + REACH * black.sd + slack)
         self._readings: deque[float] = deque(maxlen=WINDOW)
+        self._steps: deque[float] = deque(maxlen=WINDOW)
 
-    def update(self, counts: float) -> None:
-        """Take a reading (counts)."""
+    def update(self, counts: float, way: float = 0.0) -> None:
+        """Take a reading (counts). way: m that the sensor went since the one before."""
+        if self._readings and way < FAR:
+            self._steps.append(abs(counts - self._readings[-1]))
         self._readings.append(counts)
 
     @property
@@ -58,8 +61,9 @@ class CalibrationWatch:
         if len(readings) < LEAST:
             return Fit.UNKNOWN
         ordered = sorted(readings)
-        steps = sorted(abs(after - before) for before, after in pairwise(readings))
-        if ordered[len(ordered) // 10] >= TOP or steps[len(steps) // 2] > RESTLESS:
+        steps = sorted(self._steps)
+        jumps = len(steps) >= LEAST and steps[len(steps) // 2] > RESTLESS
+        if jumps or ordered[len(ordered) // 10] >= TOP:
             return Fit.UNPLUGGED
         if ordered[-1 - len(ordered) // 10] <= BOTTOM:
             return Fit.SATURATED
