@@ -25,7 +25,7 @@ from raccoon.estimate.drive.published import pose_covariance, published
 from raccoon.estimate.drive.readings import DriveReadings, Pending
 from raccoon.estimate.drive.slip import MOST_FORCE, BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
-from raccoon.estimate.drive.timing import Shaking, Swing
+from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
@@ -218,10 +218,12 @@ class Odometry:
         swing = self._swing.update(
             span, self._geometry.body_motion(left.speed, right.speed)[1], self._readings.rate
         )
-        wobble = noise.wobble(read[0], read[1], span) + self._shaking.update(span, read[0], read[1]) ** 2
+        shaken = self._shaking.update(span, read[0], read[1])
+        wobble = noise.wobble(read[0], read[1], span) + shaken**2
         if pending.gyro_count and pending.gyro_span > 0.5 * span:
             read = (*read, pending.turn / pending.gyro_span)
             of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
+            of_gyro += (GYRO_SHAKEN * self._geometry.body_motion(-shaken, shaken)[1]) ** 2
             variances = (*variances, of_gyro)
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)

@@ -17,6 +17,8 @@ SAME_TURN = 0.6
 
 SHAKEN = 0.15
 """s for which it counts that the wheels shook the robot."""
+GYRO_SHAKEN = 0.02
+"""Share of it by which the gyro's mean over a step may be off: readings lie a few ms beside their time."""
 LEAST_SHAKING = 0.5
 """rad/s of half the wheels' difference, to and fro; in turns of the motions it is less."""
 
