@@ -3,6 +3,7 @@
 import struct
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from types import FrameType
 from typing import Any
 
@@ -13,6 +14,7 @@ from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import Outputs
 from raccoon.hal.wombat import raccoon, raccoon_command, stock, stock_command
+from raccoon.hal.wombat.devices import STOCK
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.emulator.raccoon_chip import RaccoonChip
 from raccoon.hal.wombat.raccoon_command import Command, Kinematics, Mode, MotorPid, Shutdown, Update
@@ -346,6 +348,42 @@ def test_a_closed_link_is_closed() -> None:
     emulator.close()
     with pytest.raises(HardwareError, match="closed"):
         emulator.transfer(READ)
+
+
+class StruckPlant(ConstantPlant):
+    """Loses `speed` m/s within half a millisecond after `time` s."""
+
+    def __init__(self, speed: float, time: float) -> None:
+        super().__init__()
+        self.left, self.time = speed, time
+
+    def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
+        state = super().advance(seconds, drives)
+        if self.total < self.time or seconds == 0.0:
+            return state
+        lost = self.left * min(1.0, seconds / 0.0005)
+        self.left -= lost
+        return replace(state, accel=(-lost / seconds, 0.0, 9.80665))
+
+
+@pytest.mark.parametrize("late", [0.0, 0.0013, 0.0026, 0.0039])
+def test_the_accelerometer_shows_a_blow_between_two_of_its_readings(late: float) -> None:
+    """Its low-pass spreads a blow over 10 ms, and keeps its sum but for what lies between two readings."""
+    chip = Chip(StruckPlant(0.1, 0.5 + late))
+    felt = 0.0
+    for _ in range(1000):
+        chip.wait(0.001)
+        felt += 0.001 * chip.registers().accel[0] * STOCK.accel_m_s2
+    assert felt == pytest.approx(-0.1, rel=0.35)
+
+
+def test_the_accelerometer_of_raccoon_os_ends_at_2_g() -> None:
+    chip = Chip(StruckPlant(0.5, 0.5), 21)
+    felt = []
+    for _ in range(100):
+        chip.wait(0.01)
+        felt.append(chip.telemetry().world_accel[0])
+    assert min(felt) == pytest.approx(-2.0 * 9.80665)
 
 
 def interrupted(work: Callable[[], object], line: int) -> bool:

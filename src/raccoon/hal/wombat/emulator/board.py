@@ -26,8 +26,9 @@ ANALOG_NOISE = 1.5
 BATTERY_NOISE = 1.0
 GYRO_NOISE = math.radians(0.1)
 """Rad/s."""
-GYRO_POLE = 0.0025
-"""s, of each of the two poles that make a low-pass of 41 Hz, as both firmwares set the chip (DLPF 3)."""
+IMU_POLE = 0.0025
+"""s, of each of the two poles that make a low-pass of 41 Hz, as both firmwares set the chip (DLPF 3) for its
+gyro; that of its accelerometer is as good as equal (45 Hz)."""
 ACCEL_NOISE = 0.03
 """m/s2."""
 
@@ -44,17 +45,18 @@ class Board:
         self._sweep = 0.0
         self.drives: tuple[Drive, ...] = COAST
         self.state: PlantState = plant.advance(0.0, COAST)
-        self._followed = self._smoothed = self.state.gyro
+        self._gyro = _LowPass(self.state.gyro)
+        self._accel = _LowPass(self.state.accel)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> None:
         """Let time pass with the drivers set this way."""
         self.drives = drives
         before = self.state.gyro
         self.state = self._plant.advance(seconds, self._broken(drives))
-        share = -math.expm1(-seconds / GYRO_POLE)
-        turned = _towards(self._followed, before, self.state.gyro, share)
-        self._smoothed = _towards(self._smoothed, self._followed, turned, share)
-        self._followed = turned
+        share = -math.expm1(-seconds / IMU_POLE)
+        self._gyro.follow(before, self.state.gyro, share)
+        force = self.state.accel  # the mean since the last look, so that no blow is missed or counted twice
+        self._accel.follow(force, force, share)
 
     def _broken(self, drives: tuple[Drive, ...]) -> tuple[Drive, ...]:
         stalled, blown = self._faults.stalled, self._faults.blown_fuse
@@ -105,7 +107,7 @@ class Board:
 
     def gyro(self) -> tuple[float, float, float]:
         """Rad/s about forward, left, up, as the chip smooths them."""
-        x, y, z = (rate + self._gauss(GYRO_NOISE) for rate in self._smoothed)
+        x, y, z = (rate + self._gauss(GYRO_NOISE) for rate in self._gyro.value)
         if self._faults.gyro_sweep:
             # Old boards: -600 to 1700 units of 1/1.025 deg/s while at rest.
             self._sweep += 0.02
@@ -113,13 +115,28 @@ class Board:
         return x, y, z
 
     def accel(self) -> tuple[float, float, float]:
-        """Specific force in m/s2, forward, left, up."""
-        x, y, z = (force + self._gauss(ACCEL_NOISE) for force in self.state.accel)
+        """Specific force in m/s2, forward, left, up, as the chip smooths it."""
+        x, y, z = (force + self._gauss(ACCEL_NOISE) for force in self._accel.value)
         return x, y, z
 
     def digital_bits(self) -> int:
         """Bit n is 1 where port n is pulled low."""
         return sum(1 << port for port, pressed in enumerate(self.state.digital) if pressed)
+
+
+class _LowPass:
+    """Two poles alike, one behind the other. value: what comes out."""
+
+    __slots__ = ("_followed", "value")
+
+    def __init__(self, value: Vector) -> None:
+        self._followed = self.value = value
+
+    def follow(self, before: Vector, after: Vector, share: float) -> None:
+        """Let what comes in go from `before` to `after`. share: of the way that each pole goes meanwhile."""
+        followed = _towards(self._followed, before, after, share)
+        self.value = _towards(self.value, self._followed, followed, share)
+        self._followed = followed
 
 
 def _towards(value: Vector, before: Vector, after: Vector, share: float) -> Vector:

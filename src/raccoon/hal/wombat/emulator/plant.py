@@ -19,7 +19,8 @@ class PlantState:
     """True values, before any sensor.
 
     bemf_volts: induced voltage of each motor. gyro: rad/s about forward, left, up. accel: specific force in
-    m/s2, +9.81 up at rest. analog: volts on the pins in ADC counts 0..4095. digital: True is pressed.
+    m/s2, +9.81 up at rest, the mean over the last `advance`. analog: volts on the pins in ADC counts 0..4095.
+    digital: True is pressed.
     """
 
     bemf_volts: tuple[float, ...] = (0.0,) * MOTOR_PORTS

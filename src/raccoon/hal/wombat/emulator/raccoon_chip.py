@@ -21,6 +21,8 @@ COAST_SECONDS = 544e-6
 """500 us for the current to die and 44 us of conversion."""
 ANALOG_SECONDS = 1 / 250
 IMU_SECONDS = 1 / 50
+ACCEL_RANGE = 2.0 * GRAVITY
+"""m/s2, of each axis of the chip as this firmware sets it."""
 ANALOG_AVERAGED = 50
 SHUTDOWN_OFFSET = 5
 
@@ -166,7 +168,8 @@ class RaccoonChip:
             self._imu = bytes(_IMU.size)
             return
         gyro = tuple(math.degrees(rate) for rate in self._world(self._board.gyro()))
-        accel = self._world(self._board.accel())
+        x, y, z = (max(-ACCEL_RANGE, min(ACCEL_RANGE, force)) for force in self._board.accel())
+        accel = self._world((x, y, z))
         linear = (accel[0] / GRAVITY, accel[1] / GRAVITY, accel[2] / GRAVITY - 1.0)
         quaternion = (math.cos(self._heading / 2), 0.0, 0.0, math.sin(self._heading / 2))
         clockwise_deg = -math.degrees(self._heading) % 360.0
