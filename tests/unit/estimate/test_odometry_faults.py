@@ -260,6 +260,29 @@ def test_a_bump_is_felt() -> None:
     assert not any("bumped" in r for e, i in quiet if i.time < 2.5 for r in e.reasons)
 
 
+@pytest.mark.parametrize("late", [0.0, 0.005, 0.010, 0.015])
+def test_a_blow_that_one_reading_shows_is_felt_whenever_it_comes(late: float) -> None:
+    begin = 2.5 + late
+
+    def hit(_: int, inputs: Inputs) -> Inputs:
+        force = -16.0 if begin - 0.001 <= inputs.time < begin + 0.004 else 0.0  # 0.08 m/s
+        return replace(inputs, accel=(force / (9.80665 / 8192), 0.0, 8192.0))
+
+    found = run(drive(STRAIGHT), hit)
+    told = [e.time for e, _ in found if any("bumped" in reason for reason in e.reasons)]
+    assert begin <= told[0] < begin + 0.03
+
+
+def test_a_ramp_is_no_bump() -> None:
+    """A robot that comes onto a ramp of 6 degrees within 0.4 s feels a tenth of its weight from then on."""
+
+    def tilted(_: int, inputs: Inputs) -> Inputs:
+        force = 1.02 * min(1.0, max(0.0, (inputs.time - 2.0) / 0.4))
+        return replace(inputs, accel=(force / (9.80665 / 8192), 0.0, 8192.0))
+
+    assert not any("bumped" in reason for e, _ in run(drive(STRAIGHT), tilted) for reason in e.reasons)
+
+
 @pytest.mark.parametrize(
     "settings",
     [{"gyro_noise": 0.0}, {"slip_noise": math.nan}, {"imu_latency": 0.6}, {"gyro_bias": -1.0}],

@@ -23,7 +23,7 @@ from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_se
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.published import pose_covariance, published
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.slip import MOST_FORCE, BumpWatch
+from raccoon.estimate.drive.slip import BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
@@ -117,7 +117,7 @@ class Odometry:
         if inputs.device is not self._device:
             self._configure(inputs.device)
         if self._readings.take(inputs) and self._readings.pending.span > STEP:
-            self._advance(command, inputs)
+            self._advance(command)
         self._estimate = self._published()
         return self._estimate
 
@@ -200,7 +200,7 @@ class Odometry:
             x, y, heading = old.drive.flat[: State.VELOCITY]
             self._fusion.place(x, y, heading)
 
-    def _advance(self, command: Outputs, inputs: Inputs) -> None:
+    def _advance(self, command: Outputs) -> None:
         """Move the filter to now over the whole time since it last moved."""
         pending, self._readings.pending = self._readings.pending, Pending()
         span, noise, left, right = pending.span, self._noise, self._left, self._right
@@ -227,7 +227,7 @@ class Odometry:
             variances = (*variances, of_gyro)
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
-        self._feel(span, still, inputs)
+        self._feel(pending, still)
 
     def _bridge(self, pending: Pending) -> None:
         """Move the filter to now over a time in which nobody looked."""
@@ -245,14 +245,14 @@ class Odometry:
         reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now)
         self._fusion.advance(reading, self._reasons, False)
 
-    def _feel(self, span: float, still: bool, inputs: Inputs) -> None:
+    def _feel(self, pending: Pending, still: bool) -> None:
         """Compare the accelerometer with the wheels."""
-        if inputs.accel is None:
+        if pending.force_count == 0:
             return
-        forward = inputs.accel[0] * inputs.device.accel_m_s2
+        span, forward = pending.span, pending.force / pending.force_count
         velocity = 0.5 * self._geometry.wheel_radius * (self._left.mean + self._right.mean)
-        if abs(forward) < MOST_FORCE and self._bump.update(span, forward, velocity, still):
-            self._reasons.tell("bumped: the wheels do not move as the robot does", inputs.time)
+        if self._bump.update(span, forward, velocity, still, span / pending.force_count):
+            self._reasons.tell("bumped: the wheels do not move as the robot does", self._readings.time)
 
     def _stands(self, span: float, command: Outputs) -> bool:
         flat = self._fusion.drive.flat

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
+from raccoon.estimate.drive.slip import MOST_FORCE
 from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
 
@@ -31,6 +32,9 @@ class Pending:
     gyro_count: int = 0
     gyro_kinks: float = 0.0
     """(rad/s)^2 by which a rate that did not run straight may be off."""
+    force: float = 0.0
+    """m/s2 ahead that the accelerometer felt, summed over its readings."""
+    force_count: int = 0
 
 
 class DriveReadings:
@@ -68,6 +72,7 @@ class DriveReadings:
         if reading.dt > 0.0:
             self.time = inputs.time
             self._take_wheels(reading.dt, reading, inputs)
+            self._take_force(inputs)
             fresh = self._take_gyro(reading.dt, inputs) or self.gyro.age > GYRO_TIMEOUT
             if _is_empty(reading, inputs):  # a silent link: what was missed is taken in one piece later
                 self._unseen += reading.dt
@@ -139,6 +144,15 @@ class DriveReadings:
         self.rate = rate
         watch.age = 0.0
         return True
+
+    def _take_force(self, inputs: Inputs) -> None:
+        """Every reading counts: a blow is over within two."""
+        if inputs.accel is None:
+            return
+        force = inputs.accel[0] * inputs.device.accel_m_s2
+        if abs(force) < MOST_FORCE:
+            self.pending.force += force
+            self.pending.force_count += 1
 
     def _complain(self, reading: WheelReading, inputs: Inputs) -> None:
         """Tell what is wrong with this cycle."""
