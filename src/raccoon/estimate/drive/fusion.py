@@ -80,6 +80,7 @@ class Fusion:
         self.way = Way()
         self.distance = 0.0
         self._settings = settings
+        self._half_a_turn = 0.5 * self.geometry.track_width / self.geometry.wheel_radius
         self._travel = 0.0
         self._steps: deque[Step] = deque(maxlen=KEPT_STEPS)
 
@@ -116,6 +117,12 @@ class Fusion:
         slip, time = self.slip, reading.time
         innovation, variance = innovations[4], innovations[5]
         if not slip.disagrees(innovation, variance):
+            if slip.is_unsure(innovation, variance, reading.variances[2]):
+                # The gyro tells the turn, for what it is worth, and nothing is learnt of scales and delays.
+                self.drive.flat = before
+                half = innovation * self._half_a_turn
+                reading = replace(reading, swing=0.0, wobble=reading.wobble + half * half)
+                self._take(reading)
             slip.calm(reading.span)
             return reading
         self.drive.flat = before

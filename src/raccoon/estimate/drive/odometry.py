@@ -36,6 +36,8 @@ __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
 DEFAULTS = OdometrySettings()
 STEP = 0.0175
 """s; the filter moves on with the first gyro reading after it (every 20 ms at 50 and at 200 Hz)."""
+DATED = 1.2
+"""Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`."""
 UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
 UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
@@ -222,7 +224,8 @@ class Odometry:
         wobble = noise.wobble(read[0], read[1], span) + shaken**2
         if pending.gyro_count and pending.gyro_span > 0.5 * span:
             read = (*read, pending.turn / pending.gyro_span)
-            of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
+            dated = DATED * pending.gyro_sharp / pending.gyro_span
+            of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks + dated * dated
             of_gyro += (GYRO_SHAKEN * self._geometry.body_motion(-shaken, shaken)[1]) ** 2
             variances = (*variances, of_gyro)
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)

@@ -16,6 +16,9 @@ from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReadin
 
 COARSE_GYRO = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""
+SHARP = 30.0
+"""rad/s2; what turns a robot more suddenly, as a wall does, begins or ends between two readings. When it did
+is known no better than they are apart (`DATED` in odometry)."""
 
 
 @dataclass(slots=True)
@@ -32,6 +35,8 @@ class Pending:
     gyro_count: int = 0
     gyro_kinks: float = 0.0
     """(rad/s)^2 by which a rate that did not run straight may be off."""
+    gyro_sharp: float = 0.0
+    """rad, how far it would have turned between two readings at what the rate jumped by."""
     force: float = 0.0
     """m/s2 ahead that the accelerometer felt, summed over its readings."""
     force_count: int = 0
@@ -139,8 +144,11 @@ class DriveReadings:
         pending.turn += 0.5 * (before + rate) * age
         pending.gyro_span += age
         pending.gyro_count += 1
+        change = abs(rate - before)
         if age > COARSE_GYRO:
-            pending.gyro_kinks += (0.15 * (rate - before)) ** 2
+            pending.gyro_kinks += (0.15 * change) ** 2
+        elif change > SHARP * age:
+            pending.gyro_sharp += (change - SHARP * age) * age
         self.rate = rate
         watch.age = 0.0
         return True

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 GATE = 16.0
 """Squared innovation over its variance: 4 sigma."""
+SOFT_GATE, DOUBTFUL_GYRO = 4.0, 0.02
+"""The same at 2 sigma, where the gyro is not sure either: rad/s of its deviation."""
 LEAST_TURN = 0.08
 """rad/s; a smaller disagreement is no slip worth a name."""
 NAMED_AFTER = 0.05
@@ -53,6 +55,15 @@ class SlipWatch:
     def disagrees(self, innovation: float, variance: float) -> bool:
         """Is the turn that the wheels do not explain (rad/s) more than noise?"""
         return abs(innovation) > LEAST_TURN and innovation * innovation > GATE * variance
+
+    def is_unsure(self, innovation: float, variance: float, of_gyro: float) -> bool:
+        """May a wheel slip while the gyro's rate changes so fast that the gyro itself is in doubt?
+
+        Where a robot is turned by what it runs into, both are: between doubtful turns the wheels' would win.
+        of_gyro: (rad/s)^2.
+        """
+        unlike = innovation * innovation > max(LEAST_TURN**2, SOFT_GATE * variance)
+        return unlike and of_gyro > DOUBTFUL_GYRO**2
 
     def calm(self, span: float) -> None:
         """Wheels and gyro agreed over `span` s."""
