@@ -41,9 +41,9 @@ class Reading:
 
     values, variances: left and right wheel (rad/s, nominal scale) and, where it is there, the gyro (rad/s).
     swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
-    other less. still: the robot stood. now: where nobody looked for a part of the step, the wheels' speeds at
-    its end, rad/s; values are then the mean of what the counters say, variances and wobble those of the
-    angles, rad^2.
+    other less. still: the robot stood. undated: rad, deviation of the heading by a turn of which it is not
+    known when it began. now: where nobody looked for a part of the step, the wheels' speeds at its end,
+    rad/s; values are then the mean of what the counters say, variances and wobble those of the angles, rad^2.
     """
 
     time: float
@@ -53,7 +53,13 @@ class Reading:
     swing: float
     wobble: float
     still: bool
+    undated: float = 0.0
     now: tuple[float, float] | None = None
+
+    @property
+    def of_gyro(self) -> float:
+        """(rad/s)^2 by which the mean turn rate is in doubt, that of the gyro and that of when it changed."""
+        return self.variances[2] + (self.undated / self.span) ** 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,8 +123,8 @@ class Fusion:
         slip, time = self.slip, reading.time
         innovation, variance = innovations[4], innovations[5]
         if not slip.disagrees(innovation, variance):
-            if slip.is_unsure(innovation, variance, reading.variances[2]):
-                # The gyro tells the turn, for what it is worth, and nothing is learnt of scales and delays.
+            if slip.is_unsure(innovation, variance, reading.of_gyro):
+                # The gyro tells the turn, and nothing is learnt of scales and delays.
                 self.drive.flat = before
                 half = innovation * self._half_a_turn
                 reading = replace(reading, swing=0.0, wobble=reading.wobble + half * half)
@@ -155,7 +161,10 @@ class Fusion:
             self._bridge(reading, reading.now)
             return ()
         if len(values) == 3:
-            return self.drive.step(span, values, variances, reading.swing, reading.wobble)  # type: ignore[arg-type]
+            found = self.drive.step(span, values, variances, reading.swing, reading.wobble)  # type: ignore[arg-type]
+            if reading.undated > 0.0:
+                self.drive.widen((State.HEADING,), reading.undated)
+            return found
         return self.drive.step_wheels(span, values, variances, reading.wobble)  # type: ignore[arg-type]
 
     def _bridge(self, reading: Reading, now: tuple[float, float]) -> None:

@@ -37,7 +37,8 @@ DEFAULTS = OdometrySettings()
 STEP = 0.0175
 """s; the filter moves on with the first gyro reading after it (every 20 ms at 50 and at 200 Hz)."""
 DATED = 1.2
-"""Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`."""
+"""Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`. The
+gyro's turn stays what counts: wheels that slip in that moment are worse."""
 UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
 UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
@@ -222,13 +223,14 @@ class Odometry:
         )
         shaken = self._shaking.update(span, read[0], read[1])
         wobble = noise.wobble(read[0], read[1], span) + shaken**2
+        undated = 0.0
         if pending.gyro_count and pending.gyro_span > 0.5 * span:
             read = (*read, pending.turn / pending.gyro_span)
-            dated = DATED * pending.gyro_sharp / pending.gyro_span
-            of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks + dated * dated
+            undated = DATED * pending.gyro_sharp
+            of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             of_gyro += (GYRO_SHAKEN * self._geometry.body_motion(-shaken, shaken)[1]) ** 2
             variances = (*variances, of_gyro)
-        reading = Reading(self._readings.time, span, read, variances, swing, wobble, still)
+        reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self._feel(pending, still)
 
@@ -245,7 +247,7 @@ class Odometry:
         self._standstill.interrupt()
         self._bump.interrupt(velocity)
         read = pending.left / span, pending.right / span
-        reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now)
+        reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now=now)
         self._fusion.advance(reading, self._reasons, False)
 
     def _feel(self, pending: Pending, still: bool) -> None:

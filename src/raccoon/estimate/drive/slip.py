@@ -11,7 +11,7 @@ from __future__ import annotations
 GATE = 16.0
 """Squared innovation over its variance: 4 sigma."""
 SOFT_GATE, DOUBTFUL_GYRO = 4.0, 0.02
-"""The same at 2 sigma, where the gyro is not sure either: rad/s of its deviation."""
+"""The same at 2 sigma, where the turn cannot be dated either: rad/s of its deviation."""
 LEAST_TURN = 0.08
 """rad/s; a smaller disagreement is no slip worth a name."""
 NAMED_AFTER = 0.05
@@ -20,9 +20,10 @@ SCALES_AFTER = 3.0
 """s of disagreement after which it is not slip: the scales are wrong."""
 RESTING_SPEED = 0.3
 """rad/s below which a wheel reads nothing."""
-BUMP_VELOCITY, COARSE_BUMP_VELOCITY = 0.045, 0.1
+BUMP_VELOCITY, COARSE_BUMP_VELOCITY = 0.06, 0.1
 """m/s that the accelerometer sees and the wheels do not: with a reading every 5 ms, and where they come so
-seldom that what lies between two of them is not seen. Ordinary driving stays below 0.03 and 0.075."""
+seldom that what lies between two of them is not seen. Simulated driving stays below 0.03 and 0.075; a chassis
+that nods adds some hundredths."""
 FINE = 0.008
 """s between two readings up to which they are the former."""
 MOST_FORCE = 400.0
@@ -57,10 +58,10 @@ class SlipWatch:
         return abs(innovation) > LEAST_TURN and innovation * innovation > GATE * variance
 
     def is_unsure(self, innovation: float, variance: float, of_gyro: float) -> bool:
-        """May a wheel slip while the gyro's rate changes so fast that the gyro itself is in doubt?
+        """May a wheel slip while the gyro's rate changes too fast to be dated, as where a robot is turned by
+        what it runs into?
 
-        Where a robot is turned by what it runs into, both are: between doubtful turns the wheels' would win.
-        of_gyro: (rad/s)^2.
+        of_gyro: (rad/s)^2 of the turn rate for that.
         """
         unlike = innovation * innovation > max(LEAST_TURN**2, SOFT_GATE * variance)
         return unlike and of_gyro > DOUBTFUL_GYRO**2
