@@ -265,7 +265,7 @@ def test_a_blow_that_one_reading_shows_is_felt_whenever_it_comes(late: float) ->
     begin = 2.5 + late
 
     def hit(_: int, inputs: Inputs) -> Inputs:
-        force = -16.0 if begin - 0.001 <= inputs.time < begin + 0.004 else 0.0  # 0.08 m/s
+        force = -20.0 if begin - 0.001 <= inputs.time < begin + 0.004 else 0.0  # 0.1 m/s
         return replace(inputs, accel=(force / (9.80665 / 8192), 0.0, 8192.0))
 
     found = run(drive(STRAIGHT), hit)
