@@ -12,7 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.fit import Fit, _step, cost_of, fit_afresh, fit_point, fit_scanned
+from raccoon.diagnose.fit import Fit, _step, cost_of, fit_afresh, fit_point
+from raccoon.diagnose.fit_scan import fit_scanned
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.problem import Point, Problem
 from unit.diagnose.searches import plain_whitener

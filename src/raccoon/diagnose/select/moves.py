@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from raccoon.diagnose.fit import Fit, fit_many, fit_scanned
+from raccoon.diagnose.fit import Fit, fit_many
+from raccoon.diagnose.fit_scan import fit_scanned
 from raccoon.diagnose.select.outlook import Rival, Search, look_around
 
 

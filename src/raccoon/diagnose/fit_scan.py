@@ -1,0 +1,54 @@
+"""Fits of gears with play: from the best places around where a fit stops, since the misfit there is a
+staircase."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit import SETTLED, Fit, fit_afresh, fit_point
+from raccoon.diagnose.problem import Point, Problem, Whitening
+
+Array = NDArray[np.float64]
+
+STAIRS = "drive.backlash"
+SCAN_SIZES = (-0.16, -0.08, -0.04, -0.02, 0.0, 0.02, 0.04, 0.08, 0.16)
+"""Parts of its first coordinate by which the scan of a staircase changes it."""
+SCAN_SHAPES = (-0.6, -0.4, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.4, 0.6)
+"""By how much it changes the second."""
+LEAST_SCANNED = 0.05
+"""Size of the first coordinate below which changes grow no smaller."""
+SCANNED = 3
+"""Best places of a scan from which everything is fitted."""
+SCANS = 4
+
+
+def fit_scanned(problem: Problem, whitener: Whitening, start: Point) -> Fit:
+    """`fit_point`; where gears have play, again from the best places around, until none is better.
+
+    Seen closely the misfit over the gap and over the coasting in it is a staircase, as a tooth is met before
+    or after a sample of the gyro, and a fit stops on a stair.
+    """
+    fit = fit_point(problem, whitener, start)
+    for name in (each for each in start.active if each.startswith(STAIRS)):
+        for _ in range(SCANS):
+            around = _best_around(problem, whitener, fit, name)
+            found = min(fit_afresh(problem, whitener, around, 8), key=lambda each: each.cost)
+            if found.cost > fit.cost - SETTLED:
+                break
+            fit = found
+    return fit
+
+
+def _best_around(problem: Problem, whitener: Whitening, fit: Fit, name: str) -> list[Point]:
+    """The best few of a grid over both coordinates of a cause around a fit, all others held."""
+    vector, first = fit.point.vector(), fit.point.spans()[name].start
+    size = max(abs(float(vector[first])), LEAST_SCANNED)
+    grid = np.repeat(vector[None], len(SCAN_SIZES) * len(SCAN_SHAPES), axis=0)
+    grid[:, first] += size * np.repeat(SCAN_SIZES, len(SCAN_SHAPES))
+    grid[:, first + 1] += np.tile(SCAN_SHAPES, len(SCAN_SIZES))
+    grid = np.clip(grid, *problem.limits(fit.point))
+    points = [fit.point.moved(each) for each in grid]
+    white = whitener(problem.features.measured - problem.predict(points))
+    costs = (white**2).sum(axis=1) + (grid**2).sum(axis=1)
+    return [points[each] for each in np.argsort(costs)[:SCANNED]]
