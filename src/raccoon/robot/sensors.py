@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError
-from raccoon.core.readings import Inputs, Status
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Inputs, Status
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 PROVING = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
 CHECKED_EVERY = 40  # ticks
 MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
-TOP, BOTTOM = 4083.0, 4.0  # counts at which a reading stands at an end of the converter
 
 
 class TophatSensor:
@@ -68,7 +67,7 @@ class TophatSensor:
             self._since = inputs.time
         # Half on a line neither surface explains what it reads, so only a drive across the floor proves it.
         moves = way is None or way > MOVES
-        if (moves and classifier.adapt) or not BOTTOM < counts < TOP:
+        if (moves and classifier.adapt) or not ANALOG_BOTTOM < counts < ANALOG_TOP:
             watch.update(counts, 0.0 if way is None else way)
 
     def check(self, time: float) -> Fit | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.cores import cores
 from raccoon.sim.commands import Commands
 from raccoon.sim.compiled import advance_lanes, advance_one, has_numba, vector
 from raccoon.sim.lanes import (
@@ -117,11 +118,7 @@ def _threads() -> int:
     """How many blocks may run at once: one on each core, and no more than the threads that linear algebra may
     have. Whoever starts a process for each core says 1."""
     limits = [os.environ.get(name, "") for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")]
-    return max(1, min([_cores(), *(int(each) for each in limits if each.isdecimal())]))
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return max(1, min([cores(), *(int(each) for each in limits if each.isdecimal())]))
 
 
 def _parts(places: Indices, threads: int) -> list[Indices]:

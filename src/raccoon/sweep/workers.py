@@ -9,11 +9,12 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_one
 from typing import Any
 
+from raccoon.core.cores import cores
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.sweep.execute import Crew
@@ -44,19 +45,17 @@ def process_crew(workers: int | None = None) -> Iterator[Crew]:
 
     Where the block is left by an error or Ctrl-C they end at once, whatever they are doing.
     """
-    count = _checked(workers, len(os.sched_getaffinity(0)))
+    count = _checked(workers, cores())
     spawn = multiprocessing.get_context("spawn")
     ends, held = spawn.Pipe(duplex=False)
-    threads = os.environ.get(THREADS)
-    if count > 1 and threads is None:
-        os.environ[THREADS] = "1"  # a second thread would only wait for the other workers
 
     def pool() -> Executor:
         return _Processes(count, spawn, initializer=_begin_worker, initargs=(ends,))
 
     crew = Crew(pool, AHEAD * count)
     try:
-        yield crew
+        with _one_thread_each() if count > 1 else nullcontext():
+            yield crew
     except BaseException:
         held.close()  # nobody waits for what is under way: a call may take minutes
         raise
@@ -64,8 +63,20 @@ def process_crew(workers: int | None = None) -> Iterator[Crew]:
         crew.close()
         held.close()
         ends.close()
-        if count > 1 and threads is None:
-            os.environ.pop(THREADS, None)
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """For processes that begin meanwhile: a second thread would only wait for the other workers. What the
+    user says of it stands."""
+    if THREADS in os.environ:
+        yield
+        return
+    os.environ[THREADS] = "1"
+    try:
+        yield
+    finally:
+        del os.environ[THREADS]
 
 
 @contextmanager
@@ -80,7 +91,7 @@ def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Itera
     except ImportError:
         raise ConfigError(f"--executor dask needs Dask: {install('cluster')}") from None
     if scheduler is None:
-        count = _checked(workers, len(os.sched_getaffinity(0)))
+        count = _checked(workers, cores())
         with (
             LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster,
             Client(cluster) as client,

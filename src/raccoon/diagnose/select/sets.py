@@ -82,18 +82,17 @@ class Sets:
     def score(self, chosen: Chosen) -> float:
         """Log evidence less the gates of all."""
         if chosen not in self.scores:
-            _, evidence = self.solve(chosen)
-            self.scores[chosen] = evidence - gates([self.members[each].name for each in chosen])
+            self._score_all([chosen])
         return self.scores[chosen]
 
     def _score_all(self, sets: Sequence[Chosen]) -> None:
         """What `score` says of each: those of as many columns are solved at once."""
         alike: dict[int, list[tuple[Chosen, list[int]]]] = {}
-        for chosen in dict.fromkeys(each for each in sets if each and each not in self.scores):
+        for chosen in dict.fromkeys(each for each in sets if each not in self.scores):
             index = [i for each in sorted(chosen) for i in self.members[each].span]
             alike.setdefault(len(index), []).append((chosen, index))
         for size, same in alike.items():
-            columns = np.array([its for _, its in same])
+            columns = np.array([its for _, its in same], int)
             matrices = np.eye(size) + self.rest.matrix[columns[:, :, None], columns[:, None, :]]
             factors = np.linalg.cholesky(matrices)
             halves = np.linalg.solve(factors, self.rest.projection[columns][..., None])

@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration, Verdict
 
 Array = NDArray[np.float64]
 
 LEAST_READINGS = 40  # 0.2 s at 200 Hz
-BOTTOM, TOP = 4.0, 4083.0  # counts from which a reading stands at an end: a rising stock filter stops at 4086
 MOST_AT_RAIL = 0.9
 RESTLESS_BLOCK = 4  # readings averaged, over which lamps that flicker cancel
 LEAST_BLOCKS = 6
@@ -44,8 +44,8 @@ def refusal(counts: Array) -> TophatCalibration | None:
             Verdict.TOO_FEW, f"{len(counts)} readings; at least {LEAST_READINGS} are needed"
         )
     ends = (
-        (counts <= BOTTOM, "bottom (too much light)"),
-        (counts >= TOP, "top (no light, or unplugged)"),
+        (counts <= ANALOG_BOTTOM, "bottom (too much light)"),
+        (counts >= ANALOG_TOP, "top (no light, or unplugged)"),
     )
     for there, name in ends:
         share = float(np.mean(there))

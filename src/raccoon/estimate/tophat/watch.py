@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import TophatCalibration
-from raccoon.estimate.tophat.quality import BOTTOM, TOP
 from raccoon.estimate.tophat.sensor import explanations
 
 WINDOW = 200  # readings: one second at 200 Hz
@@ -63,9 +63,9 @@ class CalibrationWatch:
         ordered = sorted(readings)
         steps = sorted(self._steps)
         jumps = len(steps) >= LEAST and steps[len(steps) // 2] > RESTLESS
-        if jumps or ordered[len(ordered) // 10] >= TOP:
+        if jumps or ordered[len(ordered) // 10] >= ANALOG_TOP:
             return Fit.UNPLUGGED
-        if ordered[-1 - len(ordered) // 10] <= BOTTOM:
+        if ordered[-1 - len(ordered) // 10] <= ANALOG_BOTTOM:
             return Fit.SATURATED
         strange = sum(1 for each in readings if not self._explained(each))
         return Fit.CHANGED if strange > MOST_STRANGE * len(readings) else Fit.FITS
