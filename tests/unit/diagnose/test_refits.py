@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import fit_at
+from raccoon.diagnose.fit import fit_at, fit_point
 from raccoon.diagnose.linear import linearise, tabulate
-from raccoon.diagnose.problem import Problem
-from raccoon.diagnose.select.refits import AFRESH, ASTRAY, MOST_AFRESH, _small, refits_afresh, shared_lags
-from unit.diagnose.searches import search_at
+from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.select.outlook import look_around
+from raccoon.diagnose.select.refits import (
+    AFRESH,
+    ASTRAY,
+    MOST_AFRESH,
+    _small,
+    candidates,
+    refit_candidates,
+    refits_afresh,
+    shared_lags,
+)
+from unit.diagnose.searches import search_at, searched
 
 CAUSES = {each.name: each for each in drive_causes()}
 
@@ -73,3 +84,25 @@ def test_a_little_of_a_cause_has_all_its_coordinates(problem: Problem, shapes: i
     tried = [each.active["team.own"] for each in _small(point, "team.own", shapes)]
     assert len(tried) == (2 if shapes == 0 else 6)
     assert {len(each) for each in tried} == {1 + shapes}
+
+
+def test_what_robot_toml_is_bent_by_is_tried_as_its_cause(problem: Problem) -> None:
+    """Where a number is at its bound the straight line says nothing for the cause that would relieve it."""
+    sizes = {"drive.backlash": (0.9, 0.3), "bemf.offset@left": (-1.8,)}
+    truth = wrong = with_causes(problem.nominal(), sizes)
+    truth = with_causes(truth, {"motor.armature_resistance@left": (2.2,), "drive.wheel_radius@left": (1.7,)})
+    wrong = with_causes(wrong, {"motor.back_emf_constant@left": (-0.9,)})
+    search = searched(problem, truth, wrong, seed=3)
+    fit = fit_point(search.problem, search.whitener, wrong)
+    search = look_around(search.problem, search.probes, fit.point, search.whitener)
+    right = "motor.armature_resistance@right"
+    assert right not in {group.name for _, group, _ in candidates(search)}
+    bent = {each.settings[0]: size for each, size in zip(problem.base, fit.point.base, strict=True)}
+    assert bent["motor.armature_resistance", "right", "factor"] < -2.5
+    assert right in dict(refit_candidates(search))
+
+
+def with_causes(point: Point, sizes: Mapping[str, tuple[float, ...]]) -> Point:
+    for name, u in sizes.items():
+        point = point.with_cause(name, np.array(u))
+    return point

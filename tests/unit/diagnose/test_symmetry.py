@@ -12,7 +12,7 @@ from raccoon.diagnose.naming import confounded, probability, together_told
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.rivals import compared
-from raccoon.diagnose.select.symmetry import LINES, along, likely_twins, same_drives
+from raccoon.diagnose.select.symmetry import LINES, along, likely_twins, relieved, same_drives
 from unit.diagnose.searches import searched
 
 BACK_EMF, RESISTANCE, WHEELS = LINES
@@ -97,6 +97,34 @@ def test_without_what_is_needed_there_is_no_twin(problem: Problem) -> None:
     causes = {key: each for key, each in problem.causes.items() if key != "drive.track_width"}
     point = at(problem, drive_wheel_radius__right=-1.0)
     assert list(same_drives(replace(problem, causes=causes), point)) == []
+
+
+@pytest.mark.parametrize(
+    ("bent", "named"),
+    [
+        ({3: -3.0}, {"motor.armature_resistance@left"}),
+        ({3: 2.6, 7: 3.0}, {f"motor.armature_resistance{end}" for end in ("", "@left", "@right")}),
+        ({3: 2.6, 7: -3.0}, {f"motor.armature_resistance@{side}" for side in ("left", "right")}),
+        ({11: 2.8}, {"friction.coulomb"}),
+        ({15: 2.8}, {"friction.coulomb@right"}),
+        ({25: 3.0, 26: 2.6}, {"drive.inertia"}),
+        ({25: 3.0, 26: 2.0}, set()),
+    ],
+)
+def test_what_is_bent_far_can_be_said_as_its_cause(
+    problem: Problem, bent: dict[int, float], named: set[str]
+) -> None:
+    point = problem.nominal()
+    point.base[list(bent)] = list(bent.values())
+    found = dict(relieved(problem, point, 2.5))
+    assert set(found) == named
+    for name, other in found.items():
+        assert set(other.active) == {name}
+        assert other.base @ other.base < point.base @ point.base
+        assert apart_by(problem, point, other) < 0.01
+    on = problem.nominal().with_cause("motor.armature_resistance@left", np.array([0.5]))
+    on.base[3] = 3.0
+    assert list(relieved(problem, on, 2.5)) == []
 
 
 FEW = ("motor.back_emf_constant", "drive.inertia", "drive.track_width", "drive.wheel_radius",

@@ -13,6 +13,7 @@ from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
 from raccoon.diagnose.select.sets import apart
+from raccoon.diagnose.select.symmetry import relieved
 
 Array = NDArray[np.float64]
 
@@ -107,6 +108,7 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     chosen.extend(_relatives(search, [name for name, _ in chosen]))
     named = [(name, search.fit.point.with_cause(name, u)) for name, u in chosen]
     named.extend(shared_lags(search))
+    named.extend(relieved(search.problem, search.fit.point, FAR_BENT))
     if not named:
         return []
     starts = [start for _, start in named]

@@ -26,6 +26,7 @@ from raccoon.diagnose.hypotheses import Cause, Coordinate, cause_name
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gates
 from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.sets import apart
 
 Array = NDArray[np.float64]
 Line = Mapping[tuple[str, str], float]
@@ -117,6 +118,35 @@ def same_drives(problem: Problem, point: Point) -> Iterator[tuple[str, Point]]:
                 other = along(problem, point, line, factor)
                 if other is not None and name not in other.active:
                     yield name, other
+
+
+def relieved(problem: Problem, point: Point, deviations: float) -> Iterator[tuple[str, Point]]:
+    """Each cause that is off and whose numbers are all bent one way by more than that many of robot.toml's
+    standard deviations, and the same drive with the cause on instead."""
+    for name, cause in problem.causes.items():
+        own = cause.coordinates
+        if len(own) > 1 or not apart(name, point.active):
+            continue
+        indices = _numbers_of(problem, cause)
+        bent = point.base[indices]
+        if indices and (np.all(bent > deviations) or np.all(bent < -deviations)):
+            base, active = point.base.copy(), dict(point.active)
+            _on(problem, active, [name], indices, base)
+            yield name, problem.inside(Point(base, active))
+
+
+def _numbers_of(problem: Problem, cause: Cause) -> list[int]:
+    """The base numbers that a cause changes alike: of one wheel, or of both without what each has beyond."""
+    return [
+        index
+        for index, each in enumerate(problem.base)
+        if _id(each) == cause.id
+        and (
+            not _is_own(problem, index)
+            if cause.where is None
+            else {place for _, place, _ in each.settings} == {cause.where}
+        )
+    ]
 
 
 def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | None:
