@@ -42,3 +42,11 @@ def test_is_cheap_and_loads_nothing_heavy(work: str, limit: float) -> None:
     seconds, loaded = measure(work)
     assert loaded == []
     assert seconds < limit
+
+
+def test_a_diagnosis_loads_no_more_of_scipy_than_a_search_needs() -> None:
+    """These take 50 MB: on a Raspberry Pi 3 as much as the search itself."""
+    large = ("scipy.signal", "scipy.stats", "scipy.optimize")
+    code = f"import sys, raccoon.diagnose.diagnosis; print(*set({large!r}) & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == []

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 
 from raccoon.diagnose.features import EVENT_SECONDS
 from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
@@ -194,6 +193,8 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
 def contributions(search: Search) -> dict[str, Contribution]:
     """What each cause changes, in units of what all of them together leave: in a channel that no model
     follows closely, a cause does less."""
+    from scipy.optimize import lsq_linear  # 27 MB, which the search does without
+
     problem, point = search.problem, search.fit.point
     names = list(point.active)
     outputs = problem.predict([point, *(point.without_cause(name) for name in names)])
