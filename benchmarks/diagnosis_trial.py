@@ -136,7 +136,7 @@ class Unseen:
 
     def of_settings(self, settings: Sequence[Settings]) -> Array:
         """Residuals (settings, bins, channels) over the whole drive."""
-        simulated, _ = PlantRollout(self.log, RobotConfig(), self._habits, plain=True)(settings)
+        simulated = PlantRollout(self.log, RobotConfig(), self._habits, plain=True).samples(settings)
         return np.asarray(self.features.measured - self.features.simulated(simulated), float)
 
     def of_model(self, model: Parameters) -> Array:

@@ -32,7 +32,8 @@ GRID_PART = 0.2
 class Group:
     """Columns that come and go together. start: coordinates at which they were taken (secants of a cause).
     over_place: whether they are friction that depends on where the robot is. parts: those of the columns
-    that may be all there is, one set of them alone. paid: log evidence that a part pays for the choice."""
+    that may be all there is, one set of them alone. paid: log evidence that a part pays for the choice.
+    part: those that it has, of such a part."""
 
     name: str
     columns: Array
@@ -41,6 +42,12 @@ class Group:
     over_place: bool = False
     parts: tuple[tuple[int, ...], ...] = ()
     paid: float = 0.0
+    part: tuple[int, ...] = ()
+
+    def bare(self) -> Group:
+        """The same without what its columns are: some megabytes, which can be made again."""
+        nothing = np.empty((len(self.columns), 0, 0))
+        return Group(self.name, nothing, self.start, self.one_sided, self.over_place, self.parts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,9 +206,9 @@ def coulomb_response(problem: Problem, linear: Linear, side: str) -> Array | Non
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """The whitened columns' Gram numbers, whole and by blocks of time, and which columns belong to what."""
+    """The whitened columns' Gram numbers, and which columns belong to what. off: what may come in, of which
+    probes are bare."""
 
-    blocks: tuple[Gram, ...]
     whole: Gram
     base: int
     active: dict[str, list[int]]
@@ -213,7 +220,7 @@ class Table:
         for group, span in self.off:
             for part in group.parts:
                 paid = math.log(len(group.parts))
-                less = replace(group, columns=group.columns[list(part)], parts=(), paid=paid)
+                less = replace(group, columns=group.columns[list(part)], parts=(), paid=paid, part=part)
                 off.append((less, [span[index] for index in part]))
         return replace(self, off=tuple(off))
 
@@ -221,9 +228,11 @@ class Table:
 def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: int) -> tuple[Table, Table]:
     """Whiten everything once and keep its inner products: under the whole noise, and without slow
     friction."""
-    groups = (*linear.groups, *extra)
-    every = np.concatenate([linear.own, *(each.columns for each in groups), linear.target[None]])
-    plain = whitener.without_slow()(every)
+    every = [*linear.groups, *extra]
+    columns = np.concatenate([linear.own, *(each.columns for each in every), linear.target[None]])
+    groups = (*linear.groups, *(each.bare() for each in extra))
+    plain = whitener.without_slow()(columns)
+    del columns
     white = whitener.slowed(plain)
     return _table(linear, groups, white, base), _table(linear, groups, plain, base)
 
@@ -231,18 +240,15 @@ def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: i
 def _table(linear: Linear, groups: Sequence[Group], white: Array, base: int) -> Table:
     bins, channels = linear.residual.shape
     edges = np.linspace(0, bins, BLOCKS + 1).astype(int) * channels
-    blocks = []
+    gram = np.zeros((len(white), len(white)))
     for start, end in pairwise(edges):
         part = white[:, start:end]
-        gram = part @ part.T
-        blocks.append(Gram(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1])))
-    whole = blocks[0]
-    for each in blocks[1:]:
-        whole = whole + each
+        gram += part @ part.T
+    whole = Gram(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]))
     active = {name: list(span) for name, span in linear.point.spans().items()}
     off, position = [], len(linear.own)
     for group in groups:
         size = len(group.columns)
         off.append((group, list(range(position, position + size))))
         position += size
-    return Table(tuple(blocks), whole, base, active, tuple(off))
+    return Table(whole, base, active, tuple(off))

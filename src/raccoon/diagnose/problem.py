@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections import Counter, OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 from typing import Protocol
 
 import numpy as np
@@ -22,9 +23,8 @@ Key = tuple[float, ...]
 BASE_STEP = 0.005
 CREEP_VOLTS = 0.003
 """What a battery's voltage creeps by after its current: in ten seconds through some hundredths of an ohm."""
-REMEMBERED = 32e6
-"""Bytes of the latest simulations that are kept: of some 500 robots on 40 s, of which a search asks for every
-seventh once more."""
+REMEMBERED = 8e6
+"""Bytes of the latest simulations that are kept: of some 120 robots on 40 s. Several problems keep theirs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,8 @@ class Whitener:
         """Rows that are white but for slow friction, white with it too."""
         if self.shrink.size == 0:
             return rows
-        return np.asarray(rows - ((rows @ self.slow) * self.shrink) @ self.slow.T, float)
+        pulled = ((rows @ self.slow) * self.shrink) @ self.slow.T
+        return np.asarray(np.subtract(rows, pulled, out=pulled), float)
 
 
 class Whitening(Protocol):
@@ -143,28 +144,47 @@ class Problem:
 
     def predict(self, points: Sequence[Point]) -> Array:
         """Simulated bins (points, bins, channels)."""
+        outputs = np.empty((len(points), *self.features.measured.shape))
+        for place, each in enumerate(self.predictions(points)):
+            outputs[place] = each
+        return outputs
+
+    def predictions(self, points: Sequence[Point]) -> Iterator[Array]:
+        """Simulated bins (bins, channels) of one point after the other, not to be written to: of many points
+        no more are in memory than are asked for."""
         settings = [self.settings(each) for each in points]
         keys = [tuple(each.values()) for each in settings]
         wanted, latest = dict(zip(keys, settings, strict=True)), self._latest
-        found = {key: latest[key] for key in wanted if key in latest}
-        found |= self._simulated({key: each for key, each in wanted.items() if key not in found})
-        if len({step for _, step in found.values()}) > 1:
-            found = self._simulated(wanted)  # in steps of one length, or they cannot be compared
-        for key, each in found.items():
-            latest[key] = each
+        known = {key: latest[key] for key in wanted if key in latest}
+        parts, step = self._missing([each for key, each in wanted.items() if key not in known])
+        if len({each for _, each in known.values()} | ({step} if step else set())) > 1:
+            known = {}  # in steps of one length, or they cannot be compared
+            parts, step = self._missing(list(wanted.values()))
+        for key in known:
             latest.move_to_end(key)
-        outputs = np.stack([found[key][0] for key in keys])
-        while len(latest) * outputs[0].nbytes > REMEMBERED:
-            latest.popitem(last=False)
-        return outputs
+        left = Counter(keys)
+        for key in keys:
+            bins = known[key][0] if key in known else next(parts)
+            left[key] -= 1
+            if key not in known:
+                self._remember(key, bins, step)
+                if left[key]:
+                    known[key] = bins, step
+            yield bins
 
-    def _simulated(self, variants: Mapping[Key, Settings]) -> dict[Key, tuple[Array, float]]:
-        """Bins of each, (bins, channels), and s of the steps that made them."""
+    def _missing(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
+        """Bins (bins, channels) of each, and s of the steps that make them, 0 where there are none."""
         if not variants:
-            return {}
-        samples, step = self.rollout(list(variants.values()))
-        outputs = self.features.simulated(samples)
-        return {key: (each.copy(), step) for key, each in zip(variants, outputs, strict=True)}
+            return iter(()), 0.0
+        parts, step = self.rollout(variants)
+        return chain.from_iterable(map(self.features.simulated, parts)), step
+
+    def _remember(self, key: Key, bins: Array, step: float) -> None:
+        """Keep what was simulated, and no more of the latest than is allowed."""
+        self._latest[key] = bins.copy(), step  # not with all that was simulated beside it
+        self._latest.move_to_end(key)
+        while len(self._latest) * bins.nbytes > REMEMBERED:
+            self._latest.popitem(last=False)
 
     def nominal(self) -> Point:
         """Everything as robot.toml says."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
@@ -33,14 +33,20 @@ from raccoon.sim.quantities import Plant
 from raccoon.sim.rollout import Lanes, rollout
 
 Array = NDArray[np.float64]
+Possible = NDArray[np.bool_]
+
+
+AT_ONCE = 64
+"""Variants that are simulated side by side: their samples in 40 s take some 30 MB."""
 
 
 class Rollout(Protocol):
     """What a diagnosis asks of a simulator."""
 
-    def __call__(self, variants: Sequence[Settings]) -> tuple[Array, float]:
-        """Simulated samples (variants, channels, rows) of the log's channels at the log's times, and s of the
-        steps that made them, as long for all: what steps of another length make is a little different."""
+    def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
+        """Simulated samples (some variants, channels, rows) of the log's channels at the log's times, a part
+        of the variants after the other, and s of the steps that make them, as long for all: what steps of
+        another length make is a little different."""
         ...
 
 
@@ -140,28 +146,36 @@ class PlantRollout:
             self._duty = np.concatenate([self._duty[1:], self._duty[-1:]])
         self._commands = self._commanded(self._duty)
 
-    def __call__(self, variants: Sequence[Settings]) -> tuple[Array, float]:
+    def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
         lanes = self._lanes(variants)
         possible = time_constants(lanes.plant) >= SHORTEST
-        if not possible.all():
-            return self._of_possible(variants, possible)
-        step = min(LOOSE_STEP, safe_step(lanes.plant))
+        step = min(LOOSE_STEP, safe_step(lanes.plant[possible])) if possible.any() else LOOSE_STEP
+        parts = (slice(start, start + AT_ONCE) for start in range(0, len(variants), AT_ONCE))
+        return (self._of(variants[each], _some(lanes, each), possible[each], step) for each in parts), step
+
+    def samples(self, variants: Sequence[Settings]) -> Array:
+        """Simulated samples of all variants, (variants, channels, rows)."""
+        return np.concatenate(list(self(variants)[0]))
+
+    def _of(self, variants: Sequence[Settings], lanes: Lanes, possible: Possible, step: float) -> Array:
+        """No numbers for robots that cannot be: a fit on its way tries such as have next to no inertia."""
+        if possible.all():
+            return self._compared(variants, lanes, step)
+        samples = np.full((len(variants), len(self._roles), len(self._time)), np.nan)
+        if possible.any():
+            able = [each for each, can in zip(variants, possible, strict=True) if can]
+            samples[possible] = self._compared(able, _some(lanes, possible), step)
+        return samples
+
+    def _compared(self, variants: Sequence[Settings], lanes: Lanes, step: float) -> Array:
+        """Samples as they are compared with the log's: silent where a dead zone makes them so."""
         samples = self._with_own(variants, step) if self._own else self._samples(lanes, self._commands, step)
         for index, (side, measured, flickers) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)
             loud = samples[deaf, index]
             samples[deaf, index] = heard(loud, zones[deaf, None], measured, flickers, self._silent)
-        return samples, step
-
-    def _of_possible(self, variants: Sequence[Settings], possible: NDArray[np.bool_]) -> tuple[Array, float]:
-        """No numbers for robots that cannot be: a fit on its way tries such as have next to no inertia."""
-        samples = np.full((len(variants), len(self._roles), len(self._time)), np.nan)
-        step = LOOSE_STEP
-        if possible.any():
-            kept = [each for each, able in zip(variants, possible, strict=True) if able]
-            samples[possible], step = self(kept)
-        return samples, step
+        return samples
 
     def _commanded(self, duty: Array) -> Commands:
         given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
@@ -233,6 +247,11 @@ class PlantRollout:
             plain = straight == turn == 1.0
             made[straight, turn] = self._robot if plain else _with_inertia(self._robot, straight, turn)
         return made[straight, turn]
+
+
+def _some(lanes: Lanes, which: slice | Possible) -> Lanes:
+    """Some of the robots."""
+    return replace(lanes, plant=lanes.plant[which], gyro=lanes.gyro[which])
 
 
 def _cycle(log: Log, usual: float) -> float:

@@ -77,7 +77,7 @@ def whitener_for(
     known cause is blamed for what they do.
     """
     slow, creep = slow_friction(problem, linear), slow_battery(problem, linear)
-    every = np.concatenate([linear.own, *(each.columns for each in (*linear.groups, *extra))])
+    known = [linear.own, *(each.columns for each in (*linear.groups, *extra))]
     floors, event, regimes = problem.features.floors, problem.features.event, regimes_of(problem)
     noise = (
         before.noise
@@ -86,7 +86,7 @@ def whitener_for(
     )
     rest, wander = linear.residual, 0.0
     for _ in range(1 if before is not None else 2):
-        rest, wander = _unexplained(noise, every, slow, linear.target, event)
+        rest, wander = _unexplained(noise, known, slow, linear.target, event)
         noise = fit_noise(rest, ORDER, floors, regimes, event)
     own = noise.whiten(linear.own[: len(problem.base)])
     last = {each.name: place for place, each in enumerate(linear.groups)}
@@ -160,14 +160,14 @@ def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bo
 
 
 def _unexplained(
-    noise: NoiseModel, every: Array, slow: Array, target: Array, event: int
+    noise: NoiseModel, known: Sequence[Array], slow: Array, target: Array, event: int
 ) -> tuple[Array, float]:
     """The foreseen error, (bins, channels), and the share of wandering friction that is expected."""
-    columns = np.concatenate([every, slow])
+    columns = np.concatenate([*known, slow])
     white = noise.whiten(columns).reshape(len(columns), -1)
     goal = noise.whiten(target).reshape(-1)
     gram = Gram.of(white.T, goal)
-    sizes = partial(wandering, len(every), len(slow))
+    sizes = partial(wandering, len(columns) - len(slow), len(slow))
     wander = expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES])
     return foreseen_error(gram.matrix, white, columns, goal, target, sizes(wander), event), wander
 

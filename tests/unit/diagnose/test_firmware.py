@@ -154,7 +154,7 @@ def test_the_simulation_differs_by_a_part_of_what_it_did(understood: tuple[Firmw
     robot, habits = with_lag_of(device, ROBOT), Habits(FIRMWARES[name].chain, False)
     errors = []
     for each in (before, log):
-        run, _ = PlantRollout(each, robot, habits, plain=True)([neutral_settings(robot)])
+        run = PlantRollout(each, robot, habits, plain=True).samples([neutral_settings(robot)])
         measured = np.array([channel.values for channel in each.channels[:2]])
         known = np.abs(measured) > 150.0
         late = [np.interp(each.time - 0.001 * ms, each.time, run[0, 0]) for ms in range(8)]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import tracemalloc
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import cast
@@ -78,17 +79,17 @@ def test_columns_are_simulated_of_points_that_are_kept_only(
     true = problem.nominal().with_cause("drive.backlash", np.array([0.5, -0.4]))
     measured = problem.predict([true])[0]
     clean = replace(problem, features=replace(problem.features, measured=measured))
-    whitener, predict = plain_whitener(clean), Problem.predict
+    whitener, predictions = plain_whitener(clean), Problem.predictions
     alone: list[float] = []
     with_columns: list[float] = []
 
-    def watched(self: Problem, points: Sequence[Point]) -> Array:
-        outputs = predict(self, points)
+    def watched(self: Problem, points: Sequence[Point]) -> Iterator[Array]:
+        outputs = list(predictions(self, points))
         costs = with_columns if len(points) > 1 else alone
-        costs.append(cost_of(points[0], whitener(measured - outputs[:1])[0]))
-        return outputs
+        costs.append(cost_of(points[0], whitener((measured - outputs[0])[None])[0]))
+        return iter(outputs)
 
-    monkeypatch.setattr(Problem, "predict", watched)
+    monkeypatch.setattr(Problem, "predictions", watched)
     fit = fit_point(clean, whitener, problem.nominal().with_cause("drive.backlash", np.array([1.5, 0.5])))
     assert all(after < before for before, after in pairwise(with_columns))
     assert fit.cost == pytest.approx(with_columns[-1])
@@ -156,12 +157,13 @@ def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Prob
     measured = problem.predict([truth])[0]
     sound = problem.rollout
 
-    def broken(variants: Sequence[Settings]) -> tuple[np.ndarray, float]:
-        samples, step = sound(variants)
+    def broken(variants: Sequence[Settings]) -> tuple[Iterator[np.ndarray], float]:
+        parts, step = sound(variants)
+        samples = np.concatenate(list(parts))
         for place, each in enumerate(variants):
             if each[("imu.latency", None, "seconds")] > 0.0:
                 samples[place] = np.nan
-        return samples, step
+        return iter([samples]), step
 
     features = replace(problem.features, measured=measured)
     problem = replace(problem, features=features, rollout=broken)
@@ -172,3 +174,19 @@ def test_a_simulation_that_gives_no_numbers_is_no_fit_and_no_crash(problem: Prob
     assert lost.cost == np.inf
     assert lost.evidence == -np.inf
     assert found.point.active["drive.inertia"][0] == pytest.approx(0.4, abs=0.1)
+
+
+def test_of_more_starts_no_more_is_kept_than_their_columns(problem: Problem) -> None:
+    """A search fits some sixty starts of twenty coordinates at once: their simulations beside each other took
+    a controller's whole memory, ten times their columns. So short a drive has settings as large."""
+    whitener, peaks, counts = plain_whitener(problem), [], (12, 12, 36)
+    near = problem.nominal().vector()
+    for count in counts:  # the first loads the simulator
+        fresh = replace(problem)  # nothing is remembered
+        starts = [Point(near + 0.001 * each) for each in range(count)]
+        tracemalloc.start()
+        fits = fit_afresh(fresh, whitener, starts, 1)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    columns = fits[0].jacobian.nbytes + fits[0].white.nbytes
+    assert peaks[-1] - peaks[-2] < 3.0 * (counts[-1] - counts[-2]) * columns

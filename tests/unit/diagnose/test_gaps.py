@@ -28,7 +28,7 @@ HABITS = Habits(Chain.firmware(), brake=False)
 
 def simulated(log: Log) -> Array:
     """Samples of the robot that robot.toml describes, (channels, rows)."""
-    samples: Array = PlantRollout(log, ROBOT, HABITS, plain=True)([neutral_settings(ROBOT)])[0][0]
+    samples: Array = PlantRollout(log, ROBOT, HABITS, plain=True).samples([neutral_settings(ROBOT)])[0]
     return samples
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +22,7 @@ class Counting:
         self._sound = problem.rollout
         self.asked: list[int] = []
 
-    def __call__(self, variants: Sequence[Settings]) -> tuple[np.ndarray, float]:
+    def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[np.ndarray], float]:
         self.asked.append(len(variants))
         return self._sound(variants)
 
@@ -50,9 +50,9 @@ def test_another_simulator_starts_with_nothing_remembered(problem: Problem) -> N
     problem.predict(point)
     counting = Counting(problem)
 
-    def louder(variants: Sequence[Settings]) -> tuple[np.ndarray, float]:
-        samples, step = counting(variants)
-        return samples + 1.0, step
+    def louder(variants: Sequence[Settings]) -> tuple[Iterator[np.ndarray], float]:
+        parts, step = counting(variants)
+        return (each + 1.0 for each in parts), step
 
     other = replace(problem, rollout=louder)
     assert not np.array_equal(other.predict(point), problem.predict(point))
@@ -90,11 +90,11 @@ def test_a_robot_that_cannot_be_gives_no_numbers_and_leaves_the_others_alone(pro
     """A fit on its way may try one that has next to no inertia, beside others that are sound."""
     sound = problem.settings(problem.nominal())
     weightless = {**sound, ("inertia", None, "straight"): 1e-6}
-    samples, step = problem.rollout([sound, weightless, sound])
-    alone, _ = problem.rollout([sound, sound])
+    (samples,), step = problem.rollout([sound, weightless, sound])
+    (alone,), _ = problem.rollout([sound, sound])
     assert np.isnan(samples[1]).all()
     np.testing.assert_array_equal(samples[[0, 2]], alone)
-    nothing, _ = problem.rollout([weightless])
+    (nothing,), _ = problem.rollout([weightless])
     assert np.isnan(nothing).all()
     assert step > 0.0
 

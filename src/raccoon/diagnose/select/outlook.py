@@ -229,7 +229,11 @@ def best_probe(search: Search) -> Probed:
     # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
     features = search.problem.features
     most_of_all = MOST_OF_EVENT * len(features.time) / features.event
-    for gain, group in _probes_by_evidence(search)[:PROBES_TRIED]:
+    likeliest = _probes_by_evidence(search)[:PROBES_TRIED]
+    probes = {each.name: each.columns for each in search.probes(search.linear)} if likeliest else {}
+    for gain, each in likeliest:
+        columns = probes[each.name]
+        group = replace(each, columns=columns[list(each.part)] if each.part else columns)
         if group.over_place:
             gain, limited = (each - group.paid for each in _beside_wander(search, group))
         else:
