@@ -20,8 +20,6 @@ Array = NDArray[np.float64]
 BLOCKS = 8
 FLOOR_SECONDS = 4.0
 """Correlation time of friction that wanders with the floor."""
-CREEP_SECONDS = 10.0
-"""Correlation time of what a battery's voltage creeps by."""
 A_LITTLE = 0.1
 """Widths of Coulomb friction over which its torque is as good as straight."""
 GRID_PART = 0.2
@@ -140,10 +138,10 @@ def slow_friction(problem: Problem, linear: Linear, seconds: float = FLOOR_SECON
 def slow_battery(problem: Problem, linear: Linear) -> Array:
     """Columns of a battery whose voltage creeps: after each change of its current by some mV, for seconds."""
     roles = problem.features.roles
-    course = courses(problem.features.time, CREEP_SECONDS) if "battery" in roles else np.zeros((0, 0))
+    course = courses(problem.features.time, problem.creep.seconds) if "battery" in roles else np.zeros((0, 0))
     columns = np.zeros((len(course), *linear.residual.shape))
     if len(course):
-        columns[:, :, roles.index("battery")] = problem.creep * course
+        columns[:, :, roles.index("battery")] = problem.creep.volts * course
     return columns
 
 

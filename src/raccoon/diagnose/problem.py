@@ -21,8 +21,6 @@ Array = NDArray[np.float64]
 Key = tuple[float, ...]
 
 BASE_STEP = 0.005
-CREEP_VOLTS = 0.003
-"""What a battery's voltage creeps by after its current: in ten seconds through some hundredths of an ohm."""
 REMEMBERED = 8e6
 """Bytes of the latest simulations that are kept: of some 120 robots on 40 s. Several problems keep theirs."""
 
@@ -108,11 +106,22 @@ class Whitening(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class Creep:
+    """By how many volts a battery's reading wanders, and the correlation time of that, s.
+
+    As it is, a battery's voltage creeps after its current: in ten seconds through some hundredths of an ohm.
+    """
+
+    volts: float = 0.003
+    seconds: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
 class Problem:
     """Everything a fit needs: what was measured, how to simulate it, what may differ.
 
     told: causes that the readings show apart from any simulation, with the log evidence of that and the least
-    first coordinate with which they are it. creep: V by which the battery's reading wanders slowly.
+    first coordinate with which they are it. creep: how the battery's reading wanders slowly.
     """
 
     features: Features
@@ -122,7 +131,7 @@ class Problem:
     base: tuple[Coordinate, ...]
     causes: Mapping[str, Cause]
     told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    creep: float = CREEP_VOLTS
+    creep: Creep = Creep()
     _latest: OrderedDict[Key, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )
