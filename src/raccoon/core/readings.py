@@ -83,6 +83,8 @@ class Device:
     that of the counter and `bemf_lag` times the back-EMF. None where the device does not know it; then
     model.bemf.filter_time_constant of robot.toml counts, as it does wherever robot.toml gives one.
     bemf_dead_zone: counts; motion whose back-EMF is smaller may be reported as 0, and not be counted.
+    driven_share: part of the time in which a motor under a duty is powered; in the rest it coasts, and its
+    back-EMF is read.
     """
 
     name: str
@@ -94,6 +96,7 @@ class Device:
     analog_full_scale: int = ANALOG_FULL_SCALE
     bemf_lag: float | None = None
     bemf_dead_zone: float = 0.0
+    driven_share: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,7 +93,8 @@ class SimPort:
         self._truth = truth
         counted = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
         name = SIMULATOR.name if parameters.chain == Chain() else f"{SIMULATOR.name}-chain"
-        self._device = replace(SIMULATOR, name=name, bemf_lag=counted)
+        driven = 1.0 - parameters.chain.coast_share
+        self._device = replace(SIMULATOR, name=name, bemf_lag=counted, driven_share=driven)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1

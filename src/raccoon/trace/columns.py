@@ -58,7 +58,13 @@ def _device(devices: set[Device], counts_seconds: float) -> Device:
     if len(devices) != 1:
         return words
     (own,) = devices
-    return replace(words, name=own.name, bemf_lag=own.bemf_lag, bemf_dead_zone=own.bemf_dead_zone)
+    return replace(
+        words,
+        name=own.name,
+        bemf_lag=own.bemf_lag,
+        bemf_dead_zone=own.bemf_dead_zone,
+        driven_share=own.driven_share,
+    )
 
 
 def tick_row(tick: Tick) -> Row:

@@ -52,16 +52,23 @@ def parse_device(table: object) -> Device:
     for key in (*scales, "analog_full_scale"):
         if not (_is_number(table.get(key)) and table[key] > 0):
             raise TraceError(f"device.{key} is {_shown(table.get(key))}: allowed are numbers above 0")
-    lag, dead_zone = table.get("bemf_lag"), table.get("bemf_dead_zone", 0.0)  # old recordings have neither
+    lag, dead_zone = (
+        table.get("bemf_lag"),
+        table.get("bemf_dead_zone", 0.0),
+    )  # old recordings have none of them
     for key, value in (("bemf_lag", 0.0 if lag is None else lag), ("bemf_dead_zone", dead_zone)):
         if not (_is_number(value) and value >= 0):
             raise TraceError(f"device.{key} is {_shown(value)}: allowed are numbers from 0")
+    driven = table.get("driven_share", 1.0)
+    if not (_is_number(driven) and 0.0 < driven <= 1.0):
+        raise TraceError(f"device.driven_share is {_shown(driven)}: allowed are numbers above 0 up to 1")
     return Device(
         _text(table.get("name"), "device.name"),
         **{key: float(table[key]) for key in scales},
         analog_full_scale=int(table["analog_full_scale"]),
         bemf_lag=None if lag is None else float(lag),
         bemf_dead_zone=float(dead_zone),
+        driven_share=float(driven),
     )
 
 

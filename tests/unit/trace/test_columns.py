@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -110,10 +111,16 @@ def test_worth_of_a_position_tick_is_kept_and_must_not_change() -> None:
 
 
 def test_who_was_recorded_is_kept_where_it_is_one() -> None:
-    stock = replace(SIMULATOR, name="wombat-stock", bemf_lag=0.0128, bemf_dead_zone=40.0)
+    own: dict[str, Any] = {
+        "name": "wombat-stock",
+        "bemf_lag": 0.0128,
+        "bemf_dead_zone": 40.0,
+        "driven_share": 0.76,
+    }
+    stock = replace(SIMULATOR, **own)
     ticks = [Tick(Inputs(0.0, stock)), Tick(Inputs(0.1, stock))]
     device = recording_of(Trace(Header(), ticks)).device
-    assert device == replace(SI_WORDS, name="wombat-stock", bemf_lag=0.0128, bemf_dead_zone=40.0)
+    assert device == replace(SI_WORDS, **own)
     other = Tick(Inputs(0.2, replace(stock, bemf_lag=0.02)))
     assert recording_of(Trace(Header(), [*ticks, other])).device == SI_WORDS
 
