@@ -17,8 +17,6 @@ from raccoon.trace.loading import Run
 from raccoon.trace.pose_error import PoseError, pose_error
 from raccoon.trace.recording import Column
 
-UNKNOWN = Outputs(duty=(1.0,) * 4)
-"""Stands for a command that was not recorded: a wheel that may be driven is never taken to be at rest."""
 COLUMNS = ("x", "y", "heading", "x_std", "y_std", "heading_std")
 RECORDED = {"x": 0, "y": 1, "heading": 2}
 """Place of each value in the robot's annotation `drive`."""
@@ -59,7 +57,7 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     rows = []
     command = None
     for inputs, commands in _cycles(run):
-        estimate = odometry.update(inputs, command or (UNKNOWN if not _has_commands(run) else STOP))
+        estimate = odometry.update(inputs, command or (STOP if _has_commands(run) else None))
         rows.append([getattr(estimate, name) for name in COLUMNS])
         command = commands[-1] if commands else command
     table = np.array(rows, np.float64).reshape(-1, len(COLUMNS))

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from raccoon.core.readings import Status
 
+HELD = "held: both wheels carry what tyres do that spin at a wall"
+"""The reason of an estimate whose robot may not move though its wheels turn."""
+
 
 @dataclass(frozen=True, slots=True)
 class DriveEstimate:

@@ -42,7 +42,8 @@ class Reading:
     values, variances: left and right wheel (rad/s, nominal scale) and, where it is there, the gyro (rad/s).
     swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
     other less. still: the robot stood. undated: rad, deviation of the heading by a turn of which it is not
-    known when it began. now: where nobody looked for a part of the step, the wheels' speeds at its end,
+    known when it began. held: m^2 of its place, along the heading, because the robot may stand while its
+    wheels turn. now: where nobody looked for a part of the step, the wheels' speeds at its end,
     rad/s; values are then the mean of what the counters say, variances and wobble those of the angles, rad^2.
     """
 
@@ -54,6 +55,7 @@ class Reading:
     wobble: float
     still: bool
     undated: float = 0.0
+    held: float = 0.0
     now: tuple[float, float] | None = None
 
     @property
@@ -85,6 +87,8 @@ class Fusion:
         self.slip = SlipWatch()
         self.way = Way()
         self.distance = 0.0
+        self.held = False
+        """Whether the robot may have stood in the last step though its wheels turned."""
         self._settings = settings
         self._half_a_turn = 0.5 * self.geometry.track_width / self.geometry.wheel_radius
         self._travel = 0.0
@@ -101,6 +105,7 @@ class Fusion:
         """Take a step. repeated_gyro: the gyro's last words were equal, which noise never gives for long."""
         before = self.drive.flat
         innovations = self._take(reading)
+        self.held = reading.held > 0.0
         if len(reading.values) == 3 and not reading.still:
             reading = self._judged(reading, before, innovations, reasons, repeated_gyro)
         if reading.still:
@@ -160,6 +165,8 @@ class Fusion:
         if reading.now is not None:
             self._bridge(reading, reading.now)
             return ()
+        if reading.held > 0.0:
+            self.drive.widen_along(reading.held)
         if len(values) == 3:
             found = self.drive.step(span, values, variances, reading.swing, reading.wobble)  # type: ignore[arg-type]
             if reading.undated > 0.0:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs, Status
-from raccoon.estimate.drive.estimate import DriveEstimate, Observation
+from raccoon.estimate.drive.estimate import HELD, DriveEstimate, Observation
 from raccoon.estimate.drive.fusion import Fusion, Reading
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
+from raccoon.estimate.drive.load import LoadWatch
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_seen, pose_seen
 from raccoon.estimate.drive.prior import prior, process_noise
@@ -26,6 +27,7 @@ from raccoon.estimate.drive.readings import DriveReadings, Pending
 from raccoon.estimate.drive.slip import BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
+from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
@@ -75,6 +77,7 @@ class Odometry:
         self._gyro, self._reasons = self._readings.gyro, self._readings.reasons
         self._standstill, self._bump = Standstill(), BumpWatch()
         self._swing, self._shaking = Swing(), Shaking()
+        self._load = LoadWatch(robot, SIMULATOR)
         self._configure(SIMULATOR)
         self.resets = 0
         """How often the pose was set anew, after which nothing planned in the one before holds."""
@@ -112,13 +115,15 @@ class Odometry:
         self.resets += 1
         self._estimate = self._published()
 
-    def update(self, inputs: Inputs, command: Outputs = STOP) -> DriveEstimate:
+    def update(self, inputs: Inputs, command: Outputs | None = STOP) -> DriveEstimate:
         """Take the cycle `inputs`, read while `command` was in force, and give the estimate at its time.
 
+        command: None where it is not known: the robot is then never taken to stand because nothing drives it.
         Never raises for what a sensor says; see `DriveEstimate.reasons`.
         """
         if inputs.device is not self._device:
             self._configure(inputs.device)
+        self._load.drive(inputs, command)
         if self._readings.take(inputs) and self._readings.pending.span > STEP:
             self._advance(command)
         self._estimate = self._published()
@@ -192,6 +197,7 @@ class Odometry:
         self._device = device
         self._left.lag = self._right.lag = lag_seconds(self._robot, device)
         self._noise = WheelNoise(self._robot, self._settings, device)
+        self._load.configure(device)
         per_count = counts_scale(self._robot, "left", device)
         mean, covariance = prior(self._robot, self._settings, device)
         drive = DriveFilter(
@@ -203,7 +209,7 @@ class Odometry:
             x, y, heading = old.drive.flat[: State.VELOCITY]
             self._fusion.place(x, y, heading)
 
-    def _advance(self, command: Outputs) -> None:
+    def _advance(self, command: Outputs | None) -> None:
         """Move the filter to now over the whole time since it last moved."""
         pending, self._readings.pending = self._readings.pending, Pending()
         span, noise, left, right = pending.span, self._noise, self._left, self._right
@@ -230,7 +236,8 @@ class Odometry:
             of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             of_gyro += (GYRO_SHAKEN * self._geometry.body_motion(-shaken, shaken)[1]) ** 2
             variances = (*variances, of_gyro)
-        reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated)
+        held = self._carries(span, read[0], read[1])
+        reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated, held)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self._feel(pending, still)
 
@@ -246,6 +253,7 @@ class Odometry:
         self._swing.update(span, turn_rate, self._readings.rate)
         self._standstill.interrupt()
         self._bump.interrupt(velocity)
+        self._load.interrupt()
         read = pending.left / span, pending.right / span
         reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now=now)
         self._fusion.advance(reading, self._reasons, False)
@@ -259,9 +267,20 @@ class Odometry:
         if self._bump.update(span, forward, velocity, still, span / pending.force_count):
             self._reasons.tell("bumped: the wheels do not move as the robot does", self._readings.time)
 
-    def _stands(self, span: float, command: Outputs) -> bool:
+    def _carries(self, span: float, left: float, right: float) -> float:
+        """M^2 that a step adds to the doubt about the place, because the wheels carry too much."""
+        load, flat = self._load, self._fusion.drive.flat
+        if not (self._left.fine and self._right.fine and max(self._left.silent, self._right.silent) <= HOLD):
+            load.interrupt()
+            return 0.0
+        load.update(span, left - flat[State.LEFT_OFFSET], right - flat[State.RIGHT_OFFSET])
+        if load.held:
+            self._reasons.tell(HELD, self._readings.time)
+        return load.doubt
+
+    def _stands(self, span: float, command: Outputs | None) -> bool:
         flat = self._fusion.drive.flat
-        driven = command.duty[self._ports[0]] != 0.0 or command.duty[self._ports[1]] != 0.0
+        driven = command is None or any(command.duty[port] != 0.0 for port in self._ports)
         left = self._left.settled - flat[State.LEFT_OFFSET]
         right = self._right.settled - flat[State.RIGHT_OFFSET]
         sigma = sqrt(max(flat[_VOL], flat[_VOR]))

@@ -48,6 +48,8 @@ def published(
     turned = late * turn_rate
     # Of way times what the wheels read: both are uncertain, and together.
     of_velocity = way * way * flat[_VV] + 2.0 * way * read * flat[_WITH_WAY] + read * read * flat[_VWAY]
+    if fusion.held:
+        of_velocity += velocity * velocity
     return DriveEstimate(
         readings.time,
         x,

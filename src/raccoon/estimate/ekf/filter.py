@@ -9,6 +9,7 @@ generated code is held to.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -238,6 +239,15 @@ class DriveFilter:
         flat = list(self.flat)
         for state in states:
             flat[variance_index(state)] += std**2
+        self.flat = tuple(flat)
+
+    def widen_along(self, variance: float) -> None:
+        """Add m^2 to what is not known of the place ahead."""
+        flat = list(self.flat)
+        cosine, sine = math.cos(flat[State.HEADING]), math.sin(flat[State.HEADING])
+        flat[variance_index(State.X)] += variance * cosine * cosine
+        flat[variance_index(State.Y)] += variance * sine * sine
+        flat[covariance_index(State.X, State.Y)] += variance * cosine * sine
         self.flat = tuple(flat)
 
     def doubt_scales(self, std: float) -> None:
