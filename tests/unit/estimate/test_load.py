@@ -84,6 +84,16 @@ def test_all_that_turns_at_a_wall_is_in_doubt() -> None:
     assert math.sqrt(wheels.doubted) - before == pytest.approx(2.0 * speed, rel=0.05)
 
 
+def test_a_robot_whose_wheels_come_to_a_wall_one_after_the_other_is_held() -> None:
+    wheels = Wheels()
+    wheels.run(0.6, (4.0, 4.0), (0.0, 0.0))
+    assert wheels.run(0.6, (4.0, 4.0), (GRIP, 0.0)) is None
+    begun = wheels.time
+    held = wheels.run(1.0, (4.0, 4.0), (GRIP, GRIP))
+    assert held is not None
+    assert held - begun < 0.25
+
+
 def test_a_robot_that_backs_off_is_not_held() -> None:
     wheels = Wheels()
     wheels.run(2.0, (4.0, 4.0), (0.0, 0.0))

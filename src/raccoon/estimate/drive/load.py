@@ -175,9 +175,15 @@ class LoadWatch:
         self._count(way, self.held or excess > 0.5 * LEAST_LOAD)
         steady = span / (1.0 + (self._change / STEADY) ** 2)
         self._known += steady
-        learn = LEARN_TIME_HELD if self._suspicious > 0.0 else min(self._known, LEARN_TIME)
-        share = min(1.0, steady / learn)
-        self._rolls = rolls_left + share * (left - rolls_left), rolls_right + share * (right - rolls_right)
+        self._rolls = self._learnt(rolls_left, left, steady), self._learnt(rolls_right, right, steady)
+
+    def _learnt(self, rolls: float, load: float, steady: float) -> float:
+        """What a wheel rolls with after `steady` s of a load, V. One wheel alone may be at a wall, too."""
+        held = self._suspicious > 0.0 or load - rolls > LEAST_LOAD
+        usual = min(self._known, LEARN_TIME)
+        if held and self._known > KNOWN_AFTER:
+            usual = LEARN_TIME_HELD
+        return rolls + min(1.0, steady / usual) * (load - rolls)
 
     def _count(self, way: float, heavy: bool) -> None:
         """Add to the doubted way, from the first step that was heavy, long before it is said."""
