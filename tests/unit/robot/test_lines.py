@@ -24,12 +24,13 @@ from raccoon import (
     seq,
     wait,
 )
-from raccoon.core.config import BodyConfig
+from raccoon.core.config import BodyConfig, RobotConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions import Action
 from raccoon.robot.driving import search
 from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
+from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import Line, Wall, World
 from robots import CONFIG, simulated
@@ -190,13 +191,28 @@ def test_the_robot_squares_up_to_a_wall(askew_deg: float, speed: float) -> None:
     with open_robot(CONFIG, port=port) as robot:
         robot.run(wait(0.5))
         result = robot.run(align_on_wall(speed, heading=deg(askew_deg), heading_std=0.01))
-        _, _, heading = port._robot.pose
+        x, y, heading = port._robot.pose
         assert math.degrees(heading) == pytest.approx(askew_deg, abs=0.5)
         here = robot.estimate
+        # Both wheels spin at it until their momentum is spent.
+        assert math.hypot(here.x - x, here.y - y) < 3.5 * math.hypot(here.x_std, here.y_std)
         assert here.heading == pytest.approx(heading, abs=deg(0.3))
         # What gyro and wheels said of the turn before the wall was believed.
         assert math.degrees(result.heading) == pytest.approx(0.0, abs=0.5)
         assert port._robot.state.speed_left == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("askew_deg", "speed"), [(5.0, 0.08), (8.0, 0.1), (7.0, -0.08)])
+def test_a_wheel_that_slips_at_a_wall_is_no_wheel_of_another_size(askew_deg: float, speed: float) -> None:
+    """Scales that nobody calibrated learn from a turn, but not from one in which a wheel slips."""
+    config = RobotConfig()
+    port = SimPort(Parameters.from_robot(config), _wall(deg(askew_deg), math.copysign(0.2, speed)))
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(1.0))
+        robot.run(align_on_wall(speed))
+        x, y, _ = port._robot.pose
+        here = robot.estimate
+        assert math.hypot(here.x - x, here.y - y) < 2.0 * math.hypot(here.x_std, here.y_std)
 
 
 def test_wheels_that_spin_at_a_wall_are_said_as_well() -> None:

@@ -18,6 +18,9 @@ NAMED_AFTER = 0.05
 """s of disagreement before a wheel is named."""
 SCALES_AFTER = 3.0
 """s of disagreement after which it is not slip: the scales are wrong."""
+AFTERMATH = 0.3
+"""s after a disagreement in which a wheel may still slip by less than it takes to disagree: that looks like a
+wrong scale."""
 RESTING_SPEED = 0.3
 """rad/s below which a wheel reads nothing."""
 BUMP_VELOCITY, COARSE_BUMP_VELOCITY = 0.06, 0.1
@@ -40,11 +43,12 @@ class SlipWatch:
     wheel: "left" or "right" while one is named, else None. seconds: how long they have disagreed.
     """
 
-    __slots__ = ("_calm", "_seconds", "_suspect", "wheel")
+    __slots__ = ("_calm", "_seconds", "_since", "_suspect", "wheel")
 
     def __init__(self) -> None:
         self._seconds = 0.0
         self._calm = 0.0
+        self._since = AFTERMATH
         self._suspect: str | None = None
         self.wheel: str | None = None
 
@@ -58,16 +62,19 @@ class SlipWatch:
         return abs(innovation) > LEAST_TURN and innovation * innovation > GATE * variance
 
     def is_unsure(self, innovation: float, variance: float, of_gyro: float) -> bool:
-        """May a wheel slip while the gyro's rate changes too fast to be dated, as where a robot is turned by
-        what it runs into?
+        """May a wheel slip: one did a moment ago, or the gyro's rate changes too fast to be dated, as where a
+        robot is turned by what it runs into?
 
         of_gyro: (rad/s)^2 of the turn rate for that.
         """
+        if self._since < AFTERMATH:
+            return True
         unlike = innovation * innovation > max(LEAST_TURN**2, SOFT_GATE * variance)
         return unlike and of_gyro > DOUBTFUL_GYRO**2
 
     def calm(self, span: float) -> None:
         """Wheels and gyro agreed over `span` s."""
+        self._since += span
         if self._seconds == 0.0:
             return
         self._calm += span
@@ -82,7 +89,7 @@ class SlipWatch:
             self._seconds = 0.0
             self._suspect = suspect
         self._seconds += span
-        self._calm = 0.0
+        self._calm = self._since = 0.0
         if self._seconds > NAMED_AFTER:
             self.wheel = suspect
         return suspect
