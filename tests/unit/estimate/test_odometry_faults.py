@@ -273,6 +273,19 @@ def test_a_blow_that_one_reading_shows_is_felt_whenever_it_comes(late: float) ->
     assert begin <= told[0] < begin + 0.03
 
 
+@pytest.mark.parametrize("seconds", [0.1, 0.3, 0.317])
+def test_wheels_that_nobody_sees_are_no_bump(seconds: float) -> None:
+    """RaccoonOS leaves a back-EMF beyond 2000 counts out: a fresh battery's at full power."""
+
+    def unseen(_: int, inputs: Inputs) -> Inputs:
+        felt = replace(inputs, accel=(0.0, 0.0, 8192.0))
+        if not 2.5 <= inputs.time < 2.5 + seconds:
+            return felt
+        return replace(felt, bemf=(None,) * 4, position=(None,) * 4)
+
+    assert not any("bumped" in reason for e, _ in run(drive(STRAIGHT), unseen) for reason in e.reasons)
+
+
 def test_a_ramp_is_no_bump() -> None:
     """A robot that comes onto a ramp of 6 degrees within 0.4 s feels a tenth of its weight from then on."""
 

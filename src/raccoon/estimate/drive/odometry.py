@@ -46,6 +46,8 @@ UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
 """m, standard deviation of the position."""
 BLIND_AFTER = 0.5
 """s without any wheel reading after which the pose is not to be used."""
+COMES_BACK = 0.1
+"""s after a wheel was silent in which its speed makes up for what was missed."""
 
 _VX, _VY, _VH = variance_index(State.X), variance_index(State.Y), variance_index(State.HEADING)
 _VB = variance_index(State.GYRO_BIAS)
@@ -78,6 +80,7 @@ class Odometry:
         self._standstill, self._bump = Standstill(), BumpWatch()
         self._swing, self._shaking = Swing(), Shaking()
         self._load = LoadWatch(robot, SIMULATOR)
+        self._unseen = 0.0
         self._configure(SIMULATOR)
         self.resets = 0
         """How often the pose was set anew, after which nothing planned in the one before holds."""
@@ -263,8 +266,12 @@ class Odometry:
         if pending.force_count == 0:
             return
         span, forward = pending.span, pending.force / pending.force_count
+        silent = max(self._left.silent, self._right.silent) > HOLD
+        self._unseen = COMES_BACK if silent else self._unseen - span
         velocity = 0.5 * self._geometry.wheel_radius * (self._left.mean + self._right.mean)
-        if self._bump.update(span, forward, velocity, still, span / pending.force_count):
+        if self._unseen > 0.0:
+            self._bump.interrupt(velocity)
+        elif self._bump.update(span, forward, velocity, still, span / pending.force_count):
             self._reasons.tell("bumped: the wheels do not move as the robot does", self._readings.time)
 
     def _carries(self, span: float, left: float, right: float) -> float:
