@@ -4,8 +4,9 @@
 
 Impacts: with the front square, with a corner (a wall 25 degrees askew), at an object off the middle, at
 several speeds and distances. Drives: straights, turns, arcs, hard starts and stops and spins at full power,
-on a table with a ramp, plain and with a tenth of all frames lost. What the accelerometer felt is counted
-apart from what else makes `bumped()` true.
+over a ramp of 10 degrees and down again, by the robot of robot.toml, with a tenth of all frames lost, and by
+robots and on floors that robot.toml does not know. What the accelerometer felt is counted apart from what the
+wheels carry and what else makes `bumped()` true.
 """
 
 from __future__ import annotations
@@ -44,7 +45,23 @@ from raccoon.sim.world import Box, Ramp, Thing, Wall, World
 CONFIG = RobotConfig()
 SPEEDS = 0.05, 0.10, 0.15, 0.20, 0.30
 FIRMWARES: dict[str, Firmware] = {"stock": "stock", "17": 17, "21": 21}
-HILLY = World(ramps=(Ramp(Box((0.3, -5.0), (0.9, 5.0)), -0.08, 0.0),))
+UP, DOWN = Box((0.3, -5.0), (0.7, 5.0)), Box((0.7, -5.0), (1.1, 5.0))
+HILLY = World(ramps=(Ramp(UP, -0.088, 0.0), Ramp(DOWN, 0.088, 0.0)))
+PLAIN = Parameters.from_robot(CONFIG)
+CARPET = PLAIN.with_effect("friction.coulomb", torque=2.0 * CONFIG.model.friction.coulomb.value)
+ROBOTS = {
+    "carpet": CARPET,
+    "battery 5.9 V": PLAIN.with_effect("battery.open_circuit_voltage", voltage=5.9),
+    "battery 7.0 V": PLAIN.with_effect("battery.open_circuit_voltage", voltage=7.0),
+    "motors 4 % apart": PLAIN.with_effect("motor.back_emf_constant", "left", factor=1.02).with_effect(
+        "motor.back_emf_constant", "right", factor=0.98
+    ),
+    "resistance + 20 %": PLAIN.with_effect("motor.armature_resistance", factor=1.2),
+    "inertia + 40 %": PLAIN.with_effect("drive.inertia", factor=1.4),
+    "stiction": PLAIN.with_effect("friction.stiction", torque=0.12, speed=0.3),
+    "pushing 0.3 kg": PLAIN.with_effect("drive.slope", along_x=-0.026, along_y=0.0),
+    "scrub": PLAIN.with_effect("drive.turn_scrub", torque=0.06),
+}
 
 
 class Lossy:
@@ -67,11 +84,11 @@ class Lossy:
         self._port.close()
 
 
-def port_of(kind: str, world: World, seed: int) -> Port:
+def port_of(kind: str, world: World, seed: int, robot: Parameters = PLAIN) -> Port:
     """The simulated robot as `kind` reads it."""
     if kind == "sim":
-        return SimPort(Parameters.from_robot(CONFIG), world, seed=seed)
-    return open_emulated(CONFIG, FIRMWARES[kind], world=world, seed=seed)
+        return SimPort(robot, world, seed=seed)
+    return open_emulated(CONFIG, FIRMWARES[kind], world=world, seed=seed, robot=robot)
 
 
 def obstacle(what: str, distance: float) -> World:
@@ -121,9 +138,9 @@ def ordinary(seed: int) -> Action[object]:
     return seq(wait(0.6), *parts)
 
 
-def alarms(kind: str, seed: int, lost: float) -> tuple[int, float]:
+def alarms(kind: str, seed: int, lost: float, plant: Parameters = PLAIN) -> tuple[int, float]:
     """How often bumped() came true on an ordinary drive, and how long it was."""
-    with open_robot(CONFIG, port=Lossy(port_of(kind, HILLY, seed), lost, seed)) as robot:
+    with open_robot(CONFIG, port=Lossy(port_of(kind, HILLY, seed, plant), lost, seed)) as robot:
         held, count = False, 0
         holds = bumped().start(robot)
 
@@ -153,12 +170,11 @@ def main() -> None:
                 found = [struck(kind, what, speed, seed) for seed in range(asked.impacts)]
                 row.append(f"{sum(seen for _, seen in found)} ({sum(felt for felt, _ in found)})")
             print(f"{kind:6}{what:8}", "  ".join(f"{each:8}" for each in row), flush=True)
-        for lost in (0.0, 0.1):
-            each = [alarms(kind, seed, lost) for seed in range(asked.drives)]
+        said = {"plain": (PLAIN, 0.0), "a tenth lost": (PLAIN, 0.1)}
+        for name, (plant, lost) in {**said, **{name: (plant, 0.0) for name, plant in ROBOTS.items()}}.items():
+            each = [alarms(kind, seed, lost, plant) for seed in range(asked.drives)]
             false, seconds = sum(count for count, _ in each), sum(time for _, time in each)
-            print(
-                f"{kind:6}{false} false alarms in {seconds:.0f} s, {lost:.0%} of the frames lost", flush=True
-            )
+            print(f"{kind:6}{false} false alarms in {seconds:.0f} s, {name}", flush=True)
 
 
 if __name__ == "__main__":

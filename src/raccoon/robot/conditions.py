@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.control.watch import STALL_TIME
 from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
+from raccoon.estimate.drive.estimate import HELD
 from raccoon.robot.limits import (
     check_angle,
     check_counts,
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 Test = Callable[[], bool]
+HELD_TIME = 0.5
+"""S for which what the odometry said before is no news: its reasons last for 0.3 s."""
 JOIN = "; when(lambda robot: ...) makes one of any test"
 
 
@@ -197,12 +200,17 @@ def blocked(mechanism: str) -> Condition:
 
 
 def bumped() -> Condition:
-    """A wheel stalls, or the wheels do not move as the accelerometer feels the robot move."""
-    return _fresh("bumped", (_struck, math.inf), (_wheel_stalled, STALL_TIME))
+    """A wheel stalls, both carry as much as tyres that spin at a wall do, or they do not move as the
+    accelerometer feels the robot move."""
+    return _fresh("bumped", (_struck, math.inf), (_held, HELD_TIME), (_wheel_stalled, STALL_TIME))
 
 
 def _struck(robot: Robot) -> bool:
     return any(why.startswith("bumped") for why in robot.estimate.reasons)
+
+
+def _held(robot: Robot) -> bool:
+    return HELD in robot.estimate.reasons
 
 
 def _wheel_stalled(robot: Robot) -> bool:

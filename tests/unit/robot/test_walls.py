@@ -1,4 +1,5 @@
-"""Squaring up to a wall behind the emulated controllers (the simulator's own port: test_lines)."""
+"""Walls behind the emulated controllers: squaring up (on the simulator's own port: test_lines), running into
+one."""
 
 from __future__ import annotations
 
@@ -6,12 +7,36 @@ import math
 
 import pytest
 
-from raccoon import align_on_wall, open_robot, wait
+from raccoon import align_on_wall, bumped, drive, open_robot, straight, turn, wait
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import MotionTimeout
+from raccoon.core.port import Port
+from raccoon.core.readings import Status
+from raccoon.estimate.drive.estimate import HELD
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
 from raccoon.sim.world import Wall, World
+
+FIRMWARES: tuple[Firmware, ...] = ("stock", 17, 21)
+
+
+def remembered(monkeypatch: pytest.MonkeyPatch) -> list[SimulatedPlant]:
+    """The plants of the emulated robots that are opened from now on."""
+    plants: list[SimulatedPlant] = []
+
+    def made(parameters: Parameters, world: World | None) -> SimulatedPlant:
+        plants.append(SimulatedPlant(parameters, world))
+        return plants[-1]
+
+    monkeypatch.setattr("raccoon.robot.emulated.SimulatedPlant", made)
+    return plants
+
+
+def ahead(distance: float) -> World:
+    """A wall that a robot drives into square, that far ahead of its origin."""
+    return World(walls=(Wall((distance, -1.0), (distance, 1.0)),))
 
 
 @pytest.mark.parametrize("given", [True, False])
@@ -20,13 +45,7 @@ from raccoon.sim.world import Wall, World
 def test_a_robot_squares_up_to_a_wall_and_its_odometry_knows(
     firmware: Firmware, sign: float, given: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plants = []
-
-    def remembered(parameters: Parameters, world: World | None) -> SimulatedPlant:
-        plants.append(SimulatedPlant(parameters, world))
-        return plants[-1]
-
-    monkeypatch.setattr("raccoon.robot.emulated.SimulatedPlant", remembered)
+    plants = remembered(monkeypatch)
     askew = math.radians(10.0)
     middle = 0.2 * sign * math.cos(askew), 0.2 * sign * math.sin(askew)
     along = -math.sin(askew), math.cos(askew)
@@ -45,3 +64,74 @@ def test_a_robot_squares_up_to_a_wall_and_its_odometry_knows(
         # A turn that a wall begins and ends between two readings of the gyro: it says how well it is known.
         assert abs(robot.estimate.heading - plant.pose[2]) < 2.5 * robot.estimate.heading_std
         assert robot.estimate.heading_std < math.radians(0.25)
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+@pytest.mark.parametrize("speed", [0.15, -0.15])
+def test_a_robot_that_runs_into_a_wall_is_bumped(
+    firmware: Firmware, speed: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plants = remembered(monkeypatch)
+    config = RobotConfig()
+    reach = 0.2 + config.body.front
+    with open_robot(
+        config, port=open_emulated(config, firmware, world=ahead(math.copysign(reach, speed)))
+    ) as robot:
+        robot.run(wait(0.6))
+        robot.run(drive(speed).until(bumped()).timeout(0.2 / abs(speed) + 1.0))
+        assert abs(plants[0].pose[0]) == pytest.approx(0.2, abs=0.002)
+        assert abs(robot.estimate.x) < 0.2 + 0.3 * abs(speed)
+
+
+@pytest.mark.parametrize("firmware", [*FIRMWARES, None])
+def test_a_robot_whose_wheels_spin_at_a_wall_knows_how_little_it_knows(firmware: Firmware | None) -> None:
+    config = RobotConfig()
+    world = ahead(0.2 + config.body.front)
+    if firmware is None:
+        port: Port = SimPort(Parameters.from_robot(config), world)
+    else:
+        port = open_emulated(config, firmware, world=world)
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(0.6))
+        with pytest.raises(MotionTimeout):
+            robot.run(drive(0.15).timeout(4.0))
+        here = robot.estimate
+        assert HELD in here.reasons
+        assert here.status is not Status.OK
+        assert 0.2 < here.x - 0.2 < 2.0 * here.x_std
+        assert here.y_std < 0.005
+        assert here.heading_std < math.radians(1.0)
+        robot.run(wait(0.5))
+        assert robot.odometry.observe_line((0.2, 0.0), 0.5 * math.pi, sensor=(0.0, 0.0), std=0.003).accepted
+        assert robot.estimate.x == pytest.approx(0.2, abs=0.005)
+
+
+@pytest.mark.parametrize("firmware", ["stock", 21])
+def test_a_robot_that_is_bumped_at_once_backs_off_and_comes_again(firmware: Firmware) -> None:
+    config = RobotConfig()
+    with open_robot(
+        config, port=open_emulated(config, firmware, world=ahead(0.1 + config.body.front))
+    ) as robot:
+        robot.run(wait(0.6))
+        for _ in range(2):
+            robot.run(drive(0.1).until(bumped()).timeout(3.0))
+            robot.run(straight(-0.1))
+            assert HELD not in robot.estimate.reasons
+        robot.run(turn(math.radians(180.0)))
+        assert HELD not in robot.estimate.reasons
+
+
+@pytest.mark.parametrize("firmware", ["stock", 21])
+def test_a_carpet_and_a_ramp_are_no_wall(firmware: Firmware, monkeypatch: pytest.MonkeyPatch) -> None:
+    plants = remembered(monkeypatch)
+    config = RobotConfig()
+    floor = Parameters.from_robot(config)
+    carpet = floor.with_effect("friction.coulomb", torque=2.0 * config.model.friction.coulomb.value)
+    uphill = floor.with_effect("drive.slope", along_x=-0.088, along_y=0.0)  # 10 degrees
+    with open_robot(config, port=open_emulated(config, firmware)) as robot:
+        robot.run(wait(0.6))
+        for part in (floor, carpet, uphill, floor):
+            plants[0].become(part)
+            with pytest.raises(MotionTimeout):
+                robot.run(drive(0.15).until(bumped()).timeout(0.8))
+            robot.run(straight(-0.05))
