@@ -99,6 +99,7 @@ class WheelWatch:
         "_silent",
         "_static",
         "_windows",
+        "held",
         "stalled",
     )
 
@@ -115,6 +116,8 @@ class WheelWatch:
         self._low = self._high = 0.0
         self._silent = self._loose = 0.0
         self.stalled = False
+        self.held = False
+        """Whether somebody knows that more brakes the wheel than its motor: nothing is learnt then."""
 
     def update(self, voltage: float, speed: float | None, dt: float) -> None:
         """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading."""
@@ -126,7 +129,7 @@ class WheelWatch:
         self._silent = 0.0 if moves or spare <= STALL_OVERDRIVE else self._silent + dt
         self.stalled = self._silent > STALL_TIME
         self._loose = max(0.0, self._loose - dt)
-        if self._silent > HELD_TIME:
+        if self._silent > HELD_TIME or self.held:
             self._loose, self._found = LOOSE_TIME, None
         if self._loose > 0.0:
             self._windows.clear()

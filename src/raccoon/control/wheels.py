@@ -172,6 +172,10 @@ class WheelLoop:
         self.saturated = False
         self.missing_speed = 0.0
 
+    def hold(self, held: bool) -> None:
+        """Whether both wheels push against something: what they take then tells nothing of the motors."""
+        self._left.watch.held = self._right.watch.held = held
+
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""
         self._left.resume()

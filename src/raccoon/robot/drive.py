@@ -14,6 +14,7 @@ from raccoon.control.wheels import REST, WheelLoop, WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
 from raccoon.core.sections import MotionConfig
+from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 
 if TYPE_CHECKING:
@@ -180,6 +181,7 @@ class Drive:
             left, right = self._open_loop
             self.wheels.reset()
         else:
+            self.wheels.hold(HELD in estimate.reasons)
             left, right = self.wheels.step(
                 self._target, estimate.left_speed, estimate.right_speed, dt, battery_voltage
             )

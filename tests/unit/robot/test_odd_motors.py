@@ -14,6 +14,7 @@ from raccoon import (
     arc,
     calibrate_drive,
     deg,
+    drive,
     motors,
     open_robot,
     seq,
@@ -30,7 +31,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
-from raccoon.sim.world import Line, World
+from raccoon.sim.world import Line, Wall, World
 from robots import CONFIG, run, simulated
 
 BARE = replace(CONFIG, motors={})
@@ -257,3 +258,13 @@ def test_a_loop_that_follows_a_line_to_and_fro_makes_no_motor_odd(caplog: pytest
         robot.run(straight(0.1))
         assert robot.estimate.y == pytest.approx(0.0, abs=0.03)
     assert [record.message for record in caplog.records] == []
+
+
+def test_wheels_that_spin_at_a_wall_say_nothing_of_their_motors() -> None:
+    port = simulated(config=BARE, world=World(walls=(Wall((0.3, -1.0), (0.3, 1.0)),)))
+    with open_robot(BARE, port=port) as robot:
+        robot.run(seq(wait(0.5), straight(0.1), straight(-0.1)))
+        with pytest.raises(MotionTimeout):
+            robot.run(drive(0.15).timeout(9.0))
+        robot.run(seq(straight(-0.2), straight(0.1, speed=0.1)))
+        assert robot.drive.oddities() == ()
