@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs, Status
+from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs
 from raccoon.estimate.drive.estimate import HELD, DriveEstimate, Observation
 from raccoon.estimate.drive.fusion import Fusion, Reading
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
@@ -41,15 +41,9 @@ STEP = 0.0175
 DATED = 1.2
 """Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`. The
 gyro's turn stays what counts: wheels that slip in that moment are worse."""
-UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
-UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
-"""m, standard deviation of the position."""
-BLIND_AFTER = 0.5
-"""s without any wheel reading after which the pose is not to be used."""
 COMES_BACK = 0.1
 """s after a wheel was silent in which its speed makes up for what was missed."""
 
-_VX, _VY, _VH = variance_index(State.X), variance_index(State.Y), variance_index(State.HEADING)
 _VB = variance_index(State.GYRO_BIAS)
 _VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
 
@@ -106,14 +100,28 @@ class Odometry:
         """
         return pose_covariance(self._fusion.drive.flat, self._estimate, self._settings.timing)
 
-    def reset(self, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> None:
-        """Take the robot to be at this pose (m, m, rad), exactly; what is known of scales and offsets stays.
+    def reset(
+        self,
+        x: float = 0.0,
+        y: float = 0.0,
+        heading: float = 0.0,
+        *,
+        position_std: float = 0.0,
+        heading_std: float = 0.0,
+    ) -> None:
+        """Take the robot to be at this pose (m, m, rad); what is known of scales and offsets stays.
 
-        Raises ValueError for a value that is not finite.
+        position_std, heading_std: m and rad by which it may have been put down wrong; walls and lines that
+        are seen later correct it. Raises ValueError for a value that is not finite or a deviation below 0.
         """
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(heading)):
             raise ValueError(f"pose ({x}, {y}, {heading}): every value must be finite")
+        for name, std in (("position_std", position_std), ("heading_std", heading_std)):
+            if not 0.0 <= std < math.inf:
+                raise ValueError(f"{name} is {std}: allowed are finite numbers from 0")
         self._fusion.place(x, y, heading)
+        self._fusion.drive.widen((State.X, State.Y), position_std)
+        self._fusion.drive.widen((State.HEADING,), heading_std)
         self._readings.clear()
         self.resets += 1
         self._estimate = self._published()
@@ -298,15 +306,5 @@ class Odometry:
             gyro = (self._readings.rate - flat[State.GYRO_BIAS], sqrt(flat[_VB]))
         return self._standstill.update(span, driven, (max(left, right, -left, -right), sigma), gyro)
 
-    def _status(self) -> Status:
-        flat = self._fusion.drive.flat
-        place, heading = flat[_VX] + flat[_VY], flat[_VH]
-        blind = min(self._left.silent, self._right.silent) > BLIND_AFTER
-        if blind or place > INVALID_PLACE**2 or heading > INVALID_HEADING**2:
-            return Status.INVALID
-        if self._reasons.now or place > UNCERTAIN_PLACE**2 or heading > UNCERTAIN_HEADING**2:
-            return Status.UNCERTAIN
-        return Status.OK
-
     def _published(self) -> DriveEstimate:
-        return published(self._fusion, self._readings, self._settings, self._status())
+        return published(self._fusion, self._readings, self._settings)

@@ -24,9 +24,14 @@ _VV, _VW, _VB = _VAR[State.VELOCITY], _VAR[State.TURN_RATE], _VAR[State.GYRO_BIA
 _VWAY, _WITH_WAY = _VAR[State.WAY], covariance_index(State.VELOCITY, State.WAY)
 
 
-def published(
-    fusion: Fusion, readings: DriveReadings, settings: OdometrySettings, status: Status
-) -> DriveEstimate:
+UNCERTAIN_HEADING, INVALID_HEADING = math.radians(5.0), math.radians(25.0)
+UNCERTAIN_PLACE, INVALID_PLACE = 0.10, 0.50
+"""m, standard deviation of the position."""
+BLIND_AFTER = 0.5
+"""s without any wheel reading after which the pose is not to be used."""
+
+
+def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySettings) -> DriveEstimate:
     """The estimate at the time of the last cycle."""
     flat, geometry = fusion.drive.flat, fusion.geometry
     scales = wheel_scales(flat[State.WAY], flat[State.BALANCE])
@@ -67,9 +72,19 @@ def published(
         sqrt(max(of_velocity, 0.0)),
         sqrt(flat[_VW]),
         sqrt(flat[_VB]),
-        status,
+        _status(flat, readings),
         readings.reasons.now,
     )
+
+
+def _status(flat: Flat, readings: DriveReadings) -> Status:
+    place, heading = flat[_VX] + flat[_VY], flat[_VH]
+    blind = min(readings.left.silent, readings.right.silent) > BLIND_AFTER
+    if blind or place > INVALID_PLACE**2 or heading > INVALID_HEADING**2:
+        return Status.INVALID
+    if readings.reasons.now or place > UNCERTAIN_PLACE**2 or heading > UNCERTAIN_HEADING**2:
+        return Status.UNCERTAIN
+    return Status.OK
 
 
 def since_step(
