@@ -163,7 +163,7 @@ RACCOON_LEAD = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - RACCOON_PAUSE
 of the slot. Version 17 drives each motor anew in every slot."""
 STOCK_SILENT = 10.0 / 0.25
 """Counts: a quarter of a sample must be 10 for the filter to leave 0."""
-STOCK_LOW = 3.0 * BATTERY_VOLTS_PER_COUNT
+STOCK_LOW = 2.0 * BATTERY_VOLTS_PER_COUNT
 """V, with a count of noise: int(0.95 old + 0.05 new) loses a count whenever a sample is below it."""
 SAG = 0.06
 """When in a slot the converter gets to the battery is in no source. A reading that never sees RaccoonOS's

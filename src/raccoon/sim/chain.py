@@ -31,7 +31,8 @@ class Chain:
     free_running: its cycle has a clock of its own, so that a row takes a sample from none to a cycle old.
     What is simulated is the mean, half a cycle.
     battery_time_constant: s, of the battery reading's filter. battery_held: V by which a voltage that rises
-    may be above its reading, as where the filter cuts fractions of a count off; one that falls is followed.
+    may be above its reading, as where the filter cuts fractions of a count off; one that falls is followed,
+    and a little sooner then.
     pause: s for which a motor has coasted when it is sampled: its wheel is slower then than on average, by
     half of what it loses in a pause.
     together: motors coast all at once. While they are driven the battery sags under all of their current, and

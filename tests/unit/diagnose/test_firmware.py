@@ -34,7 +34,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.sensing import followed_voltage
+from raccoon.sim.sensing import battery_word
 from raccoon.trace.loading import load_run
 
 ROBOT = RobotConfig()
@@ -231,19 +231,28 @@ def test_back_emf_is_read_without_a_bias_but_for_half_a_count_cut_off(
     assert means == pytest.approx(true - cut * np.sign(true), abs=0.25)
 
 
-def test_the_battery_is_held_where_it_rises_and_followed_where_it_falls() -> None:
-    """As the chain says, to two counts, with a count of noise as a converter has."""
+@pytest.mark.parametrize("drive", ["slow", "starts"])
+def test_the_battery_is_held_where_it_rises_and_followed_where_it_falls(drive: str) -> None:
+    """As the chain says, to a count or so, with a count of noise as a converter has: also how far the reading
+    goes down with each start of a motor, which is what a battery's resistance is told by."""
     counts = np.concatenate([np.linspace(760.0, 700.0, 600), np.linspace(700.0, 760.0, 600)])
+    if drive == "starts":
+        since = np.arange(1200) % 120
+        counts = 740.0 - np.where(since < 90, 10.0 + 35.0 * np.exp(-since / 19.0), 0.0)
     raw = np.round(counts + np.random.default_rng(4).standard_normal(1200))
     volts = BATTERY_VOLTS_PER_COUNT * truncated(raw, 0.05, start=760)
     seen = FIRMWARES[STOCK.name].before_cutting({"battery.voltage": volts})["battery.voltage"]
     reading, held = counts[0] * BATTERY_VOLTS_PER_COUNT, Chain.stock().battery_held
     simulated = []
     for volt in counts * BATTERY_VOLTS_PER_COUNT:
-        reading = 0.95 * reading + 0.05 * followed_voltage(reading, volt, held)
+        reading = battery_word(reading, volt, 0.95, held)
         simulated.append(reading)
-    assert np.abs(seen - simulated).max() < 5.0 * BATTERY_VOLTS_PER_COUNT
-    assert np.abs(seen - simulated).mean() < 2.0 * BATTERY_VOLTS_PER_COUNT
+    off = (seen - simulated)[240:] / BATTERY_VOLTS_PER_COUNT
+    assert np.abs(off).max() < 5.0
+    assert np.abs(off).mean() < 2.0
+    if drive == "starts":
+        lowest = off.reshape(-1, 120)[:, 10:40]
+        assert abs(lowest.mean() - off.mean()) < 1.0
 
 
 def test_a_lag_that_the_firmware_may_have_is_added_to_what_is_open(problem: Problem) -> None:
