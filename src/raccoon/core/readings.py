@@ -83,6 +83,8 @@ class Device:
     that of the counter and `bemf_lag` times the back-EMF. None where the device does not know it; then
     model.bemf.filter_time_constant of robot.toml counts, as it does wherever robot.toml gives one.
     bemf_dead_zone: counts; motion whose back-EMF is smaller may be reported as 0, and not be counted.
+    bemf_range: counts beyond which a motor's back-EMF and counter stand still, None where there is no such
+    end.
     driven_share: part of the time in which a motor under a duty is powered; in the rest it coasts, and its
     back-EMF is read.
     """
@@ -97,6 +99,7 @@ class Device:
     bemf_lag: float | None = None
     bemf_dead_zone: float = 0.0
     driven_share: float = 1.0
+    bemf_range: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

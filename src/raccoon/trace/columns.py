@@ -64,6 +64,7 @@ def _device(devices: set[Device], counts_seconds: float) -> Device:
         bemf_lag=own.bemf_lag,
         bemf_dead_zone=own.bemf_dead_zone,
         driven_share=own.driven_share,
+        bemf_range=own.bemf_range,
     )
 
 

@@ -62,6 +62,9 @@ def parse_device(table: object) -> Device:
     driven = table.get("driven_share", 1.0)
     if not (_is_number(driven) and 0.0 < driven <= 1.0):
         raise TraceError(f"device.driven_share is {_shown(driven)}: allowed are numbers above 0 up to 1")
+    most = table.get("bemf_range")
+    if most is not None and not (_is_number(most) and most > 0):
+        raise TraceError(f"device.bemf_range is {_shown(most)}: allowed are numbers above 0")
     return Device(
         _text(table.get("name"), "device.name"),
         **{key: float(table[key]) for key in scales},
@@ -69,6 +72,7 @@ def parse_device(table: object) -> Device:
         bemf_lag=None if lag is None else float(lag),
         bemf_dead_zone=float(dead_zone),
         driven_share=float(driven),
+        bemf_range=None if most is None else float(most),
     )
 
 

@@ -116,6 +116,7 @@ def test_who_was_recorded_is_kept_where_it_is_one() -> None:
         "bemf_lag": 0.0128,
         "bemf_dead_zone": 40.0,
         "driven_share": 0.76,
+        "bemf_range": 2000.0,
     }
     stock = replace(SIMULATOR, **own)
     ticks = [Tick(Inputs(0.0, stock)), Tick(Inputs(0.1, stock))]

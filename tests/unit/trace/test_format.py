@@ -164,6 +164,8 @@ def test_numbers_that_are_none_are_damage(tmp_path: Path, text: bytes) -> None:
         {"bemf_dead_zone": None},
         {"driven_share": 0.0},
         {"driven_share": 1.1},
+        {"bemf_range": 0.0},
+        {"bemf_range": "all"},
     ],
 )
 def test_a_wrong_device_is_damage(tmp_path: Path, change: dict[str, Any]) -> None:

@@ -96,7 +96,7 @@ def test_commands_and_remarks_before_the_first_cycle_are_kept(tmp_path: Path) ->
 
 
 def test_what_a_device_says_of_its_back_emf_comes_back(tmp_path: Path) -> None:
-    device = replace(SIMULATOR, bemf_lag=0.0128, bemf_dead_zone=40.0, driven_share=0.76)
+    device = replace(SIMULATOR, bemf_lag=0.0128, bemf_dead_zone=40.0, driven_share=0.76, bemf_range=2000.0)
     port = RecordingPort(ScriptedPort([replace(cycle(0), device=device)]), tmp_path / "run")
     port.read()
     port.close()

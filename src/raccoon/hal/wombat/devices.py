@@ -23,6 +23,10 @@ three adds one more.
 
 **Dead zone.** Motion so slow that it may not be counted: the stock filter, in whole counts and cut off below
 10, needs 40 counts to leave 0; RaccoonOS 21 cuts off below 25; 17 has none.
+
+**Range.** RaccoonOS does not take a smoothed value beyond 2000 counts (6.6 V induced): back-EMF and counter
+stand still until the motor is slower. A fresh battery drives motors that fast. The stock firmware has no such
+end.
 """
 
 from __future__ import annotations
@@ -43,6 +47,8 @@ STOCK_BEMF_RATE_HZ = 235.0
 
 STOCK_LAG_SAMPLES, RACCOON_LAG_SAMPLES = 3.0, 5.0
 STOCK_DEAD_ZONE, RACCOON_21_DEAD_ZONE = 40.0, 25.0
+"""Back-EMF counts."""
+RACCOON_RANGE = 2000.0
 """Back-EMF counts."""
 STOCK_DRIVEN, RACCOON_DRIVEN = 0.76, 0.9
 """Of the time; a motor coasts in the rest, all of them at once on the stock firmware, 500 us of 5 ms on the
@@ -85,6 +91,7 @@ def raccoon_device(version: int, bemf_rate_hz: float = RACCOON_BEMF_RATE_HZ) -> 
         bemf_lag=RACCOON_LAG_SAMPLES / rate_hz,
         bemf_dead_zone=RACCOON_21_DEAD_ZONE if version >= 21 else 0.0,
         driven_share=RACCOON_DRIVEN,
+        bemf_range=RACCOON_RANGE,
     )
 
 
