@@ -181,11 +181,6 @@ class WheelLoop:
         self._left.resume()
         self._right.resume()
 
-    def top_speed(self, battery_voltage: float) -> float:
-        """Rad/s that the weaker wheel reaches at `battery_voltage` V under load."""
-        limit = MAX_DUTY * battery_voltage
-        return min(self._left.top_speed(limit), self._right.top_speed(limit))
-
     def step(
         self,
         target: WheelTarget,

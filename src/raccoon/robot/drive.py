@@ -3,43 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from raccoon.control.feedforward import wheel_models
 from raccoon.control.tuning import speed_loop_gains
-from raccoon.control.voltage import SpeedBudget
 from raccoon.control.watch import ODD_SHARE, oddities
 from raccoon.control.wheels import REST, WheelLoop, WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
-from raccoon.core.sections import MotionConfig
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
+from raccoon.robot.speeds import Speeds
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
 
 FIRMWARE_SAMPLE = 0.005
 """S between two samples of the back-EMF."""
-# A wheel is never planned slower than this share of its speed without load, however little is said to be left
-# for it by the battery and the wished acceleration.
-LEAST_SHARE = 0.3
 SHORT_DRIVE, SHORT_DRIVES = 0.1, 10
 """S in which a drive does not come to its speed, and how many of them in a row are a loop."""
-USUAL = MotionConfig()
-"""Accelerations that a robot.toml without any has."""
-
-
-def _eased(speed_at: Callable[[float], float], wished: float, usual: float) -> tuple[float, float]:
-    """Speed and the most acceleration, up to `wished`, that leaves what the usual one does."""
-    if wished <= usual or speed_at(wished) >= speed_at(usual):
-        return speed_at(wished), wished
-    low, high, speed = usual, wished, speed_at(usual)
-    for _ in range(20):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if speed_at(middle) >= speed else (low, middle)
-    return speed, low
 
 
 def dead_time(config: RobotConfig) -> float:
@@ -58,9 +40,8 @@ class Drive:
         self._config = config
         self._device: Device | None = None
         self.wheels = self._loop(None)
-        battery = config.model.battery
-        self.budget = SpeedBudget(config.battery.weakest, battery.internal_resistance.value)
-        """What motions are planned with: the weakest battery of the match."""
+        self.speeds = Speeds(config, self.wheels.models)
+        """What motions are planned with."""
         self._radius = model.wheel_radius.value
         self._half_track = 0.5 * model.track_width.value
         self._turn_inertia_share = model.inertia_turn.value / model.inertia_straight.value
@@ -79,6 +60,8 @@ class Drive:
         self._open_loop: tuple[float, float] | None = None
         self._given = (0.0, 0.0)
         self._claimed = False
+        self.cut = False
+        """Whether the velocity asked for in this tick is one that would not be read, and was cut."""
         self._begun, self._begins = -math.inf, 0
 
     def _loop(self, device: Device | None) -> WheelLoop:
@@ -90,10 +73,13 @@ class Drive:
         return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING, voltage, cycle, late)
 
     def know(self, device: Device) -> None:
-        """Take the K_E of calibrated motors from what this device's counters mean; once a device."""
+        """Take the K_E of calibrated motors from what this device's counters mean, and how fast a wheel may
+        turn that it reads; once a device.
+        """
         if device is not self._device:
             self._device = device
             self.wheels = self._loop(device)
+            self.speeds.know(device, self.wheels.models)
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""
@@ -109,15 +95,17 @@ class Drive:
         """Drive at `forward` m/s turning at `turn_rate` rad/s in this tick.
 
         acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed.
+        Where the controller would no longer read a wheel that fast, both go slower by the same share.
         """
         self._claim()
         turn = turn_rate * self._half_track
         gain = acceleration / self._radius
         spin = turn_acceleration * self._half_track / self._radius * self._turn_inertia_share
         self._open_loop = None
-        self._target = WheelTarget(
-            (forward - turn) / self._radius, (forward + turn) / self._radius, gain - spin, gain + spin
-        )
+        left, right = (forward - turn) / self._radius, (forward + turn) / self._radius
+        share = self.speeds.readable_share(left, right)
+        self.cut = share < 1.0
+        self._target = WheelTarget(left * share, right * share, (gain - spin) * share, (gain + spin) * share)
 
     def duties(self, left: float, right: float) -> None:
         """Put these duties (-1..1) on the wheels in this tick, without any control: time-based driving."""
@@ -137,6 +125,7 @@ class Drive:
         self._claim()
         voltage = self.wheels.battery if battery_voltage is None else battery_voltage
         wanted, torque = self.wheel_speed(forward), force * self._radius
+        wanted *= self.speeds.readable_share(wanted, wanted)
         left, right = (
             max(-1.0, min(1.0, wheel.pressing(wanted, speed, torque) / voltage))
             for wheel, speed in zip(self.wheels.models, speeds, strict=True)
@@ -164,7 +153,7 @@ class Drive:
         """No motion from this tick on."""
         self._target = REST
         self._open_loop = None
-        self._claimed = False
+        self._claimed = self.cut = False
 
     def _claim(self) -> None:
         """One command a tick: of two actions that drive at once one would be lost, and neither arrive."""
@@ -191,50 +180,6 @@ class Drive:
         duty[self._ports[0]] = max(-1.0, min(1.0, self._signs[0] * left))
         duty[self._ports[1]] = max(-1.0, min(1.0, self._signs[1] * right))
         return Outputs(duty=tuple(duty), brake=self._brake)
-
-    def top_speed(self, battery_voltage: float) -> float:
-        """M/s straight ahead that the weaker wheel can give at `battery_voltage` V."""
-        return self.wheels.top_speed(battery_voltage) * self._radius
-
-    def top_turn_rate(self, battery_voltage: float) -> float:
-        """Rad/s on the spot that the weaker wheel can give at `battery_voltage` V."""
-        return self.top_speed(battery_voltage) / self._half_track
-
-    def planned_speed(self, wanted: float, acceleration: float, outer: float = 1.0) -> float:
-        """M/s, at most `wanted`, that the weakest battery of the match can still give.
-
-        acceleration: m/s2 while it speeds up. outer: speed of the faster wheel over the robot's. Kept for the
-        whole match, so that a run is the same on a fresh battery.
-        """
-        gain = acceleration * outer / self._radius
-        top = min(
-            max(
-                LEAST_SHARE * self.budget.weakest / wheel.back_emf_constant,
-                self.budget.top_wheel_speed(wheel, gain),
-            )
-            for wheel in self.wheels.models
-        )
-        return min(wanted, top * self._radius / outer)
-
-    def planned(self, wanted: float, acceleration: float, outer: float = 1.0) -> tuple[float, float]:
-        """Speed (m/s, see `planned_speed`) and acceleration (m/s2) to plan with, at most these.
-
-        Speeding up hard takes voltage that the speed is then short of. So of an acceleration above the
-        default only as much is planned as leaves the speed of the default: more never makes a robot slower.
-        """
-        return _eased(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, USUAL.acceleration)
-
-    def planned_turn(self, wanted: float, acceleration: float) -> tuple[float, float]:
-        """The same of a turn on the spot: rad/s and rad/s2."""
-        return _eased(
-            lambda gain: self.planned_turn_rate(wanted, gain), acceleration, USUAL.turn_acceleration
-        )
-
-    def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
-        """Rad/s on the spot, at most `wanted`, that the weakest battery of the match can still give."""
-        share = self._half_track * self._turn_inertia_share
-        speed = self.planned_speed(wanted * self._half_track, acceleration * share)
-        return speed / self._half_track
 
     def current(self, left_speed: float, right_speed: float, battery_voltage: float) -> float:
         """A that the motors draw from the battery under the last command, by their models."""

@@ -41,7 +41,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
             )
         velocity = robot.estimate.velocity
         rate = robot.estimate.turn_rate
-        top, acceleration = robot.drive.planned(abs(speed), motion.acceleration)
+        top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration)
         top = math.copysign(top, speed)
         try:
             while True:
@@ -56,6 +56,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                     state = ProfileState(0.0, velocity, 0.0)
                     _, held = line_command(state, 0.0, across, off, GAINS)
                 robot.drive.velocity(velocity, rate + held)
+                if turn_rate != 0.0 and robot.drive.cut:
+                    robot.drive.speeds.limited = True
                 yield
         finally:
             robot.drive.stop()
@@ -78,7 +80,7 @@ def search(speed: float, reach: float) -> Action[None]:
     def steps(robot: Robot) -> Steps[None]:
         begin, start, silent = robot.time, robot.estimate.distance, 0.0
         acceleration = robot.config.motion.acceleration
-        top, acceleration = robot.drive.planned(abs(speed), acceleration)
+        top, acceleration = robot.drive.speeds.planned(abs(speed), acceleration)
         allowed = 2.0 * (reach / top + top / acceleration) + 2.0
         body = drive(speed).start(robot)
         try:

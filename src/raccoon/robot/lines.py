@@ -49,7 +49,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         sensor = _ready(robot, tophat)
         motion = robot.config.motion
         wanted = motion.speed if speed is None else speed
-        top, acceleration = robot.drive.planned(wanted, motion.acceleration)
+        top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
         gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
         velocity, seen = robot.estimate.velocity, robot.time
         sensor.follow_light(False)

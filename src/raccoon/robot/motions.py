@@ -61,7 +61,7 @@ def straight(
         motion = robot.config.motion
         start = robot.plan
         wanted = motion.speed if speed is None else speed
-        top, acceleration = robot.drive.planned(wanted, motion.acceleration)
+        top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
         near = motion.distance_tolerance if tolerance is None else tolerance
         walk = profile(distance, top, acceleration, motion.jerk)
         pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
@@ -130,7 +130,7 @@ def turning(
     motion = robot.config.motion
     start = robot.plan
     wanted = motion.turn_rate if rate is None else rate
-    top, acceleration = robot.drive.planned_turn(wanted, motion.turn_acceleration)
+    top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
     near = motion.heading_tolerance if tolerance is None else tolerance
     walk = profile(angle, top, acceleration, motion.turn_jerk)
     pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn")
@@ -214,7 +214,7 @@ def _arc(
     start = robot.plan
     outer = 1.0 + robot.drive.half_track / abs(signed)  # the outer wheel keeps the limit
     wanted = (motion.speed if speed is None else speed) / outer
-    top, acceleration = robot.drive.planned(wanted, motion.acceleration, outer)
+    top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
     near = motion.distance_tolerance if tolerance is None else tolerance
     pace = Pace(
         robot,

@@ -149,7 +149,7 @@ def _follow(
     turns = round((robot.plan.heading - path.start.heading) / math.tau) * math.tau
     outer = 1.0 + robot.drive.half_track * path.sharpest_curvature
     wanted = (motion.speed if speed is None else speed) / outer
-    top, acceleration = robot.drive.planned(wanted, motion.acceleration, outer)
+    top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
     near = motion.distance_tolerance if tolerance is None else tolerance
     walk = profile(path.length, top, acceleration, motion.jerk)
     pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted, "path")

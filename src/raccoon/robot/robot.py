@@ -113,6 +113,7 @@ class Robot(Knowledge):
         self._running = "tick()"
         if self.drive.asked:
             self.replan()
+            self.drive.speeds.limited |= self.drive.cut
         try:
             self._sense()
             self._act()
@@ -169,6 +170,8 @@ class Robot(Knowledge):
         if resting:
             self.drive.stop()
         voltage = self.battery.voltage
+        if self.drive.speeds.unsaid:
+            say(self, self.drive.speeds.remark())
         driven = self.drive.outputs(self.estimate, self.dt, voltage)
         self._outputs = self.attachments.added_to(driven, self.dt, voltage, resting=resting)
         self.port.write(self._outputs)
