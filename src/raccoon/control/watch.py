@@ -117,7 +117,8 @@ class WheelWatch:
         self._silent = self._loose = 0.0
         self.stalled = False
         self.held = False
-        """Whether somebody knows that more brakes the wheel than its motor: nothing is learnt then."""
+        """Whether somebody knows that the wheel carries more or less than when it drives straight on: nothing
+        is learnt then."""
 
     def update(self, voltage: float, speed: float | None, dt: float) -> None:
         """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading."""

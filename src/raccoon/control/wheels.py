@@ -21,6 +21,10 @@ from raccoon.control.watch import WheelState, WheelWatch
 MAX_DUTY = 1.0
 CYCLE, DEAD_TIME = 0.005, 0.0075
 """S, of a cycle and from a reading to its effect, where nothing else is said."""
+STRAIGHT_SHARE, STRAIGHT_SPEED = 0.15, 0.3
+"""Of the faster wheel's speed, and rad/s, by which two wheels differ that still drive straight on."""
+OUT_OF_TURN = 0.3
+"""S after a turn until the robot really drives straight on."""
 # Below this the voltage reading is no battery's (a dead converter reads 0): the nominal one is used.
 LEAST_BATTERY_VOLTAGE = 3.0
 
@@ -140,7 +144,7 @@ class WheelLoop:
     see `Wheel`.
     """
 
-    __slots__ = ("_battery", "_left", "_right", "missing_speed", "saturated")
+    __slots__ = ("_battery", "_held", "_left", "_right", "_straight", "missing_speed", "saturated")
 
     def __init__(
         self,
@@ -160,6 +164,8 @@ class WheelLoop:
         self._left = Wheel(left, both[0], filter_time_constant, cycle, dead_time)
         self._right = Wheel(right, both[1], filter_time_constant, cycle, dead_time)
         self._battery = nominal_voltage
+        self._held = False
+        self._straight = OUT_OF_TURN
         self.saturated = False
         """True while the battery cannot give what is wanted."""
         self.missing_speed = 0.0
@@ -174,7 +180,7 @@ class WheelLoop:
 
     def hold(self, held: bool) -> None:
         """Whether both wheels push against something: what they take then tells nothing of the motors."""
-        self._left.watch.held = self._right.watch.held = held
+        self._held = held
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""
@@ -193,8 +199,15 @@ class WheelLoop:
         if battery_voltage is not None and battery_voltage > LEAST_BATTERY_VOLTAGE:
             self._battery = battery_voltage
         if target == REST:
+            self._straight += dt
             self.reset()
             return 0.0, 0.0
+        # What scrubs over the floor in a turn is carried by the outer wheel and pushes the inner one, and a
+        # turn has an inertia of its own: only wheels that drive straight on tell of their motors.
+        apart = abs(target.left - target.right)
+        turns = apart > max(STRAIGHT_SPEED, STRAIGHT_SHARE * max(abs(target.left), abs(target.right)))
+        self._straight = 0.0 if turns else self._straight + dt
+        self._left.watch.held = self._right.watch.held = self._held or self._straight < OUT_OF_TURN
         limit = MAX_DUTY * self._battery
         share = self._attainable_share(target, limit)
         left = self._left.voltage(target.left * share, target.left_acceleration, left_speed, dt, limit)

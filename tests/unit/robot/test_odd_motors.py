@@ -17,10 +17,13 @@ from raccoon import (
     drive,
     motors,
     open_robot,
+    race,
     seq,
     straight,
     turn,
     wait,
+    wait_for,
+    when,
 )
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import TophatConfig
@@ -31,6 +34,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
 from raccoon.sim.world import Line, Wall, World
 from robots import CONFIG, run, simulated
 
@@ -268,3 +272,30 @@ def test_wheels_that_spin_at_a_wall_say_nothing_of_their_motors() -> None:
             robot.run(drive(0.15).timeout(9.0))
         robot.run(seq(straight(-0.2), straight(0.1, speed=0.1)))
         assert robot.drive.oddities() == ()
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_scrubs_in_turns_makes_no_motor_odd(side: str) -> None:
+    """The outer wheel carries it, the inner one is pushed: the right motor was said to be odd."""
+    scrub = Parameters.from_robot(CONFIG).with_effect("drive.turn_scrub", torque=0.06)
+    way = 1.0 if side == "left" else -1.0
+    curve = race(drive(0.2, 1.5 * way), wait(1.0))
+    said: set[str] = set()
+
+    def listen(robot: Robot) -> bool:
+        said.update(robot.drive.oddities())
+        return False
+
+    with open_robot(CONFIG, port=SimPort(scrub, World.empty(), seed=1)) as robot:
+        robot.run(race(seq(wait(0.6), curve, straight(0.3), curve, straight(0.3)), wait_for(when(listen))))
+        known = [state.known for state in robot.drive.wheels.states]
+    assert known == [True, True]
+    assert not said
+
+
+def test_a_motor_is_found_odd_between_turns_too() -> None:
+    effects = {"motor.armature_resistance@left": {"factor": 1.6}}
+    parts = [part for _ in range(3) for part in (straight(0.4), turn(deg(90)))]
+    _, _, robot = run(seq(*parts), simulated(effects=effects))
+    (said,) = robot.drive.oddities()
+    assert said.startswith("the left motor (port 0) takes 1.")
