@@ -15,19 +15,17 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, STOP, Device, Inputs, Outputs
-from raccoon.estimate.drive.estimate import HELD, DriveEstimate, Observation
+from raccoon.estimate.drive.estimate import DriveEstimate, Observation
 from raccoon.estimate.drive.fusion import Fusion, Reading
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
-from raccoon.estimate.drive.load import LoadWatch
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_seen, pose_seen
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.published import pose_covariance, published
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.slip import BumpWatch
 from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
-from raccoon.estimate.drive.wheel_track import HOLD
+from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
@@ -41,9 +39,6 @@ STEP = 0.0175
 DATED = 1.2
 """Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`. The
 gyro's turn stays what counts: wheels that slip in that moment are worse."""
-COMES_BACK = 0.1
-"""s after a wheel was silent in which its speed makes up for what was missed."""
-
 _VB = variance_index(State.GYRO_BIAS)
 _VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
 
@@ -71,10 +66,8 @@ class Odometry:
         self._readings = DriveReadings(robot, settings.imu_latency)
         self._left, self._right = self._readings.left, self._readings.right
         self._gyro, self._reasons = self._readings.gyro, self._readings.reasons
-        self._standstill, self._bump = Standstill(), BumpWatch()
-        self._swing, self._shaking = Swing(), Shaking()
-        self._load = LoadWatch(robot, SIMULATOR)
-        self._unseen = 0.0
+        self._standstill, self._swing, self._shaking = Standstill(), Swing(), Shaking()
+        self._touch = Touch(robot, self._readings)
         self._configure(SIMULATOR)
         self.resets = 0
         """How often the pose was set anew, after which nothing planned in the one before holds."""
@@ -134,7 +127,7 @@ class Odometry:
         """
         if inputs.device is not self._device:
             self._configure(inputs.device)
-        self._load.drive(inputs, command)
+        self._touch.drive(inputs, command)
         if self._readings.take(inputs) and self._readings.pending.span > STEP:
             self._advance(command)
         self._estimate = self._published()
@@ -208,7 +201,7 @@ class Odometry:
         self._device = device
         self._left.lag = self._right.lag = lag_seconds(self._robot, device)
         self._noise = WheelNoise(self._robot, self._settings, device)
-        self._load.configure(device)
+        self._touch.configure(device)
         per_count = counts_scale(self._robot, "left", device)
         mean, covariance = prior(self._robot, self._settings, device)
         drive = DriveFilter(
@@ -247,10 +240,13 @@ class Odometry:
             of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             of_gyro += (GYRO_SHAKEN * self._geometry.body_motion(-shaken, shaken)[1]) ** 2
             variances = (*variances, of_gyro)
-        held = self._carries(span, read[0], read[1])
+        flat = self._fusion.drive.flat
+        held = self._touch.carries(
+            span, read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET]
+        )
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated, held)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
-        self._feel(pending, still)
+        self._touch.feel(pending, still)
 
     def _bridge(self, pending: Pending) -> None:
         """Move the filter to now over a time in which nobody looked."""
@@ -263,35 +259,10 @@ class Odometry:
         velocity, turn_rate = self._geometry.body_motion(*now)
         self._swing.update(span, turn_rate, self._readings.rate)
         self._standstill.interrupt()
-        self._bump.interrupt(velocity)
-        self._load.interrupt()
+        self._touch.interrupt(velocity)
         read = pending.left / span, pending.right / span
         reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now=now)
         self._fusion.advance(reading, self._reasons, False)
-
-    def _feel(self, pending: Pending, still: bool) -> None:
-        """Compare the accelerometer with the wheels."""
-        if pending.force_count == 0:
-            return
-        span, forward = pending.span, pending.force / pending.force_count
-        silent = max(self._left.silent, self._right.silent) > HOLD
-        self._unseen = COMES_BACK if silent else self._unseen - span
-        velocity = 0.5 * self._geometry.wheel_radius * (self._left.mean + self._right.mean)
-        if self._unseen > 0.0:
-            self._bump.interrupt(velocity)
-        elif self._bump.update(span, forward, velocity, still, span / pending.force_count):
-            self._reasons.tell("bumped: the wheels do not move as the robot does", self._readings.time)
-
-    def _carries(self, span: float, left: float, right: float) -> float:
-        """M^2 that a step adds to the doubt about the place, because the wheels carry too much."""
-        load, flat = self._load, self._fusion.drive.flat
-        if not (self._left.fine and self._right.fine and max(self._left.silent, self._right.silent) <= HOLD):
-            load.interrupt()
-            return 0.0
-        load.update(span, left - flat[State.LEFT_OFFSET], right - flat[State.RIGHT_OFFSET])
-        if load.held:
-            self._reasons.tell(HELD, self._readings.time)
-        return load.doubt
 
     def _stands(self, span: float, command: Outputs | None) -> bool:
         flat = self._fusion.drive.flat
