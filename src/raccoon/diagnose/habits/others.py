@@ -21,7 +21,7 @@ from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, start_search
 from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import gone_on, grown, whole
+from raccoon.diagnose.select.search import begun, gone_on, whole
 from raccoon.diagnose.unknown import probes_for
 from raccoon.diagnose.watch import tell
 
@@ -67,7 +67,7 @@ class Under:
         """The beginning of a search from its start under habits, whose problem this is: the same for whoever
         asks."""
         kept = self.beginnings.pop(habits, None)
-        self.beginnings[habits] = grown(started(problem), SEVERAL) if kept is None else kept
+        self.beginnings[habits] = begun(started(problem)) if kept is None else kept
         while len(self.beginnings) > MOST_KEPT:
             del self.beginnings[next(iter(self.beginnings))]
         found = self.beginnings[habits]
