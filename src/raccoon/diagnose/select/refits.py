@@ -108,7 +108,8 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     chosen.extend(_relatives(search, [name for name, _ in chosen]))
     named = [(name, search.fit.point.with_cause(name, u)) for name, u in chosen]
     named.extend(shared_lags(search))
-    named.extend(relieved(search.problem, search.fit.point, FAR_BENT))
+    if search.fit.point.active:  # before, everything is bent by the cause that is looked for
+        named.extend(relieved(search.problem, search.fit.point, FAR_BENT))
     if not named:
         return []
     starts = [start for _, start in named]
