@@ -19,9 +19,9 @@ SERVO_PULSE_US = (600, 2400)
 ANALOG_PORTS = 6
 DIGITAL_PORTS = 10
 ANALOG_FULL_SCALE = 4095
+"""Counts; the most that any controller's analog port gives."""
 ANALOG_BOTTOM, ANALOG_TOP = 4.0, 4083.0
 """Counts from which a reading stands at an end of the converter: a rising stock filter stops at 4086."""
-"""Counts; the most that any controller's analog port gives."""
 
 Words = tuple[float | None, ...]
 """One word a port; None where the port has nothing (new) to say."""

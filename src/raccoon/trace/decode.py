@@ -52,10 +52,8 @@ def parse_device(table: object) -> Device:
     for key in (*scales, "analog_full_scale"):
         if not (_is_number(table.get(key)) and table[key] > 0):
             raise TraceError(f"device.{key} is {_shown(table.get(key))}: allowed are numbers above 0")
-    lag, dead_zone = (
-        table.get("bemf_lag"),
-        table.get("bemf_dead_zone", 0.0),
-    )  # old recordings have none of them
+    # Old recordings have none of what follows.
+    lag, dead_zone = table.get("bemf_lag"), table.get("bemf_dead_zone", 0.0)
     for key, value in (("bemf_lag", 0.0 if lag is None else lag), ("bemf_dead_zone", dead_zone)):
         if not (_is_number(value) and value >= 0):
             raise TraceError(f"device.{key} is {_shown(value)}: allowed are numbers from 0")
