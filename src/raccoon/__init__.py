@@ -61,8 +61,9 @@ if TYPE_CHECKING:
         when,
     )
     from raccoon.robot.driving import drive, motors
+    from raccoon.robot.following import follow_line
     from raccoon.robot.light import calibrate_light, rehearse_light
-    from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
+    from raccoon.robot.lines import align_on_line, align_on_wall
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
     from raccoon.robot.mechanisms import move, move_by, release, spin, zero
     from raccoon.robot.motions import MotionResult, arc, pivot, straight, turn, turn_to
@@ -133,8 +134,8 @@ _HOMES = {
     "raccoon.robot.lines": (
         "align_on_line",
         "align_on_wall",
-        "follow_line",
     ),
+    "raccoon.robot.following": ("follow_line",),
     "raccoon.robot.battery_check": ("check_battery",),
     "raccoon.robot.match": (
         "MatchReport",

@@ -1,4 +1,4 @@
-"""Motions that go by what is on the table: follow a line, align on a line, align against a wall."""
+"""Motions that go by what is on the table: align on a line, align against a wall."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from raccoon.control.motion import slewed
 from raccoon.core.errors import ConfigError, MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
@@ -19,59 +18,11 @@ if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
     from raccoon.robot.sensors import TophatSensor
 
-# rad/s a unit of coverage, for a sensor 0.11 m ahead of the axis. The spot is about 10 mm wide, so the sensor
-# closes in at 0.11 * 1.5 / 0.01 = 16 /s: a fifth of what 30 ms of delay would bear.
-LINE_GAIN = 1.5
-USUAL_REACH = 0.11
 LEAST_REACH = 0.02
-# S without an edge under the sensor after which the line is lost.
-LOST_TIME = 1.0
 WALL_SPEED_SHARE = 0.2
 WALL_TIME = 0.3
 PRESS_FORCE = 8.0
 """N a wheel, against a wall: tyres of 0.9 under half of 3 kg carry 13 N."""
-
-
-def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> Action[None]:
-    """Keep one tophat on an edge of a black line, until ended from outside (`.until`, `race`).
-
-    side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
-    of the sensor's spot that is on black steers. Raises CalibrationError without a calibration, ConfigError
-    for a sensor that is not ahead of the axis, MotionTimeout when there was no edge for 1 s.
-    """
-    check_speed(speed=speed)
-    check_limits(speed=speed)
-    if side not in ("left", "right"):
-        raise ValueError(f"side is {side!r}: allowed are 'left' and 'right'")
-    sign = 1.0 if side == "left" else -1.0
-
-    def steps(robot: Robot) -> Steps[None]:
-        sensor = _ready(robot, tophat)
-        motion = robot.config.motion
-        wanted = motion.speed if speed is None else speed
-        top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
-        gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
-        velocity, seen = robot.estimate.velocity, robot.time
-        sensor.follow_light(False)
-        try:
-            while True:
-                coverage = 0.5 if sensor.coverage is None else sensor.coverage
-                if 0.02 < coverage < 0.98:
-                    seen = robot.time
-                if robot.time - seen > LOST_TIME:
-                    raise MotionTimeout(f"{tophat} lost the line: no edge for {LOST_TIME:g} s")
-                if robot.paused:  # the motors may have been stopped meanwhile
-                    velocity = robot.estimate.velocity
-                velocity = slewed(velocity, top, acceleration * robot.dt)
-                # On the left edge black is to the right: too much of it means too far right.
-                robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
-                yield
-        finally:
-            sensor.follow_light(True)
-            robot.drive.stop()
-            robot.replan()
-
-    return Action(f"follow the {side} edge with {tophat}", steps)
 
 
 def align_on_line(
@@ -126,7 +77,7 @@ def _edges(
     robot: Robot, left: str, right: str, speed: float | None, reach: float
 ) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
     """Drive until both sensors have met the same edge; where on the field each did, left first."""
-    sensors = (_ready(robot, left, ahead=False), _ready(robot, right, ahead=False))
+    sensors = (ready(robot, left, ahead=False), ready(robot, right, ahead=False))
     if sensors[0].config.left <= sensors[1].config.left:
         raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")
     for sensor in sensors:
@@ -233,7 +184,8 @@ def align_on_wall(
     return Action("align on a wall", steps)
 
 
-def _ready(robot: Robot, name: str, ahead: bool = True) -> TophatSensor:
+def ready(robot: Robot, name: str, ahead: bool = True) -> TophatSensor:
+    """A tophat that is calibrated; ahead: and sits ahead of the axis. Raises the errors that say so."""
     sensor = robot.tophat(name)
     sensor.require()
     if ahead and sensor.config.forward < LEAST_REACH:

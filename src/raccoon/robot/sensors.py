@@ -127,6 +127,15 @@ class TophatSensor:
         if self._classifier is not None:
             self._classifier.adapt = on
 
+    def relearn(self, white: float, black: float) -> bool:
+        """See `raccoon.estimate.tophat.Tophat.relearn`."""
+        return self._classifier is not None and self._classifier.relearn(white, black)
+
+    @property
+    def other_light(self) -> bool:
+        """Whether it reads what neither of its surfaces does, while the light is not followed."""
+        return self._classifier is not None and self._classifier.other_light
+
     @property
     def status(self) -> Status:
         """How far `black` and `darkness` can be trusted; invalid where nothing sensible comes in."""

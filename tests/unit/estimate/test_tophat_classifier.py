@@ -91,3 +91,25 @@ def test_needs_a_threshold() -> None:
         Tophat(TophatCalibration(Verdict.TOO_FEW, "nothing there"))
     with pytest.raises(ConfigError, match="debounce"):
         Tophat(calibration(), debounce=0)
+
+
+def test_on_an_edge_readings_beyond_both_surfaces_are_other_light() -> None:
+    tophat = Tophat(calibration(1270.0, 3800.0), adapt=False)
+    noticed = []
+    # The second is half on black in 0.3 of the sun.
+    for counts in ([1270.0, 1900.0, 3800.0, 1100.0, 1100.0, 1100.0, 1900.0], [490.0] * 6):
+        run(tophat, counts)
+        noticed.append(tophat.other_light)
+    assert noticed == [False, True]
+    assert tophat.update(1.0, 490.0).coverage == 0.0
+    assert not tophat.relearn(489.0, 491.0)  # one surface
+    assert tophat.relearn(370.0, 724.0)
+    reading = tophat.update(1.1, 490.0)
+    assert reading.coverage == pytest.approx(0.5, abs=0.01)
+    assert [reading.status, tophat.other_light] == [Status.OK, False]
+
+
+def test_what_one_surface_reads_in_two_places_is_not_taken_for_two() -> None:
+    tophat = Tophat(calibration(1270.0, 3800.0), adapt=False)
+    assert not tophat.relearn(370.0, 430.0)  # black would read 720
+    assert tophat.update(0.0, 1270.0).coverage == pytest.approx(0.0, abs=0.01)

@@ -1,4 +1,4 @@
-"""Following and aligning on lines and walls, on tables drawn here."""
+"""Aligning on lines and walls, on tables drawn here."""
 
 import math
 from collections.abc import Callable
@@ -17,6 +17,7 @@ from raccoon import (
     deg,
     do,
     drive,
+    follow_line,
     on_black,
     open_robot,
     race,
@@ -29,7 +30,7 @@ from raccoon.core.readings import Inputs, Outputs
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions import Action
 from raccoon.robot.driving import search
-from raccoon.robot.lines import align_on_line, align_on_wall, follow_line
+from raccoon.robot.lines import align_on_line, align_on_wall
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import Line, Wall, World
@@ -49,28 +50,6 @@ def on_table(
         result = robot.run(action)
         robot.run(wait(0.2))
         return result, robot, port
-
-
-@pytest.mark.parametrize(("side", "offset"), [("left", 0.025), ("right", -0.025)])
-def test_a_line_is_followed_around_a_bend(side: str, offset: float) -> None:
-    bend = [(0.3 + 0.4 * math.sin(a), 0.4 - 0.4 * math.cos(a)) for a in (i * 0.05 for i in range(25))]
-    world = World(lines=(Line(((-0.2, 0.0), *bend)),))
-    # The left tophat, 3 cm left of the middle, starts near the edge it is to keep to.
-    start = (0.0, offset - 0.03 + 0.008, 0.0)
-    _, _, port = on_table(world, start, follow_line("left", side, 0.1).until(after_distance(0.6)))
-    x, y, heading = port._robot.pose
-    sensor = (
-        x + 0.11 * math.cos(heading) - 0.03 * math.sin(heading),
-        y + 0.11 * math.sin(heading) + 0.03 * math.cos(heading),
-    )
-    assert abs(world.line_distance(*sensor)) < 0.006
-    assert heading > deg(30)
-
-
-def test_a_line_that_ends_is_said() -> None:
-    world = World(lines=(Line(((-0.2, 0.0), (0.25, 0.0))),))
-    with pytest.raises(MotionTimeout, match="left lost the line"):
-        on_table(world, (0.0, -0.005, 0.0), follow_line("left", "left", 0.1))
 
 
 @pytest.mark.parametrize("askew_deg", [12.0, -20.0])

@@ -10,9 +10,10 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration
 from raccoon.estimate.tophat.flicker import FlickerWatch
-from raccoon.estimate.tophat.tracker import LightTracker
+from raccoon.estimate.tophat.tracker import GATE, LightTracker
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
+BEYOND_READINGS = 4  # in a row beyond both surfaces, which is no edge
 
 
 class Edge(NamedTuple):
@@ -68,6 +69,7 @@ class Tophat:
         self._other = 0  # readings in a row on the side that is not the state's
         self._last_time = self._taken = self._last_counts = self._last_light = 0.0
         self._last_coverage = 0.0
+        self._beyond = 0  # readings in a row that are lighter than white or darker than black
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
 
@@ -80,7 +82,22 @@ class Tophat:
     def adapt(self, on: bool) -> None:
         if on and not self._adapt:
             self.levels.restart()
-        self._adapt = on
+        self._adapt, self._beyond = on, 0
+
+    @property
+    def other_light(self) -> bool:
+        """Whether the readings speak for another light, while the light is not followed."""
+        return self._beyond >= BEYOND_READINGS
+
+    def relearn(self, white: float, black: float) -> bool:
+        """Take these counts for the two surfaces from now on, both sides of an edge in the light of now.
+
+        False, and nothing is taken, where they are too much alike for two surfaces.
+        """
+        if not self.levels.relearn(white, black):
+            return False
+        self._beyond, self._state = 0, self._last_counts >= self.levels.threshold
+        return True
 
     @property
     def threshold(self) -> float:
@@ -122,6 +139,9 @@ class Tophat:
             self._last_counts, self._taken = counts, time
         if self._adapt:
             levels.update(mean, others_lost, way)
+        else:
+            lightest, darkest = levels.white - GATE * levels.sd_white, levels.black + GATE * levels.sd_black
+            self._beyond = 0 if lightest <= counts <= darkest else self._beyond + 1
         coverage = (levels.light - light) / (levels.light - levels.dark)
         coverage = 0.0 if coverage < 0.0 else 1.0 if coverage > 1.0 else coverage
         last = self._last_coverage

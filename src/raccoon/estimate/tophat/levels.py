@@ -20,6 +20,7 @@ PULL = 1.5  # standard deviations from which the filter trusts its levels less
 FORGET = 0.01  # of the noise estimate, a reading
 SURE_APART = 2.5  # separation of the levels, their own uncertainty included
 CONVERTER_NOISE = 9.0  # counts^2, of a standing sensor
+SEEN_CONTRAST = 0.5  # of what is expected in other light, from which two readings are two surfaces
 LEAST_CONTRAST = 12.0  # counts; below it nobody could tell
 
 
@@ -119,6 +120,19 @@ class Levels:
         else:
             self._dark_anchor = self.dark
             self._light_noise = noise + learnt
+
+    def relearn(self, white: float, black: float) -> bool:
+        """Begin anew at these counts; False where black is not as much darker as such light leaves it."""
+        light, dark = light_of_counts(white), light_of_counts(black)
+        expected = max(self.dark + self._share * (light - self.light), self._own_dark)
+        noise = math.sqrt(self._light_noise) * white / self.white + math.sqrt(CONVERTER_NOISE)
+        if light - dark < SEEN_CONTRAST * (light - expected) or black - white < max(
+            LEAST_CONTRAST, 4.0 * noise
+        ):
+            return False
+        self.light, self.dark = self._light_anchor, self._dark_anchor = light, dark
+        self._refresh()
+        return True
 
     def _unseen_dark(self) -> float:
         """Sd of v by what is not known of q, since black was last read."""

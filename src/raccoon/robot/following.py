@@ -1,0 +1,196 @@
+"""Following a line with one tophat, and finding it again where the robot slid off or the light changed."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import slewed
+from raccoon.core.errors import MotionTimeout
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.limits import check_speed
+from raccoon.robot.lines import ready
+from raccoon.robot.pacing import STALL_PATIENCE, at_rest, check_limits, reason
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+    from raccoon.robot.sensors import TophatSensor
+
+LINE_GAIN = 1.5
+"""rad/s a unit of coverage, for a sensor 0.11 m ahead of the axis. The spot is about 10 mm wide, so the
+sensor closes in at 0.11 * 1.5 / 0.01 = 16 /s: a fifth of what 30 ms of delay would bear."""
+USUAL_REACH = 0.11
+LOST_TIME, LOST_WAY, NONE_YET_TIME = 1.0, 0.15, 0.5
+"""s and m without an edge under the sensor after which the line is lost; s where there was none yet."""
+SEARCH_ANGLE = math.radians(60.0)
+"""rad to either side of the line's direction in which it is looked for."""
+SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
+"""m/s of the sensor meanwhile, and s that it takes at the most."""
+SEARCH_APART, MOST_SEARCHES = 0.05, 2
+"""m of the way, and how often a line is looked for in it: one that ends would be found for ever."""
+INTO_LIGHT, ASIDE = 0.03, 0.03
+"""m that the robot drives on into another light, and that its sensor then turns to both sides of the edge."""
+LIGHT_SPEED, LIGHT_GAIN = 0.1, 3.0
+"""m/s at the most and rad/s a rad off the line's direction on that way."""
+SURFACE_READINGS = 4
+"""in a row, whose mean is what a surface reads."""
+
+
+def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> Action[None]:
+    """Keep one tophat on an edge of a black line, until ended from outside (`.until`, `race`).
+
+    side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
+    of the sensor's spot that is on black steers. After 1 s or 0.15 m without an edge (0.5 s where there was
+    none yet) the robot stops and looks for the line on the spot, 60 degrees to either side; where the light
+    changes, it does so to learn what floor and line read there. Raises CalibrationError without a
+    calibration, ConfigError for a sensor that is not ahead of the axis, MotionTimeout where it finds no line.
+    """
+    check_speed(speed=speed)
+    check_limits(speed=speed)
+    if side not in ("left", "right"):
+        raise ValueError(f"side is {side!r}: allowed are 'left' and 'right'")
+    sign = 1.0 if side == "left" else -1.0
+
+    def steps(robot: Robot) -> Steps[None]:
+        sensor = ready(robot, tophat)
+        motion = robot.config.motion
+        wanted = motion.speed if speed is None else speed
+        top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
+        gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
+        here = robot.estimate
+        velocity, seen, patience = here.velocity, robot.time, NONE_YET_TIME
+        heading, place, searched, searches = here.heading, here.distance, -math.inf, 0
+        sensor.follow_light(False)
+        try:
+            while True:
+                coverage = 0.5 if sensor.coverage is None else sensor.coverage
+                here = robot.estimate
+                if 0.02 < coverage < 0.98:
+                    place, seen, patience = here.distance, robot.time, LOST_TIME
+                    if place - searched > SEARCH_APART:  # before, it may still come across the line
+                        heading = here.heading
+                if robot.paused:  # the motors may have been stopped meanwhile
+                    velocity = here.velocity
+                lost = robot.time - seen > patience or here.distance - place > LOST_WAY
+                if lost or sensor.other_light:
+                    searches = searches + 1 if place - searched < SEARCH_APART else 1
+                    if searches > MOST_SEARCHES:
+                        raise MotionTimeout(_lost(tophat))
+                    search = _Search(robot, sensor, sign, heading, velocity)
+                    if sensor.other_light:
+                        yield from search.in_other_light()
+                    else:
+                        # Black is on the right of the left edge: a sensor on it has gone too far right.
+                        yield from search.beside(sign if coverage > 0.5 else -sign)
+                    velocity, seen, patience = 0.0, robot.time, LOST_TIME
+                    place = searched = robot.estimate.distance
+                    continue
+                velocity = slewed(velocity, top, acceleration * robot.dt)
+                # On the left edge black is to the right: too much of it means too far right.
+                robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
+                yield
+        finally:
+            sensor.follow_light(True)
+            robot.drive.stop()
+            robot.replan()
+
+    return Action(f"follow the {side} edge with {tophat}", steps)
+
+
+class _Search:
+    """Looks for an edge of a line by turning on the spot, and takes down what both surfaces read meanwhile.
+
+    side: 1 for the left edge of the line, -1 for the right one. heading: rad of the line, as far as known.
+    velocity: m/s that the robot comes with.
+    """
+
+    def __init__(
+        self, robot: Robot, sensor: TophatSensor, side: float, heading: float, velocity: float
+    ) -> None:
+        self._robot, self._sensor = robot, sensor
+        self._side, self._heading, self._velocity = side, heading, velocity
+        self._end = robot.time + SEARCH_TIME
+        self._last: deque[float] = deque(maxlen=SURFACE_READINGS)
+        self._white, self._black = math.inf, -math.inf
+
+    def beside(self, first: float) -> Steps[None]:
+        """On both sides; first: 1 to begin on the left. Ends on the edge, or on the line from beyond it."""
+        say(self._robot, f"{self._sensor.name} lost the line and looks for it")
+        yield from self._stop()
+        for way in (first, -first):
+            if (yield from self._turn(way, SEARCH_ANGLE)) or self._sensor.black:
+                return
+        yield from self._learn_and_return(first)
+
+    def in_other_light(self) -> Steps[None]:
+        """Drive on into it, turn over both surfaces there, the floor first, and back to the edge."""
+        robot, sensor = self._robot, self._sensor
+        say(robot, f"{sensor.name} comes into another light on the line, and learns it")
+        begin, speed = robot.estimate.distance, min(self._velocity, LIGHT_SPEED)
+        while robot.estimate.distance - begin < INTO_LIGHT and robot.time < self._end:
+            robot.drive.velocity(speed, LIGHT_GAIN * (self._heading - robot.estimate.heading))
+            yield
+        self._velocity = speed
+        yield from self._stop()
+        aside = min(ASIDE / sensor.config.forward, SEARCH_ANGLE)
+        yield from self._turn(self._side, aside, to_edge=False)
+        yield from self._turn(-self._side, aside, to_edge=False)
+        if not sensor.relearn(self._white, self._black):
+            yield from self._turn(-self._side, SEARCH_ANGLE, to_edge=False)
+        yield from self._learn_and_return(self._side)
+
+    def _learn_and_return(self, way: float) -> Steps[None]:
+        learnt = self._sensor.relearn(self._white, self._black)
+        if not learnt or not (yield from self._turn(way, SEARCH_ANGLE)):
+            raise MotionTimeout(_lost(self._sensor.name))
+
+    def _stop(self) -> Steps[None]:
+        robot = self._robot
+        while not at_rest(robot) and robot.time < self._end:
+            self._velocity = slewed(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
+            robot.drive.velocity(self._velocity)
+            yield
+
+    def _turn(self, way: float, angle: float, *, to_edge: bool = True) -> Steps[bool]:
+        """Turn until `angle` rad beside the line's direction or to its edge; whether it came to that.
+
+        way: 1 to the left, -1 to the right.
+        """
+        robot, sensor, motion = self._robot, self._sensor, self._robot.config.motion
+        wanted = min(motion.turn_rate, SEARCH_SPEED / sensor.config.forward)
+        top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
+        rate = silent = 0.0
+        sensor.forget_edge()
+        while way * (robot.estimate.heading - self._heading) < angle:
+            self._read()
+            # To the left of the left edge and to the right of the right one is white.
+            edge = sensor.edge
+            if to_edge and edge is not None and edge.to_black is (way * self._side < 0.0):
+                return True
+            silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
+            if silent > STALL_PATIENCE or robot.time > self._end:
+                raise MotionTimeout(f"{_lost(sensor.name)}; {reason(robot)}")
+            if robot.paused:
+                rate = robot.estimate.turn_rate
+            rate = slewed(rate, way * top, acceleration * robot.dt)
+            robot.drive.velocity(0.0, rate)
+            yield
+        return False
+
+    def _read(self) -> None:
+        """Keep the lowest and the highest mean: what floor and line read."""
+        last, counts = self._last, self._sensor.counts
+        if counts is not None:
+            last.append(counts)
+        if len(last) == SURFACE_READINGS:
+            mean = sum(last) / SURFACE_READINGS
+            self._white, self._black = min(self._white, mean), max(self._black, mean)
+
+
+def _lost(tophat: str) -> str:
+    return (
+        f"{tophat} lost the line: no edge for {LOST_TIME:g} s or {LOST_WAY:g} m, and none found "
+        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side"
+    )
