@@ -203,7 +203,10 @@ class WheelLoop:
             self.reset()
             return 0.0, 0.0
         # What scrubs over the floor in a turn is carried by the outer wheel and pushes the inner one, and a
-        # turn has an inertia of its own: only wheels that drive straight on tell of their motors.
+        # turn has an inertia of its own: only wheels that drive straight on tell of their motors. Turns on
+        # the spot load both alike, but not where the floor slopes or the robot scrapes along a wall. Compared
+        # in simulated ones, a motor of 1.5 times the resistance takes 1.2 to 1.5 times the voltage of the
+        # other; a good one takes up to 1.45 times on a ramp of 10 degrees, and 1.6 to 3.6 times at a wall.
         apart = abs(target.left - target.right)
         turns = apart > max(STRAIGHT_SPEED, STRAIGHT_SHARE * max(abs(target.left), abs(target.right)))
         self._straight = 0.0 if turns else self._straight + dt
