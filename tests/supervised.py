@@ -12,6 +12,7 @@ from pathlib import Path
 
 from bench_robot import BenchRobot
 from children import heeding
+from raccoon.core.clock import SteppedClock
 from raccoon.hal.wombat.emulator import Emulator, Firmware, Plant
 from raccoon.hal.wombat.socket_link import serve_one
 
@@ -49,11 +50,17 @@ with open_robot(RobotConfig(), port=port) as robot:
 """The whole library on top: motions, odometry and wheel loops."""
 
 
+LONGEST_STEP = 0.02
+"""s that the firmware runs at the most each time it is served: on a busy machine it slows down.
+If it caught up with the clock on the wall, being late would make it later, and the programs lose it."""
+
+
 class SupervisedBench:
-    """An emulated Wombat behind a socket, and programs that drive it."""
+    """An emulated Wombat behind a socket, and programs that drive it. Its times are those of the firmware."""
 
     def __init__(self, folder: Path, firmware: Firmware, plant: Plant | None = None) -> None:
-        self.emulator = Emulator(plant or BenchRobot(), firmware)
+        self._clock, self._served = SteppedClock(), time.monotonic()
+        self.emulator = Emulator(plant or BenchRobot(), firmware, clock=self._clock)
         self.path = str(folder / "wombat")
         self._listener = socket.socket(socket.AF_UNIX)
         self._listener.bind(self.path)
@@ -73,6 +80,9 @@ class SupervisedBench:
     def serve(self, seconds: float) -> None:
         """Answer whoever asks within this time, then let the firmware catch up."""
         ready, _, _ = select.select([self._listener, *self._connections], [], [], seconds)
+        now = time.monotonic()
+        self._clock.advance(min(now - self._served, LONGEST_STEP))
+        self._served = now
         for each in ready:
             if each is self._listener:
                 self._connections.append(self._listener.accept()[0])
@@ -83,24 +93,24 @@ class SupervisedBench:
 
     def serve_until(self, running: bool, patience: float) -> float:
         """Serve until the motors run or stand; returns the seconds it took, fails where it takes longer."""
-        start = time.monotonic()
+        start = self._clock.now()
         while self.emulator.motors_running is not running:
-            waited = time.monotonic() - start
+            waited = self._clock.now() - start
             assert waited < patience, f"motors_running is still {not running} after {waited:.2f} s"
             self.serve(0.01)
-        return time.monotonic() - start
+        return self._clock.now() - start
 
     def serve_until_servos(self, pulses: tuple[int | None, ...], patience: float) -> None:
         """Serve until the servos are commanded like this; fails where it takes longer."""
-        deadline = time.monotonic() + patience
+        deadline = self._clock.now() + patience
         while self.emulator.servo_us != pulses:
-            assert time.monotonic() < deadline, f"servos are at {self.emulator.servo_us}, not {pulses}"
+            assert self._clock.now() < deadline, f"servos are at {self.emulator.servo_us}, not {pulses}"
             self.serve(0.01)
 
     def serve_program(self, program: subprocess.Popen[bytes]) -> None:
-        deadline = time.monotonic() + 20.0
+        deadline = self._clock.now() + 20.0
         while program.poll() is None:
-            assert time.monotonic() < deadline
+            assert self._clock.now() < deadline
             self.serve(0.01)
 
     def close(self) -> None:
