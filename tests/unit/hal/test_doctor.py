@@ -12,7 +12,7 @@ import pytest
 
 from faulty_robot import FaultyRobot
 from raccoon.core.config import DriveConfig, Measured, MotorConfig, RobotConfig, TophatConfig
-from raccoon.core.readings import SIMULATOR, STOP, Fault
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault
 from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
 
@@ -214,6 +214,16 @@ def test_what_is_only_worth_a_warning(subject: str, switches: dict[str, Any], pr
     finding = examined(subject, **switches)
     assert finding.verdict is Verdict.WARNING
     assert finding.problem == problem
+
+
+@pytest.mark.parametrize(
+    ("level", "saturated"),
+    [(ANALOG_BOTTOM, True), (ANALOG_BOTTOM + 1.0, False), (ANALOG_TOP - 1.0, False), (ANALOG_TOP, True)],
+)
+def test_an_analog_port_is_saturated_where_a_tophat_is(level: float, saturated: bool) -> None:
+    quiet = (0.0,) * 6
+    finding = examined("analog 0 (front_left)", analog_levels=(level, *quiet[1:]), analog_noise=quiet)
+    assert (finding.problem == "it is saturated") is saturated
 
 
 def test_an_unused_analog_port_may_float() -> None:

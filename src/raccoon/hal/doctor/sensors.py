@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, Fault, Inputs
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_PORTS, ANALOG_TOP, DIGITAL_PORTS, Fault, Inputs
 from raccoon.hal.create.port import CREATE_2
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import correlation, deviation, mean, vectors, words
@@ -20,7 +20,6 @@ BIAS_LIMIT = 0.09
 STILL_LIMIT = 0.05
 """rad/s that the turn rate of a standing robot may scatter by."""
 FROZEN_AFTER = 0.5
-SATURATED_HIGH, SATURATED_LOW = 4080, 5
 FLOATING = 40.0
 """Counts that a connected, resting sensor does not scatter by."""
 FOLLOWS = 0.9
@@ -117,7 +116,7 @@ def _analog_port(port: int, series: Sequence[Sequence[float]], user: str | None)
         {"level_counts": level, "noise_counts": noise},
     )
     plug = "check that the sensor is plugged in and its plug is the right way round"
-    if level >= SATURATED_HIGH or level <= SATURATED_LOW:
+    if not ANALOG_BOTTOM < level < ANALOG_TOP:
         return _judged(
             subject, user, measured, "it is saturated", f"{plug}; shade it from strong light", values
         )

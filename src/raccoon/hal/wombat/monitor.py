@@ -8,14 +8,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.readings import MOTOR_PORTS, Fault, Inputs, Words
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, MOTOR_PORTS, Fault, Inputs, Words
 from raccoon.hal.wombat.counters import Bemf
 from raccoon.hal.wombat.dialect import Dialect, Reading
 from raccoon.hal.wombat.health import BatteryWatch, ImuWatch, LifeWatch, Liveness, MotorWatch, RestWatch
 
 NOTHING: Words = (None,) * 4
-SATURATED_LOW, SATURATED_HIGH = 5, 4080
-"""Counts; the stock filter stops at 4086 on the way up."""
 BEMF_AT_REST = 15.0
 LATE = 1.5
 """Cycles."""
@@ -163,7 +161,7 @@ class Monitor:
             faults.append(Fault.BROWN_OUT)
         first = self._dialect.first_analog
         for port in self._watch_analog if time >= self._analog_from else ():
-            if not SATURATED_LOW < reading.words[first + port] < SATURATED_HIGH:
+            if not ANALOG_BOTTOM < reading.words[first + port] < ANALOG_TOP:
                 faults.append(Fault.ANALOG_SATURATED)
 
     def _imu_fresh(self, reading: Reading, time: float, faults: list[Fault]) -> bool:
