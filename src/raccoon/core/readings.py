@@ -227,6 +227,9 @@ STOP = Outputs()
 BEMF_VOLTS_PER_COUNT = 3.3 / 4096 * 9.0 / 2.2
 # 100k / 10k divider in front of the same converter.
 BATTERY_VOLTS_PER_COUNT = 3.3 * 11 / 4096
+STOCK_COASTS, RACCOON_COASTS = 0.24, 0.1
+"""Share of the time in which a motor coasts so that its back-EMF can be measured: all of them at once on the
+stock firmware, 500 us of 5 ms on RaccoonOS."""
 
 SIMULATOR = Device(
     name="simulator",

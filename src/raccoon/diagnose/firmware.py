@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, MOTOR_PORTS, SIMULATOR, Device
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, MOTOR_PORTS, RACCOON_COASTS, SIMULATOR, Device
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.sample_clock import (
@@ -155,7 +155,7 @@ def _told(clocks: Sequence[SampleClock]) -> tuple[str, ...]:
 
 RACCOON_PAUSE = 0.000544
 """s: 500 us of coasting and 44 of conversion."""
-_RACCOON = Chain(median=True, free_running=True, coast_share=0.1, pause=RACCOON_PAUSE)
+_RACCOON = Chain(median=True, free_running=True, coast_share=RACCOON_COASTS, pause=RACCOON_PAUSE)
 RACCOON_RATES = (172.0, 199.0)
 """Of four motors 175 to 187 were measured, of 200 by design."""
 RACCOON_LEAD = 1.0 / (MOTOR_PORTS * RACCOON_BEMF_RATE_HZ) - RACCOON_PAUSE

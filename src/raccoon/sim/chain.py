@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, fields
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, RACCOON_COASTS, STOCK_COASTS
 
 _RANGES = (
     ("coast_share", 0.0, 0.9),
@@ -67,7 +67,7 @@ class Chain:
     @classmethod
     def firmware(cls) -> Chain:
         """RaccoonOS: median of three, slots of a quarter cycle, 500 us of coasting in each 5 ms."""
-        return cls(median=True, slots=True, coast_share=0.1, battery_time_constant=0.02)
+        return cls(median=True, slots=True, coast_share=RACCOON_COASTS, battery_time_constant=0.02)
 
     @classmethod
     def stock(cls) -> Chain:
@@ -77,7 +77,7 @@ class Chain:
         falls. So one sample in four that the coasting motors do not load does not show."""
         return cls(
             free_running=True,
-            coast_share=0.24,
+            coast_share=STOCK_COASTS,
             battery_time_constant=0.02,
             battery_held=14.0 * BATTERY_VOLTS_PER_COUNT,
             together=True,

@@ -34,7 +34,13 @@ from __future__ import annotations
 import math
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, BEMF_VOLTS_PER_COUNT, Device
+from raccoon.core.readings import (
+    BATTERY_VOLTS_PER_COUNT,
+    BEMF_VOLTS_PER_COUNT,
+    RACCOON_COASTS,
+    STOCK_COASTS,
+    Device,
+)
 
 STOCK_POLARITY = 1
 RACCOON_POLARITY = -1
@@ -50,9 +56,6 @@ STOCK_DEAD_ZONE, RACCOON_21_DEAD_ZONE = 40.0, 25.0
 """Back-EMF counts."""
 RACCOON_RANGE = 2000.0
 """Back-EMF counts."""
-STOCK_DRIVEN, RACCOON_DRIVEN = 0.76, 0.9
-"""Of the time; a motor coasts in the rest, all of them at once on the stock firmware, 500 us of 5 ms on the
-other."""
 
 RACCOON_BEMF_RATE_HZ = 181.0
 """Updates a second and motor of RaccoonOS: 200 by design; four motors' counters measured 175 to 187."""
@@ -71,7 +74,7 @@ def stock_device(bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> Device:
         battery_volts=BATTERY_VOLTS_PER_COUNT,
         bemf_lag=STOCK_LAG_SAMPLES / bemf_rate_hz,
         bemf_dead_zone=STOCK_DEAD_ZONE,
-        driven_share=STOCK_DRIVEN,
+        driven_share=1.0 - STOCK_COASTS,
     )
 
 
@@ -90,7 +93,7 @@ def raccoon_device(version: int, bemf_rate_hz: float = RACCOON_BEMF_RATE_HZ) -> 
         battery_volts=BATTERY_VOLTS_PER_COUNT,
         bemf_lag=RACCOON_LAG_SAMPLES / rate_hz,
         bemf_dead_zone=RACCOON_21_DEAD_ZONE if version >= 21 else 0.0,
-        driven_share=RACCOON_DRIVEN,
+        driven_share=1.0 - RACCOON_COASTS,
         bemf_range=RACCOON_RANGE,
     )
 
