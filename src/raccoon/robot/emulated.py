@@ -12,7 +12,7 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
-from raccoon.sim.contact import NO_LOADS, NO_SLIP, Contact, loaded
+from raccoon.sim.contact import NO_SLIP, Contact, placed
 from raccoon.sim.equations import substep
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
@@ -40,14 +40,13 @@ class SimulatedPlant:
 
     def __init__(self, parameters: Parameters, world: World | None = None) -> None:
         robot = parameters.robot
-        self._numbers = self._level = plant_numbers(parameters)
+        self._numbers = plant_numbers(parameters)
         self._ports = robot.drive.left, robot.drive.right
         self._signs = wiring_signs(parameters)
         self._world = replace(World.default(), walls=()) if world is None else world
         self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
         self._state = state_at_rest(self._numbers)
-        self._contact = Contact(self._world, robot.body, self._level, LONGEST_STEP, (0.0, 0.0, 0.0))
-        self._touching = False
+        self._contact = Contact(self._world, robot.body, self._numbers, LONGEST_STEP, (0.0, 0.0, 0.0))
         self.free_motors = {
             each.motor: FreeMotor(robot, each.motor, each.inertia) for each in robot.mechanisms.values()
         }
@@ -60,8 +59,8 @@ class SimulatedPlant:
 
     def become(self, parameters: Parameters) -> None:
         """Go on as another robot, from here at this speed: another battery, another load. Wiring stays."""
-        self._numbers = self._level = plant_numbers(parameters)
-        self._contact.become(self._level)
+        self._numbers = plant_numbers(parameters)
+        self._contact.become(self._numbers)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
@@ -84,13 +83,8 @@ class SimulatedPlant:
         s = self._state
         x, y, heading = self._contact.meet((s.x, s.y, s.heading), seconds)
         if self._contact.slip is not NO_SLIP:
-            self._state = s._replace(
-                x=x, y=y, heading=heading, heading_cos=math.cos(heading), heading_sin=math.sin(heading)
-            )
-        touching = self._contact.loads != NO_LOADS
-        if touching or self._touching or self._world.ramps:
-            self._numbers = loaded(self._level, self._world.slope(x, y), self._contact.loads)
-        self._touching = touching
+            self._state = placed(s, x, y, heading)
+        self._numbers = self._contact.carried(self._numbers, x, y)
 
     def _command(self, drives: tuple[Drive, ...]) -> Command:
         left, right = (drives[port] for port in self._ports)

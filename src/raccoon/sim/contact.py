@@ -15,7 +15,7 @@ from typing import NamedTuple
 from raccoon.core.sections import BodyConfig
 from raccoon.model.imu import GRAVITY
 from raccoon.sim.collision import Obstacles, Pose, Touch
-from raccoon.sim.quantities import Plant
+from raccoon.sim.quantities import Plant, State
 from raccoon.sim.world import World
 
 STIFFNESS, DAMPING = 0.08, 0.25
@@ -43,14 +43,10 @@ class Slip(NamedTuple):
 NO_SLIP, NO_LOADS = Slip(0.0, 0.0), (0.0, 0.0)
 
 
-def loaded(level: Plant, slope: Pair, loads: Pair) -> Plant:
-    """A robot on a slope (N m at each wheel along x and y of its start pose) whose wheels are pushed (N m,
-    left and right)."""
-    return level._replace(
-        slope_x=level.slope_x + slope[0],
-        slope_y=level.slope_y + slope[1],
-        pushed_left=loads[0],
-        pushed_right=loads[1],
+def placed(state: State, x: float, y: float, heading: float) -> State:
+    """The same robot at another pose of its plant."""
+    return state._replace(
+        x=x, y=y, heading=heading, heading_cos=math.cos(heading), heading_sin=math.sin(heading)
     )
 
 
@@ -71,13 +67,15 @@ class _Push(NamedTuple):
 
 
 class Contact:
-    """A robot among the obstacles of its table. Call `meet` after every step of the plant.
+    """A robot among the ramps and obstacles of its table. Call `meet` and `carried` after every step.
 
-    period: s, no step is longer. pose: where it stands at the start.
+    plant: the robot on the level. period: s, no step is longer. pose: where it stands at the start.
     """
 
     def __init__(self, world: World, body: BodyConfig, plant: Plant, period: float, pose: Pose) -> None:
-        self._obstacles = Obstacles(world, body)
+        self._world, self._obstacles = world, Obstacles(world, body)
+        self._cosine, self._sine = math.cos(pose[2]), math.sin(pose[2])
+        self._touching = False
         self._grip = 0.5 * body.grip * body.mass * GRAVITY
         self._period = period
         self._before = pose
@@ -88,7 +86,8 @@ class Contact:
         self.become(plant)
 
     def become(self, plant: Plant) -> None:
-        """Go on as a robot with these inertias, radii and track."""
+        """Go on as this robot on the level: other inertias, radii, track."""
+        self._level = plant
         self._radii = plant.radius_left, plant.radius_right
         self._per_track = plant.per_track
         spare = plant.inertia_own**2 - plant.inertia_other**2
@@ -120,6 +119,22 @@ class Contact:
         self.slip = Slip(way / seconds, angle / seconds)
         self._before = x + way * cosine, y + way * sine, heading + angle
         return self._before
+
+    def carried(self, plant: Plant, x: float, y: float) -> Plant:
+        """`plant`, the robot of the last step, with the ramps at x, y and the last loads on its wheels."""
+        touching = self.loads != NO_LOADS
+        if touching or self._touching or self._world.ramps:
+            along_x, along_y = self._world.slope(x, y)
+            level = self._level
+            # A plant's slopes are in the frame of its start pose.
+            plant = level._replace(
+                slope_x=level.slope_x + (self._cosine * along_x + self._sine * along_y),
+                slope_y=level.slope_y + (self._cosine * along_y - self._sine * along_x),
+                pushed_left=self.loads[0],
+                pushed_right=self.loads[1],
+            )
+        self._touching = touching
+        return plant
 
     def _push(self, touch: Touch, moved: tuple[float, float, float], seconds: float) -> _Push:
         x, y, normal_x, normal_y, depth = touch

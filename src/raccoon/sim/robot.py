@@ -12,7 +12,7 @@ from raccoon.core.readings import Outputs
 from raccoon.core.sections import BodyConfig
 from raccoon.sim.collision import Pose
 from raccoon.sim.compiled import advance_one, has_numba
-from raccoon.sim.contact import NO_LOADS, NO_SLIP, Contact, loaded
+from raccoon.sim.contact import NO_SLIP, Contact, placed
 from raccoon.sim.physical import state_at_rest
 from raccoon.sim.quantities import Plant, State
 from raccoon.sim.world import World
@@ -41,14 +41,12 @@ class SimulatedRobot:
         body: BodyConfig,
     ) -> None:
         self._rolled: State = state_at_rest(plant)
-        self._level_plant = self._plant = plant
-        self._world = world
+        self._plant = plant
         self._period = period
         self._cycle = cycle
         self._slots = slots
         self._longest_step = longest_step
         self._contact = Contact(world, body, plant, period, start)
-        self._touching = False
         self._slipped = 0.0  # rad/s, slip as the gyro's low-pass follows it
         low_pass = plant.low_pass
         self._follows = 1.0 if low_pass == 0.0 else -math.expm1(-period / low_pass)
@@ -110,24 +108,13 @@ class SimulatedRobot:
         slip = contact.slip
         if slip is not NO_SLIP:
             dx, dy = x - self._start_x, y - self._start_y
-            ahead = heading - self._start_heading
-            self._rolled = self._rolled._replace(
-                x=self._cos * dx + self._sin * dy,
-                y=self._cos * dy - self._sin * dx,
-                heading=ahead,
-                heading_cos=math.cos(ahead),
-                heading_sin=math.sin(ahead),
-            )
+            ahead, aside = self._cos * dx + self._sin * dy, self._cos * dy - self._sin * dx
+            self._rolled = placed(self._rolled, ahead, aside, heading - self._start_heading)
         if slip is not NO_SLIP or self._slipped != 0.0:
             self._slipped += self._follows * (slip.turning - self._slipped)
             if abs(self._slipped) < UNSEEN:
                 self._slipped = 0.0
-        touching = contact.loads != NO_LOADS
-        if touching or self._touching or self._world.ramps:
-            along_x, along_y = self._world.slope(x, y)
-            slope = self._cos * along_x + self._sin * along_y, self._cos * along_y - self._sin * along_x
-            self._plant = loaded(self._level_plant, slope, contact.loads)
-        self._touching = touching
+        self._plant = contact.carried(self._plant, x, y)
 
 
 def bridges(outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]) -> Any:
