@@ -17,13 +17,16 @@ def gyro_reading(
     return scale * rate + bias + drift * age
 
 
-def specific_force(forward_acceleration: float, forward_speed: float, turn_rate: float) -> Vector:
-    """m/s2 that an accelerometer in the middle of the axis reads on level ground.
+def specific_force(
+    forward_acceleration: float, forward_speed: float, turn_rate: float, lean: float = 0.0
+) -> Vector:
+    """m/s2 that an accelerometer in the middle of the axis reads.
 
-    x: the change of speed; y: v omega, towards the centre of the turn (left, for a left turn); z: +g, since
-    the floor holds the robot up.
+    x: the change of speed, and lean, the part of g by which the floor holds up a robot whose nose is up
+    (negative: down); y: v omega, towards the centre of the turn (left, for a left turn); z: the rest of +g.
     """
-    return forward_acceleration, forward_speed * turn_rate, GRAVITY
+    upright = GRAVITY if lean == 0.0 else math.sqrt(max(0.0, GRAVITY * GRAVITY - lean * lean))
+    return forward_acceleration + lean, forward_speed * turn_rate, upright
 
 
 def word(value: float, scale: float) -> int:

@@ -73,7 +73,7 @@ class SimulatedPlant:
         for port, motor in self.free_motors.items():
             motor.step(drives[port], self._state.bus, seconds)
         change = (self._forward_speed - before) / seconds if seconds > 0.0 else 0.0
-        return self._seen(change)
+        return self._seen(change, seconds)
 
     @property
     def _forward_speed(self) -> float:
@@ -99,9 +99,10 @@ class SimulatedPlant:
             to_go=0.0,
         )
 
-    def _seen(self, acceleration: float) -> PlantState:
+    def _seen(self, acceleration: float, seconds: float) -> PlantState:
         s, p = self._state, self._numbers
         turn_rate = s.yaw_rate + self._contact.slip.turning
+        lean, pitch_rate = self._contact.tilt(self.pose, seconds)
         volts = [0.0] * MOTOR_PORTS
         volts[self._ports[0]] = self._signs[0] * p.back_emf_left * s.speed_left
         volts[self._ports[1]] = self._signs[1] * p.back_emf_right * s.speed_right
@@ -110,8 +111,8 @@ class SimulatedPlant:
         return PlantState(
             bemf_volts=tuple(volts),
             battery_voltage=s.bus,
-            gyro=(0.0, 0.0, turn_rate),
-            accel=specific_force(acceleration, self._forward_speed, turn_rate),
+            gyro=(0.0, pitch_rate, turn_rate),
+            accel=specific_force(acceleration, self._forward_speed, turn_rate, lean),
             analog=self._analog(),
         )
 

@@ -40,7 +40,7 @@ class Slip(NamedTuple):
     turning: float
 
 
-NO_SLIP, NO_LOADS = Slip(0.0, 0.0), (0.0, 0.0)
+NO_SLIP, NO_LOADS, NO_TILT = Slip(0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
 
 
 def placed(state: State, x: float, y: float, heading: float) -> State:
@@ -76,6 +76,7 @@ class Contact:
         self._world, self._obstacles = world, Obstacles(world, body)
         self._cosine, self._sine = math.cos(pose[2]), math.sin(pose[2])
         self._touching = False
+        self._length, self._mass, self._felt = body.front, body.mass, NO_LOADS
         self._grip = 0.5 * body.grip * body.mass * GRAVITY
         self._period = period
         self._before = pose
@@ -84,6 +85,7 @@ class Contact:
         self.slip = NO_SLIP
         """In the last step."""
         self.become(plant)
+        self.tilt(pose, 0.0)
 
     def become(self, plant: Plant) -> None:
         """Go on as this robot on the level: other inertias, radii, track."""
@@ -135,6 +137,25 @@ class Contact:
             )
         self._touching = touching
         return plant
+
+    def tilt(self, pose: Pose, seconds: float) -> tuple[float, float]:
+        """m/s2 of gravity that an accelerometer feels ahead, above 0 where the nose is up, and rad/s at which
+        it came down in the last `seconds`. A chassis leans by the floor from its axis to its front.
+        """
+        level = self._level
+        if not self._world.ramps and level.slope_x == level.slope_y == 0.0:
+            return NO_TILT
+        x, y, heading = pose
+        cosine, sine = math.cos(heading), math.sin(heading)
+        along_x, along_y = self._world.slope_along(x, y, self._length * cosine, self._length * sine)
+        along_x += self._cosine * level.slope_x - self._sine * level.slope_y
+        along_y += self._sine * level.slope_x + self._cosine * level.slope_y
+        # A slope is what pulls at each wheel, of half of the robot's weight.
+        per_torque = -4.0 / (self._mass * sum(self._radii))
+        before, self._felt = self._felt, (along_x * per_torque, along_y * per_torque)
+        felt = cosine * self._felt[0] + sine * self._felt[1]
+        change = felt - (cosine * before[0] + sine * before[1])
+        return felt, -change / (GRAVITY * seconds) if seconds > 0.0 else 0.0
 
     def _push(self, touch: Touch, moved: tuple[float, float, float], seconds: float) -> _Push:
         x, y, normal_x, normal_y, depth = touch

@@ -134,7 +134,7 @@ class SimPort:
         pose = self._robot.pose
         heading = math.cos(pose[2]), math.sin(pose[2])
         analog, surface = self._converter.analog(self._world, pose, heading, state.time)
-        imu = self._imu.read(state)
+        imu = self._imu.read(state, self._robot.tilt)
         bemf, position = self._motor_words(state)
         return Inputs(
             time=self._cycle / self._rate_hz,

@@ -47,6 +47,8 @@ class SimulatedRobot:
         self._slots = slots
         self._longest_step = longest_step
         self._contact = Contact(world, body, plant, period, start)
+        self.tilt = self._contact.tilt(start, 0.0)
+        """See `Contact.tilt`: in the last step."""
         self._slipped = 0.0  # rad/s, slip as the gyro's low-pass follows it
         low_pass = plant.low_pass
         self._follows = 1.0 if low_pass == 0.0 else -math.expm1(-period / low_pass)
@@ -115,6 +117,7 @@ class SimulatedRobot:
             if abs(self._slipped) < UNSEEN:
                 self._slipped = 0.0
         self._plant = contact.carried(self._plant, x, y)
+        self.tilt = contact.tilt((x, y, heading), self._period)
 
 
 def bridges(outputs: Outputs, ports: tuple[int, int], signs: tuple[float, float]) -> Any:

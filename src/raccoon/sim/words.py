@@ -52,8 +52,8 @@ class Imu:
         self._past: deque[tuple[float, float]] = deque()
         self._speed = self._speed_time = 0.0
 
-    def read(self, state: State) -> tuple[Vector, Vector] | None:
-        """Words of gyro and accelerometer, or None where there is nothing new."""
+    def read(self, state: State, tilt: tuple[float, float]) -> tuple[Vector, Vector] | None:
+        """Words of gyro and accelerometer, or None where there is nothing new. tilt: see `Contact.tilt`."""
         rate = self._delayed(state.time, state.gyro_rate)
         if state.time < self._due - 1e-9:
             return None
@@ -62,11 +62,11 @@ class Imu:
         change = (state.forward_speed - self._speed) / elapsed if elapsed > 0.0 else 0.0
         self._speed, self._speed_time = state.forward_speed, state.time
         gyro = gyro_reading(rate, self._scale, self._bias, self._drift, state.time)
-        force = specific_force(change, state.forward_speed, state.yaw_rate)
-        return self._gyro_words(gyro), self._accel_words(force)
+        force = specific_force(change, state.forward_speed, state.yaw_rate, tilt[0])
+        return self._gyro_words(tilt[1], gyro), self._accel_words(force)
 
-    def _gyro_words(self, rate: float) -> Vector:
-        x, y, z = (self._noise.gyro * self._scatter.next() + each for each in (0.0, 0.0, rate))
+    def _gyro_words(self, pitch_rate: float, rate: float) -> Vector:
+        x, y, z = (self._noise.gyro * self._scatter.next() + each for each in (0.0, pitch_rate, rate))
         scale = SIMULATOR.gyro_rad_s
         return word(x, scale), word(y, scale), word(z, scale)
 

@@ -81,6 +81,17 @@ class Box:
         """Whether a point lies inside."""
         return self.low[0] <= x <= self.high[0] and self.low[1] <= y <= self.high[1]
 
+    def share(self, x: float, y: float, along_x: float, along_y: float) -> float:
+        """Share of the way from a point by along_x, along_y that lies inside."""
+        begin, end = 0.0, 1.0
+        for at, way, low, high in zip((x, y), (along_x, along_y), self.low, self.high, strict=True):
+            if way != 0.0:
+                sides = (low - at) / way, (high - at) / way
+                begin, end = max(begin, min(sides)), min(end, max(sides))
+            elif not low <= at <= high:
+                return 0.0
+        return max(0.0, end - begin)
+
 
 @dataclass(frozen=True, slots=True)
 class Light:
@@ -181,6 +192,15 @@ class World:
         """N m at each wheel, along x and along y."""
         there = [each for each in self.ramps if each.region.holds(x, y)]
         return sum(each.along_x for each in there), sum(each.along_y for each in there)
+
+    def slope_along(self, x: float, y: float, along_x: float, along_y: float) -> Point:
+        """The same, on the average of the way from a point by along_x, along_y."""
+        mean_x = mean_y = 0.0
+        for ramp in self.ramps:
+            share = ramp.region.share(x, y, along_x, along_y)
+            mean_x += share * ramp.along_x
+            mean_y += share * ramp.along_y
+        return mean_x, mean_y
 
 
 def walls_around(box: Box) -> tuple[Wall, ...]:

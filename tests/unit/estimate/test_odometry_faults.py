@@ -296,6 +296,17 @@ def test_a_ramp_is_no_bump() -> None:
     assert not any("bumped" in reason for e, _ in run(drive(STRAIGHT), tilted) for reason in e.reasons)
 
 
+def test_a_gyro_that_lies_about_the_axis_is_no_bump() -> None:
+    """A word that sticks at the end of its range (35 rad/s) would be a robot that turns head over heels."""
+
+    def stuck(_: int, inputs: Inputs) -> Inputs:
+        assert inputs.gyro is not None
+        lies = 32767.0 if inputs.time > 2.0 else 0.0
+        return replace(inputs, accel=(0.0, 0.0, 8192.0), gyro=(0.0, lies, inputs.gyro[2]))
+
+    assert not any("bumped" in reason for e, _ in run(drive(STRAIGHT), stuck) for reason in e.reasons)
+
+
 @pytest.mark.parametrize(
     "settings",
     [{"gyro_noise": 0.0}, {"slip_noise": math.nan}, {"imu_latency": 0.6}, {"gyro_bias": -1.0}],

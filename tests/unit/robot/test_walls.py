@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from raccoon import align_on_wall, bumped, drive, open_robot, straight, turn, wait
+from raccoon import after_distance, align_on_wall, bumped, drive, open_robot, straight, turn, wait
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import MotionTimeout
 from raccoon.core.port import Port
@@ -17,7 +17,7 @@ from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Wall, World
+from raccoon.sim.world import Box, Ramp, Wall, World
 
 FIRMWARES: tuple[Firmware, ...] = ("stock", 17, 21)
 
@@ -135,3 +135,19 @@ def test_a_carpet_and_a_ramp_are_no_wall(firmware: Firmware, monkeypatch: pytest
             with pytest.raises(MotionTimeout):
                 robot.run(drive(0.15).until(bumped()).timeout(0.8))
             robot.run(straight(-0.05))
+
+
+@pytest.mark.parametrize("firmware", [*FIRMWARES, None])
+def test_the_ridge_of_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
+    """At 0.2 m/s its accelerometer feels twice the slope within half a second: only the gyro tells why."""
+    config = RobotConfig()
+    up, down = Box((0.3, -5.0), (0.7, 5.0)), Box((0.7, -5.0), (1.1, 5.0))
+    world = World(ramps=(Ramp(up, -0.088), Ramp(down, 0.088)))  # 10 degrees
+    if firmware is None:
+        port: Port = SimPort(Parameters.from_robot(config), world)
+    else:
+        port = open_emulated(config, firmware, world=world)
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(0.6))
+        robot.run(drive(0.19).until(bumped() | after_distance(1.3)))
+        assert robot.estimate.x > 1.28

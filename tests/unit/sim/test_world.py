@@ -7,6 +7,7 @@ import pytest
 
 from raccoon.core.config import BodyConfig, RobotConfig, TophatConfig
 from raccoon.core.readings import Outputs
+from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.collision import Obstacles
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -160,3 +161,68 @@ def test_a_ramp_pulls_in_the_directions_of_the_table(start: float) -> None:
     # Along x the pull beats the dry friction of 0.18 N m; across, the wheels hold.
     assert (last.truth.x > 0.05) is (start == 0.0)
     assert last.truth.y == pytest.approx(0.0, abs=1e-9)
+
+
+def _hill(degrees: float) -> World:
+    """A ramp that rises along x at the origin."""
+    model, mass = RobotConfig().model.drive, RobotConfig().body.mass
+    pull = 0.5 * mass * 9.80665 * math.sin(math.radians(degrees)) * model.wheel_radius.value
+    return World(ramps=(Ramp(Box((-0.5, -1.0), (0.5, 1.0)), -pull),))
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5 * math.pi, math.pi])
+def test_an_accelerometer_feels_the_ramp_that_a_robot_stands_on(heading: float) -> None:
+    port = SimPort(PARAMETERS, _hill(10.0), start=(0.0, 0.0, heading), noise=False)
+    port.write(Outputs(brake=(True,) * 4))
+    inputs = [port.read() for _ in range(20)][-1]
+    assert inputs.accel is not None
+    ahead, _, up = (each * inputs.device.accel_m_s2 for each in inputs.accel)
+    felt = 9.80665 * math.sin(math.radians(10.0)) * math.cos(heading)
+    assert ahead == pytest.approx(felt, abs=0.02)
+    assert up == pytest.approx(math.sqrt(9.80665**2 - felt**2), abs=0.02)
+
+
+def test_the_emulated_one_feels_it_as_well() -> None:
+    felt = SimulatedPlant(PARAMETERS, _hill(-10.0)).advance(0.005, (0.0,) * 4).accel
+    angle = math.radians(10.0)
+    assert felt == pytest.approx((-9.80665 * math.sin(angle), 0.0, 9.80665 * math.cos(angle)), abs=0.02)
+
+
+def test_a_robot_leans_by_the_floor_under_its_length() -> None:
+    world = World(ramps=(Ramp(Box((0.1, -1.0), (0.5, 1.0)), -0.1),))
+    felt = [world.slope_along(x, 0.0, 0.1, 0.0)[0] for x in (-0.01, 0.05, 0.1, 0.475, 0.51)]
+    assert felt == pytest.approx([0.0, -0.05, -0.1, -0.025, 0.0])
+    assert world.slope_along(0.3, 0.0, -0.1, 0.0)[0] == pytest.approx(-0.1)
+    assert world.slope_along(0.3, 0.95, 0.0, 0.1)[0] == pytest.approx(-0.05)
+
+
+@pytest.mark.parametrize("emulated", [False, True])
+def test_the_gyro_tells_how_a_robot_pitches_on_its_way_up(emulated: bool) -> None:
+    world = World(ramps=(Ramp(Box((0.15, -1.0), (2.0, 1.0)), -0.05),))
+    pitch, force = 0.0, 0.0
+    if emulated:
+        plant = SimulatedPlant(PARAMETERS, world)
+        for _ in range(300):
+            state = plant.advance(0.005, (0.8, 0.8, None, None))
+            pitch += 0.005 * state.gyro[1]
+            force = state.accel[0]
+    else:
+        port = SimPort(PARAMETERS, world, noise=False)
+        for _ in range(300):
+            port.write(Outputs(duty=(0.8, 0.8, 0.0, 0.0)))
+            inputs = port.read()
+            assert inputs.gyro is not None
+            assert inputs.accel is not None
+            pitch += 0.005 * inputs.gyro[1] * inputs.device.gyro_rad_s
+            force = inputs.accel[0] * inputs.device.accel_m_s2
+    assert -9.80665 * pitch == pytest.approx(force, abs=0.02)
+    assert force == pytest.approx(2.0 * 0.05 / (0.0345 * RobotConfig().body.mass), abs=0.02)
+
+
+def test_a_robot_that_turns_on_a_slope_does_not_pitch() -> None:
+    port = SimPort(PARAMETERS, _hill(10.0), noise=False)
+    for _ in range(200):
+        port.write(Outputs(duty=(-0.5, 0.5, 0.0, 0.0)))
+        inputs = port.read()
+        assert inputs.gyro is not None
+        assert inputs.gyro[1] == 0.0

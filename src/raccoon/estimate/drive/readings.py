@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
-from raccoon.estimate.drive.slip import MOST_FORCE
+from raccoon.estimate.drive.slip import MOST_FORCE, MOST_PITCH
 from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
 
@@ -39,6 +39,8 @@ class Pending:
     """rad, how far it would have turned between two readings at what the rate jumped by."""
     force: float = 0.0
     """m/s2 ahead that the accelerometer felt, summed over its readings."""
+    pitch: float = 0.0
+    """rad/s about the axis that the gyro read with them, summed too; above 0 the nose comes down."""
     force_count: int = 0
 
 
@@ -160,6 +162,9 @@ class DriveReadings:
         force = inputs.accel[0] * inputs.device.accel_m_s2
         if abs(force) < MOST_FORCE:
             self.pending.force += force
+            pitch = 0.0 if inputs.gyro is None else inputs.gyro[1] * inputs.device.gyro_rad_s
+            if abs(pitch) < MOST_PITCH:
+                self.pending.pitch += pitch
             self.pending.force_count += 1
 
     def _complain(self, reading: WheelReading, inputs: Inputs) -> None:

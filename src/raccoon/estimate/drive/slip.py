@@ -8,6 +8,8 @@ reads nothing at all.
 
 from __future__ import annotations
 
+from raccoon.model.imu import GRAVITY
+
 GATE = 16.0
 """Squared innovation over its variance: 4 sigma."""
 SOFT_GATE, DOUBTFUL_GYRO = 4.0, 0.02
@@ -31,6 +33,8 @@ FINE = 0.008
 """s between two readings up to which they are the former."""
 MOST_FORCE = 400.0
 """m/s2; the accelerometers of these robots end at 16 g or less."""
+MOST_PITCH = 3.0
+"""rad/s; no robot on its wheels pitches faster, and a gyro that says so is wrong."""
 BUMP_TIME = 0.08
 """s over which it is summed."""
 TILT_TIME = 0.3
@@ -121,14 +125,17 @@ def slipping_wheel(innovation: float, left: float, right: float) -> str:
 
 
 class BumpWatch:
-    """Sums what the accelerometer feels beyond what the wheels explain. Its own bias is learnt at rest."""
+    """Sums what the accelerometer feels beyond what the wheels and the pitching of the robot explain. Its own
+    bias and that of the gyro about the axis are learnt at rest.
+    """
 
-    __slots__ = ("_bias", "_known", "_lasting", "_sum", "_velocity")
+    __slots__ = ("_bias", "_known", "_lasting", "_lean", "_pitch_bias", "_sum", "_velocity")
 
     def __init__(self) -> None:
         self._bias = 0.0
         self._known = 0.0
         self._lasting = 0.0
+        self._lean = self._pitch_bias = 0.0
         self._sum = 0.0
         self._velocity = 0.0
 
@@ -136,21 +143,28 @@ class BumpWatch:
         """Nobody felt anything for a while; the wheels' velocity is this now, m/s."""
         self._sum, self._velocity = 0.0, velocity
 
-    def update(self, dt: float, forward: float, velocity: float, still: bool, between: float) -> bool:
+    def update(
+        self, dt: float, forward: float, velocity: float, still: bool, between: float, pitch_rate: float = 0.0
+    ) -> bool:
         """True while the robot was bumped.
 
         forward: m/s2, mean of what the accelerometer read in these dt s. velocity: the wheels' mean in them,
-        m/s. between: s from one reading to the next.
+        m/s. between: s from one reading to the next. pitch_rate: rad/s, mean of what the gyro read about the
+        axis: above 0 the nose comes down, as at the end of a ramp, and the robot feels less of its weight.
         """
         if still:
             self._known += dt
-            self._bias += (forward - self._bias) * min(1.0, dt / min(self._known, 2.0))
-            self._sum, self._lasting, self._velocity = 0.0, 0.0, velocity
+            share = min(1.0, dt / min(self._known, 2.0))
+            self._bias += (forward - self._bias) * share
+            self._pitch_bias += (pitch_rate - self._pitch_bias) * share
+            self._sum = self._lasting = self._lean = 0.0
+            self._velocity = velocity
             return False
         if self._known < 0.2:
             self._velocity = velocity
             return False
-        felt = forward - self._bias - (velocity - self._velocity) / dt
+        self._lean -= GRAVITY * (pitch_rate - self._pitch_bias) * dt
+        felt = forward - self._bias - self._lean - (velocity - self._velocity) / dt
         self._velocity = velocity
         self._lasting += (felt - self._lasting) * min(1.0, dt / TILT_TIME)
         self._sum += (felt - self._lasting) * dt

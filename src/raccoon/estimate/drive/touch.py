@@ -44,12 +44,13 @@ class Touch:
         """Compare the accelerometer with the wheels, over a step. still: the robot stands."""
         if pending.force_count == 0:
             return
-        span, forward = pending.span, pending.force / pending.force_count
+        span, count = pending.span, pending.force_count
+        forward, pitch_rate = pending.force / count, pending.pitch / count
         self._unseen = COMES_BACK if self._silent else self._unseen - span
         velocity = self._half_radius * (self._left.mean + self._right.mean)
         if self._unseen > 0.0:
             self._bump.interrupt(velocity)
-        elif self._bump.update(span, forward, velocity, still, span / pending.force_count):
+        elif self._bump.update(span, forward, velocity, still, span / count, pitch_rate):
             self._readings.reasons.tell(
                 "bumped: the wheels do not move as the robot does", self._readings.time
             )
