@@ -2,9 +2,31 @@
 deadline: how long one takes says how busy the machine is."""
 
 import os
+from collections.abc import Iterator
+from typing import Any
 
+import pytest
 from hypothesis import settings
+
+from raccoon.sim import compiled, robot, running
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile("explore" if os.environ.get("RACCOON_EXPLORE") else "fixed")
+
+
+@pytest.fixture
+def without_numba(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """As where numba is not installed: the plant's equations run as plain Python."""
+    for module in (compiled, robot, running):
+        monkeypatch.setattr(module, "has_numba", lambda: False)
+    _forget()
+    yield
+    monkeypatch.undo()
+    _forget()
+
+
+def _forget() -> None:
+    cached: tuple[Any, ...] = (compiled.advance_one, compiled.advance_lanes, compiled._made)
+    for each in cached:
+        each.cache_clear()

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from raccoon.diagnose.result import Diagnosis
 
 HELP = "compare a recording with the simulation, name what is wrong and write the better model"
@@ -68,6 +70,7 @@ def run(args: argparse.Namespace) -> int:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
     check_not_read(outputs, [*paths, *recordings(args.holdout), args.robot, args.model, args.causes])
     check_replaceable(args.json, args.html, model=args.save_model)
+    _check_numba(paths, args.robot)
     if len(paths) == 1:
         with diagnosis_shown():
             found = diagnose_job(job_of(args, paths[0]))
@@ -83,6 +86,32 @@ def run(args: argparse.Namespace) -> int:
         return run_fleet(args, paths)
     _write(args, together, f"{len(paths)} runs")
     return 0
+
+
+def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
+    """Where numba is not installed, refuse drives and remark on motors; nothing else is simulated."""
+    from raccoon.cli.slow import check_compiled, remark_slow
+    from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.core.errors import RaccoonError
+    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.sim.compiled import has_numba
+    from raccoon.trace.loading import load_run
+
+    if has_numba():
+        return
+    given = None if robot_toml is None else load_robot(robot_toml)
+    kinds = set()
+    for path in paths:
+        try:
+            run = load_run(path)
+            kind = kind_of(run.recording.columns, given or run.robot or RobotConfig())
+        except (RaccoonError, OSError):  # said where it is diagnosed
+            continue
+        if kind is Kind.DRIVE:
+            check_compiled(f"{path}: a drive is diagnosed by simulating it thousands of times")
+        kinds.add(kind)
+    if Kind.MOTORS in kinds:
+        remark_slow()
 
 
 def _show_remarks() -> None:

@@ -86,6 +86,7 @@ def _check(args: argparse.Namespace) -> None:
 
 def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     """What a manoeuvre needs and, before it is driven, what it would show."""
+    from raccoon.cli.slow import check_compiled
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment import Plan, reach_of
     from raccoon.diagnose.manoeuvres import RATE, manoeuvre
@@ -104,15 +105,21 @@ def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
             f"--within {args.within:g}: {name} needs {reach:.2f} m of free space around the robot"
         )
     if args.record is None and duty.any():
+        check_compiled("what it would show is found by simulating it with every cause")
         print("would show, on this robot, if nothing else is wrong:")
         for id_, size in Plan.of(robot, duty).shows().items():
             print(f"  {id_:30s} {size or 'not at all'}")
 
 
 def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
+    from raccoon.cli.slow import check_compiled
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment import DECIDES, advise
 
+    check_compiled(
+        f"--cause {args.cause}: the best drive for it is found by simulating all of them (with --manoeuvre "
+        "and no --cause one is driven at once)"
+    )
     longest = LONGEST if args.seconds is None else args.seconds
     advice = advise(robot, args.cause, args.rival, within=args.within, seconds=longest)
     if not advice:

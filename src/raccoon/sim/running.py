@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,14 +68,22 @@ def run(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats
 
 def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
     advance = advance_one()
-    commands = course.commands
+    # Python's own numbers: NumPy's are several times slower one by one, and warn of inf * 0, which the
+    # equations mean (a limit that nothing has, of a bridge that is open).
+    plain = not has_numba()
+
+    def given(numbers: NDArray[Any]) -> Any:
+        return numbers.tolist() if plain else np.ascontiguousarray(numbers)
+
+    rows = tuple(map(given, course.commands.rows))
+    times, fields = given(course.commands.time), given(kept)
     final = np.empty_like(states)
     for robot, (state, plant) in enumerate(zip(states.tolist(), lanes.plant.tolist(), strict=True)):
         column = min(robot, course.noise.shape[2] - 1)
-        noise = tuple(np.ascontiguousarray(side[:, column]) for side in course.noise)
+        noise = tuple(given(side[:, column]) for side in course.noise)
         final[robot] = advance(
-            State._make(state), Plant._make(plant), commands.rows, commands.time, course.begin, course.end,
-            lanes.cycle, course.step, lanes.slots, noise, kept, out[:, 1:, robot],
+            State._make(state), Plant._make(plant), rows, times, course.begin, course.end,
+            lanes.cycle, course.step, lanes.slots, noise, fields, out[:, 1:, robot],
         )  # fmt: skip
     return final
 

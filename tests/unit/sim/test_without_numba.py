@@ -1,6 +1,6 @@
 """Without numba all of it runs, slower, and gives the same."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -8,31 +8,12 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs
-from raccoon.sim import compiled, robot, rollout, running
+from raccoon.sim import rollout
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 
 TIME = np.arange(60) * 0.005
-
-
-@pytest.fixture
-def without_numba(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    def absent() -> bool:
-        return False
-
-    for module in (compiled, robot, running):
-        monkeypatch.setattr(module, "has_numba", absent)
-    _forget()
-    yield
-    monkeypatch.undo()
-    _forget()
-
-
-def _forget() -> None:
-    cached: tuple[Any, ...] = (compiled.advance_one, compiled.advance_lanes, compiled._made)
-    for each in cached:
-        each.cache_clear()
 
 
 def run_port() -> list[Inputs]:
@@ -48,8 +29,8 @@ def run_many() -> np.ndarray:
         Parameters.from_robot(RobotConfig()).with_effect("drive.inertia", factor=1.0 + 0.05 * each)
         for each in range(12)
     ]
-    duty = np.where(TIME < 0.2, 0.7, -0.5)
-    return rollout.rollout(robots, Commands.of_wheels(TIME, duty, duty))["motor.0.bemf"]
+    duty = np.select([TIME < 0.15, TIME < 0.25], [0.7, -0.5], 0.0)  # then the bridge is open
+    return rollout.rollout(robots, Commands.of_wheels(TIME, duty, duty, brake=False))["motor.0.bemf"]
 
 
 @pytest.fixture(params=[run_port, run_many], ids=["port", "rollout"])

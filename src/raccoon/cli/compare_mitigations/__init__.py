@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.compare_mitigations.measure import as_cells, measured
     from raccoon.cli.compare_mitigations.results import stored
     from raccoon.cli.compare_mitigations.table import draw, markdown
+    from raccoon.cli.slow import remark_slow
 
     check_seed(args.seed)
     check_folders(args.markdown, args.plot, args.results)
@@ -59,6 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if args.plot is not None:
         check_pictures()
     robots = _robots(args)
+    remark_slow()
     known = {} if args.results is None else stored(args.results, args.seed, args.tape)
     found = measured(
         robots,

@@ -20,5 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run it; 0 when every error with the library is within the promised limits."""
     from raccoon.cli.demo.show import show
+    from raccoon.cli.slow import remark_slow
 
+    remark_slow()
     return show(args.out, args.seed, args.jobs)

@@ -54,6 +54,8 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Play and print; 0 whatever the program does, once it was played and recorded where that was asked."""
+    from raccoon.cli.slow import remark_slow
     from raccoon.cli.sweep.play import one, sweep_and_print
 
+    remark_slow()
     return one(args) if args.only is not None else sweep_and_print(args)
