@@ -13,12 +13,11 @@ from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
 from raccoon.sim.contact import NO_SLIP, Contact, placed
-from raccoon.sim.equations import substep
 from raccoon.sim.free_motor import FreeMotor
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.physical import plant_numbers, state_at_rest, wiring_signs
-from raccoon.sim.quantities import Command
-from raccoon.sim.sensing import duty_at_motor
+from raccoon.sim.quantities import Plant
+from raccoon.sim.stepped import Steps
 from raccoon.sim.tophats import Tophat
 from raccoon.sim.world import World
 
@@ -40,12 +39,13 @@ class SimulatedPlant:
 
     def __init__(self, parameters: Parameters, world: World | None = None) -> None:
         robot = parameters.robot
-        self._numbers = plant_numbers(parameters)
+        self._numbers = _without_controller(parameters)
         self._ports = robot.drive.left, robot.drive.right
         self._signs = wiring_signs(parameters)
         self._world = replace(World.default(), walls=()) if world is None else world
         self._tophats = [Tophat(each, parameters) for each in robot.tophats.values()]
         self._state = state_at_rest(self._numbers)
+        self._steps = Steps()
         self._contact = Contact(self._world, robot.body, self._numbers, LONGEST_STEP, (0.0, 0.0, 0.0))
         self.free_motors = {
             each.motor: FreeMotor(robot, each.motor, each.inertia) for each in robot.mechanisms.values()
@@ -59,16 +59,19 @@ class SimulatedPlant:
 
     def become(self, parameters: Parameters) -> None:
         """Go on as another robot, from here at this speed: another battery, another load. Wiring stays."""
-        self._numbers = plant_numbers(parameters)
+        self._numbers = _without_controller(parameters)
         self._contact.become(self._numbers)
 
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
         before = self._forward_speed
+        left, right = (drives[port] for port in self._ports)
+        left = None if left is None else self._signs[0] * left
+        right = None if right is None else self._signs[1] * right
         steps = math.ceil(seconds / LONGEST_STEP)
         for _ in range(steps):
             step = seconds / steps
-            self._state = substep(self._state, self._numbers, self._command(drives), step, 1.0 / step)
+            self._state = self._steps.after(self._state, self._numbers, step, left, right)
             self._meet_the_world(step)
         for port, motor in self.free_motors.items():
             motor.step(drives[port], self._state.bus, seconds)
@@ -85,19 +88,6 @@ class SimulatedPlant:
         if self._contact.slip is not NO_SLIP:
             self._state = placed(s, x, y, heading)
         self._numbers = self._contact.carried(self._numbers, x, y)
-
-    def _command(self, drives: tuple[Drive, ...]) -> Command:
-        left, right = (drives[port] for port in self._ports)
-        p = self._numbers
-        return Command(
-            duty_at_motor(self._signs[0] * (left or 0.0), p.deadband_left),
-            duty_at_motor(self._signs[1] * (right or 0.0), p.deadband_right),
-            float(left is not None),
-            float(right is not None),
-            sample_left=0.0,
-            sample_right=0.0,
-            to_go=0.0,
-        )
 
     def _seen(self, acceleration: float, seconds: float) -> PlantState:
         s, p = self._state, self._numbers
@@ -122,6 +112,11 @@ class SimulatedPlant:
         for tophat in self._tophats:
             counts[tophat.port], _ = tophat.read(self._world, s.x, s.y, s.heading_cos, s.heading_sin, s.time)
         return tuple(counts)
+
+
+def _without_controller(parameters: Parameters) -> Plant:
+    """The plant's numbers less what the emulated firmware does itself."""
+    return plant_numbers(parameters)._replace(latency=0.0, closed_share=1.0)
 
 
 def open_emulated(

@@ -141,5 +141,9 @@ class _LowPass:
 
 def _towards(value: Vector, before: Vector, after: Vector, share: float) -> Vector:
     """What follows something between `before` and `after`: by a share of what it is behind their middle."""
-    x, y, z = (each + share * (0.5 * (a + b) - each) for each, a, b in zip(value, before, after, strict=True))
-    return x, y, z
+    x, y, z = value
+    return (
+        x + share * (0.5 * (before[0] + after[0]) - x),
+        y + share * (0.5 * (before[1] + after[1]) - y),
+        z + share * (0.5 * (before[2] + after[2]) - z),
+    )

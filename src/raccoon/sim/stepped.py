@@ -1,0 +1,47 @@
+"""The plant one step at a time, for whoever decides between the steps what drives it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from raccoon.sim.compiled import advance_one, has_numba
+from raccoon.sim.quantities import Plant, State
+
+_WHOLE = 1.0
+"""s, longer than any step: a row of commands is then one cycle of one step."""
+
+
+class Steps:
+    """Steps of a robot under commands that act at once, compiled where numba is installed.
+
+    With whoever drives it lie dead time and the pauses for samples: the plant's own must be neutral
+    (`latency` 0, `closed_share` 1). What the plant's own controller samples on the way means nothing.
+    """
+
+    def __init__(self) -> None:
+        array: Any = np.array if has_numba() else list
+        self._commands = tuple(array([0.0]) for _ in range(4))
+        self._times = array([0.0, 0.0])
+        self._noise = array([0.0]), array([0.0])
+        self._kept: Any = np.zeros(0, dtype=np.int64) if has_numba() else ()
+        self._out = np.zeros((0, 1))
+        self._advance = advance_one()
+
+    def after(
+        self, state: State, plant: Plant, seconds: float, left: float | None, right: float | None
+    ) -> State:
+        """The robot one step of `seconds` later. left, right: duty at the drivers, -1..1, forward positive;
+        None where a motor coasts."""
+        for values, value in zip(
+            self._commands, (left or 0.0, right or 0.0, left is not None, right is not None), strict=True
+        ):
+            values[0] = value
+        self._times[1] = seconds
+        return State._make(
+            self._advance(
+                state, plant, self._commands, self._times, 0, 1, _WHOLE, _WHOLE, (1.0, 1.0),
+                self._noise, self._kept, self._out,
+            )
+        )  # fmt: skip
