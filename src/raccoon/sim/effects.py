@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cache
 from typing import SupportsFloat
 
 from raccoon.core.errors import ConfigError
@@ -78,6 +79,7 @@ class Effect:
         return number
 
 
+@cache
 def effect(id: str) -> Effect:  # noqa: A002
     """The effect of that id. Raises ConfigError."""
     from raccoon.sim.catalogue import CATALOGUE

@@ -105,8 +105,9 @@ class Parameters:
         entry = effect(id)
         parameter = entry.parameter(name)
         for key in ((id, self._place(entry, where)), (id, None)):
-            if name in self.effects.get(key, {}):
-                return self.effects[key][name]
+            values = self.effects.get(key)
+            if values is not None and name in values:
+                return values[name]
         if parameter.neutral is not None:
             return parameter.neutral
         if parameter.initial is not None:
@@ -114,8 +115,8 @@ class Parameters:
         return nominal(self.robot, id, where)
 
     def _place(self, entry: Effect, where: str | None) -> str | None:
-        if where is None:
-            return None
+        if where is None or (where in SIDES and entry.place is Place.SIDE):  # what the plant asks for
+            return where
         if entry.place is Place.SIDE:
             ports = {str(self.robot.drive.left): "left", str(self.robot.drive.right): "right"}
             allowed = {"left": "left", "right": "right", **ports}
