@@ -1,24 +1,38 @@
 """Compiles the simulated robots while the linters run, so that two test processes do not both have to."""
 
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+
 import numpy as np
 
 from blind.generator import make
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.recordings.motors import diagnose_motors
 from raccoon.sim.commands import Commands
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.rollout import rollout
+from unit.diagnose.axes import motor
 
 ROBOT = Parameters.from_robot(RobotConfig())
 LOOSE = ROBOT.with_effect("drive.backlash", angle=0.1)
 GIVING = ROBOT.with_effect("friction.presliding", compliance=0.001)
 TIME = np.arange(3) * 0.005
+STILL = Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME)
 
-for robots in ([ROBOT], [ROBOT, ROBOT], [LOOSE, LOOSE], [GIVING, GIVING]):
-    rollout(robots, Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME))
-rollout(
-    [GIVING, GIVING],
-    Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME),
-    channels=("imu.gyro.z",),
-    readings_only=True,
-)
-make(1, seconds=4.0)
+COMPILING: list[Callable[[], object]] = [
+    partial(rollout, [GIVING, GIVING], STILL, channels=("imu.gyro.z",), readings_only=True),
+    partial(make, 1, seconds=4.0),
+    *(partial(rollout, robots, STILL) for robots in ([ROBOT], [ROBOT] * 2, [LOOSE] * 2, [GIVING] * 2)),
+    partial(diagnose_motors, motor(5, 0.008), RobotConfig()),
+]
+
+
+def compiled(number: int) -> None:
+    """Compiles one of them, into the cache."""
+    COMPILING[number]()
+
+
+if __name__ == "__main__":
+    with ProcessPoolExecutor(2) as pool:
+        list(pool.map(compiled, range(len(COMPILING))))
