@@ -234,6 +234,26 @@ def do(function: Callable[[Robot], Any], name: str = "do") -> Action[Any]:
     return Action(name, steps)
 
 
+def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Action[T]:
+    """The action, with `look` called before each of its ticks."""
+
+    def steps(robot: Robot) -> Steps[T]:
+        body = action.start(robot)
+        try:
+            while True:
+                look(robot)
+                try:
+                    next(body)
+                except StopIteration as end:
+                    result: T = end.value
+                    return result
+                yield
+        finally:
+            body.close()
+
+    return Action(name, steps)
+
+
 def wait(seconds: float) -> Action[None]:
     """Let `seconds` s pass. The robot goes on reading meanwhile, which `time.sleep` would keep it from."""
     check_number("seconds", seconds, "from 0")

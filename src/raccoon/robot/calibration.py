@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError, ConfigError, MotionTimeout
 from raccoon.core.readings import Inputs
-from raccoon.robot.actions import Action, Steps, seq, wait
+from raccoon.robot.actions import Action, looking, seq, wait
 from raccoon.robot.driving import search
 from raccoon.robot.limits import check_function, check_way
 from raccoon.robot.motions import straight
@@ -31,21 +31,11 @@ SETTLING = 0.2  # s in which a robot comes to stand
 def watched(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
     """The action, with every reading of its ticks put into `inputs`."""
 
-    def steps(robot: Robot) -> Steps[Any]:
-        body = action.start(robot)
-        try:
-            while True:
-                if robot.inputs is not None:
-                    inputs.append(robot.inputs)
-                try:
-                    next(body)
-                except StopIteration as end:
-                    return end.value
-                yield
-        finally:
-            body.close()
+    def look(robot: Robot) -> None:
+        if robot.inputs is not None:
+            inputs.append(robot.inputs)
 
-    return Action(f"watched {action.name}", steps)
+    return looking(action, look, f"watched {action.name}")
 
 
 def calibrate_drive(

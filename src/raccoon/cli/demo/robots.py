@@ -23,6 +23,7 @@ from raccoon.model.paper import (
     PaperMotor,
     battery_speeds,
 )
+from raccoon.robot.actions import looking
 
 if TYPE_CHECKING:
     from raccoon.sim.parameters import Parameters
@@ -129,21 +130,11 @@ def replay_program(robot: Robot) -> None:
 def watched(mission: Action[Any], path: list[tuple[float, float]]) -> Action[Any]:
     """The mission, with the true path written down beside it."""
 
-    def steps(robot: Robot) -> Any:
-        body = mission.start(robot)
-        try:
-            while True:
-                here = truth_of(robot)
-                path.append((here.x, here.y))
-                try:
-                    next(body)
-                except StopIteration as end:
-                    return end.value
-                yield
-        finally:
-            body.close()
+    def look(robot: Robot) -> None:
+        here = truth_of(robot)
+        path.append((here.x, here.y))
 
-    return Action(mission.name, steps)
+    return looking(mission, look, mission.name)
 
 
 def open_loop(trial: Trial, times: Times) -> Outcome:

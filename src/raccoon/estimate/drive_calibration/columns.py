@@ -5,7 +5,6 @@ Columns are those of the interchange format, one array each, NaN where a sensor 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,10 +15,9 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.estimate.drive.wheels import counts_scale
+from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
 
 Array = NDArray[np.float64]
-MOVING_COUNTS = 40.0
-FEWEST_RESTING = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,12 +146,8 @@ def _wheel(
     offset = None
     if bemf is not None:
         words = np.asarray(bemf, dtype=float)
-        resting = words[:rest][np.isfinite(words[:rest])]
-        if len(resting) >= FEWEST_RESTING:
-            # The board's filter makes neighbours alike: about one in nine is independent.
-            offset = float(resting.mean()), max(float(resting.std()), 0.5) / math.sqrt(len(resting) / 9)
-            if device.bemf_dead_zone > 0.0 and not np.any(resting):
-                offset = 0.0, device.bemf_dead_zone / math.sqrt(3.0)
+        found = resting_counts(words[:rest][np.isfinite(words[:rest])], device.bemf_dead_zone)
+        offset = None if found is None else (found.value, found.std)
     configured = motor.bemf_offset or robot.model.bemf.offset
     counts = configured.value if offset is None else offset[0]
     if position is not None and np.any(np.isfinite(position)):

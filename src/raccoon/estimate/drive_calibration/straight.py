@@ -23,12 +23,11 @@ from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
 from raccoon.estimate.drive.wheels import WheelDecoder, counts_scale
+from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
 
 SHORTEST = 0.2
 """m; below it the tape's error is above 1 %."""
 MOST_TURN = math.radians(30.0)
-MOVING_COUNTS = 40.0
-"""Back-EMF counts beyond the resting value that say a wheel moves."""
 SLIP = 0.0005
 """m of wheel travel after one metre that nobody can predict; grows with its square root."""
 
@@ -165,18 +164,9 @@ def _first(inputs: Sequence[Inputs], port: int) -> tuple[float | None, float | N
 
 
 def resting_bemf(rest: Sequence[Inputs], port: int) -> Measured | None:
-    """Back-EMF counts of a port at rest; None where there are fewer than 40 readings.
-
-    The board's filter makes neighbours alike: about one reading in nine is independent (0.2 at every step).
-    Nothing but 0 from a device with a dead zone may be any offset within it.
-    """
+    """`resting_counts` of a port."""
     words = [word for cycle in rest[: max(len(rest) - 10, 0)] if (word := cycle.bemf[port]) is not None]
-    if len(words) < 40:
-        return None
-    dead_zone = rest[0].device.bemf_dead_zone
-    if dead_zone > 0.0 and not any(words):
-        return Measured(0.0, dead_zone / math.sqrt(3.0))
-    return Measured(fmean(words), max(pstdev(words), 0.5) / math.sqrt(len(words) / 9.0))
+    return resting_counts(words, rest[0].device.bemf_dead_zone) if words else None
 
 
 def resting_gyro(rest: Sequence[Inputs]) -> Measured | None:
