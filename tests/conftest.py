@@ -1,6 +1,7 @@
 """Examples of property tests are the same in every run; `RACCOON_EXPLORE=1` draws fresh ones. None has a
 deadline: how long one takes says how busy the machine is."""
 
+import gc
 import os
 from collections.abc import Iterator
 from typing import Any
@@ -13,6 +14,13 @@ from raccoon.sim import compiled, robot, running
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
 settings.load_profile("explore" if os.environ.get("RACCOON_EXPLORE") else "fixed")
+
+
+def pytest_collection_finish() -> None:
+    """The garbage collector need not walk through thousands of tests and all libraries again and again: that
+    took a twelfth of the time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture
