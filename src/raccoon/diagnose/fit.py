@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -23,7 +24,7 @@ Lost = Callable[["Fit", float], bool]
 """Whether a fit whose cost is foretold to fall by so much in its next step is given up."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Fit:
     """A fitted point. white (rows,): its whitened residual. jacobian (coordinates, rows): whitened
     columns. free: coordinates that are not
@@ -40,18 +41,22 @@ class Fit:
         """With its cost, and what is free."""
         return cls(point, white, jacobian, cost_of(point, white), unbound(problem, point))
 
+    @cached_property
+    def curvature(self) -> Array:
+        """1 + J J', that of half the cost."""
+        return np.asarray(self.jacobian @ self.jacobian.T + np.eye(len(self.jacobian)), float)
+
     @property
     def sound(self) -> bool:
         """Whether the simulation gave numbers, at the point and a step away from it."""
-        return bool(np.isfinite(self.cost) and np.isfinite(self.jacobian).all())
+        return bool(np.isfinite(self.cost) and np.isfinite(np.diag(self.curvature)).all())
 
-    @property
+    @cached_property
     def evidence(self) -> float:
         """Log evidence, comparable between fits under the same whitener."""
         if not self.sound:
             return -np.inf
-        gram = self.jacobian @ self.jacobian.T
-        _, logdet = np.linalg.slogdet(np.eye(len(gram)) + gram)
+        _, logdet = np.linalg.slogdet(self.curvature)
         return float(-0.5 * self.cost - 0.5 * logdet)
 
     @property
@@ -84,6 +89,13 @@ STALLED = 0.1
 """Part of what was foretold below which so small a decrease is no progress."""
 FARTHEST = 2.0
 """Most by which a step is lengthened where columns turned out too steep, as kinks make them."""
+STRAIGHT = (0.6, 1.6)
+"""Decrease of the cost, over what was foretold, between which the columns that led there do for the next
+step as well, bent by what they missed: a step then takes one simulation instead of thirty."""
+STRAIGHT_ON = 9
+"""Most such steps between two looks at all columns."""
+STALE = 20.0
+"""Decrease of the cost that bent columns foretold in vain, from which they are simulated anew."""
 SHORTER = 0.3
 """Part of a step that is tried next where the whole of it made things worse."""
 AT_ONCE = 128
@@ -96,7 +108,8 @@ HELD_STEPS = 4
 class _Track:
     """One start on its way: the best so far, where it goes next, how carefully, whether it has arrived.
 
-    foretold: by how much the linear model says that the cost falls from the best to the trial.
+    foretold: by how much the linear model says that the cost falls from the best to the trial. bent: whether
+    the columns of the best are those of a point before it, bent.
     """
 
     trial: Point
@@ -104,6 +117,7 @@ class _Track:
     damping: float = 0.01
     arrived: bool = False
     foretold: float = np.inf
+    bent: bool = False
 
     def is_no_better(self, cost: float) -> bool:
         """Whether the trial, which costs that, is not below the best so far."""
@@ -113,6 +127,10 @@ class _Track:
         """Whether going on is in vain."""
         return lost is not None and self.best is not None and lost(self.best, self.foretold)
 
+    def is_going(self, lost: Lost | None) -> bool:
+        """Whether there is a trial left that is worth it."""
+        return not (self.arrived or self.is_lost(lost))
+
     def shorten(self, problem: Problem) -> None:
         """Go less far next, after a trial that is no better."""
         self._scale_step(problem, SHORTER)
@@ -120,20 +138,33 @@ class _Track:
         self.damping = min(self.damping * 8.0, 1e6)
         self.arrived = self.foretold < ROUGH
 
-    def consider(self, problem: Problem, fit: Fit) -> None:
+    def is_straight(self, cost: float) -> bool:
+        """Whether the best's columns foretold well what the trial, which costs that, gains."""
+        if self.best is None:
+            return False
+        low, high = STRAIGHT
+        return low * self.foretold < self.best.cost - cost < high * self.foretold
+
+    def look_again(self) -> None:
+        """Make the best the trial, to have its columns simulated after all."""
+        assert self.best is not None
+        self.trial, self.bent, self.foretold = self.best.point, False, np.inf
+
+    def consider(self, problem: Problem, fit: Fit, bent: bool = False) -> None:
         """Go on from the trial, which this is with its columns, or go less far."""
-        if self.is_no_better(fit.cost):
+        before = None if self.best is None or self.best.point is fit.point else self.best
+        if before is not None and self.is_no_better(fit.cost):
             self.shorten(problem)
             return
         if not fit.sound:
             self.best, self.arrived = self.best or fit, True
             return
         reach = 1.0
-        if self.best is not None:
-            decrease = self.best.cost - fit.cost
+        if before is not None:
+            decrease = before.cost - fit.cost
             self.arrived = decrease < max(SETTLED, min(ROUGH, STALLED * self.foretold))
-            reach = _reach(decrease / max(self.foretold, SETTLED))
-        self.best = fit
+            reach = 1.0 if bent else _reach(decrease / max(self.foretold, SETTLED))
+        self.best, self.bent = fit, bent
         self.damping = max(self.damping / 5.0, 1e-6)
         self.trial, self.foretold = _step(problem, fit, self.damping)
         if reach > 1.0:
@@ -145,6 +176,15 @@ class _Track:
         start = self.best.point.vector()
         end = start + factor * (self.trial.vector() - start)
         self.trial = problem.inside(self.best.point.moved(end))
+
+
+def _bent(problem: Problem, fit: Fit, point: Point, white: Array) -> Fit:
+    """A fit at a point near another, with the columns of that one bent so that they foretell the step between
+    the two (Broyden 1965): each by a share of what was missed, as large as its own part in the step."""
+    step = point.vector() - fit.point.vector()
+    missed = fit.white - white - step @ fit.jacobian
+    share = step * (np.diag(fit.curvature) - 1.0)
+    return Fit.of(problem, point, white, fit.jacobian + np.outer(share / (step @ share), missed))
 
 
 def _reach(ratio: float) -> float:
@@ -163,7 +203,7 @@ def _step(problem: Problem, fit: Fit, damping: float) -> tuple[Point, float]:
     """
     vector = fit.point.vector()
     low, high = problem.limits(fit.point)
-    plain = fit.jacobian @ fit.jacobian.T + np.eye(len(vector))
+    plain = fit.curvature
     gram = plain + damping * np.diag(np.diag(plain))
     gradient = fit.jacobian @ fit.white - vector
     step = bounded_least(gram, gradient, low - vector, high - vector)
@@ -177,24 +217,25 @@ def fit_many(
     whitener: Whitening,
     starts: Sequence[Point],
     frozen: Array,
-    iterations: int,
+    looks: int,
     lost: Lost | None = None,
 ) -> list[Fit]:
     """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
-    columns of later coordinates are simulated anew in every iteration. lost: which are left as they are."""
+    columns of later coordinates are simulated where the last ones no longer do, `looks` times at most. lost:
+    which are left as they are."""
     tracks = [_Track(problem.inside(each)) for each in starts]
-    for _ in range(iterations):
-        going = [track for track in tracks if not (track.arrived or track.is_lost(lost))]
+    for _ in range(looks):
+        going = [track for track in tracks if track.is_going(lost)]
         if not going:
             break
-        going = _promising(problem, whitener, going)
+        going = _turning(problem, whitener, going, lost)
         if not going:
             continue
-        looks = [(track, *neighbours(problem, track.trial, len(frozen))) for track in going]
+        seen = [(track, *neighbours(problem, track.trial, len(frozen))) for track in going]
         white = whitened(
-            problem, whitener, [each for track, near, _ in looks for each in (track.trial, *near)]
+            problem, whitener, [each for track, near, _ in seen for each in (track.trial, *near)]
         )
-        for track, _, steps in looks:
+        for track, _, steps in seen:
             own = next(white).copy()  # not with all that was whitened beside it
             jacobian = np.empty((len(frozen) + len(steps), len(own)))
             jacobian[: len(frozen)] = frozen
@@ -211,23 +252,36 @@ def whitened(problem: Problem, whitener: Whitening, points: Sequence[Point]) -> 
         yield from whitener(problem.features.measured - np.stack(some))
 
 
-def _promising(problem: Problem, whitener: Whitening, tracks: Sequence[_Track]) -> list[_Track]:
-    """Those at their start or with a trial better than what they have; the others go less far next.
+def _turning(
+    problem: Problem, whitener: Whitening, tracks: Sequence[_Track], lost: Lost | None
+) -> list[_Track]:
+    """Those whose trial needs columns: at their start, or better than what they have and not as foretold.
 
-    A third of all trials is no better: their columns, which is what takes time, need no simulation.
+    The others go on with the columns that they have: a third of all trials is no better, and goes less far
+    next, and half of the rest is as foretold. Columns are what takes time.
     """
+    found = [track for track in tracks if track.best is None]
     begun = [track for track in tracks if track.best is not None]
-    if not begun:
-        return list(tracks)
-    trials = [track.trial for track in begun]
-    white = whitened(problem, whitener, trials)
-    costs = {id(track): cost_of(track.trial, own) for track, own in zip(begun, white, strict=True)}
-    found = []
-    for track in tracks:
-        if track.is_no_better(costs.get(id(track), 0.0)):
-            track.shorten(problem)
-        else:
-            found.append(track)
+    for _ in range(STRAIGHT_ON):
+        if not begun:
+            break
+        straight = []
+        for track, own in zip(
+            begun, whitened(problem, whitener, [each.trial for each in begun]), strict=True
+        ):
+            assert track.best is not None
+            cost = cost_of(track.trial, own)
+            if track.is_straight(cost):
+                track.consider(problem, _bent(problem, track.best, track.trial, own), bent=True)
+                straight.append(track)
+            elif not track.is_no_better(cost):
+                found.append(track)
+            elif track.bent and track.foretold > STALE:
+                track.look_again()
+                found.append(track)
+            else:
+                track.shorten(problem)
+        begun = [track for track in straight if track.is_going(lost)]
     return found
 
 
@@ -235,20 +289,20 @@ def fit_afresh(
     problem: Problem,
     whitener: Whitening,
     starts: Sequence[Point],
-    iterations: int,
+    looks: int,
     lost: Lost | None = None,
 ) -> list[Fit]:
-    """Fit every start, all columns simulated in every iteration."""
+    """Fit every start, all columns simulated: so many times at most."""
     none = np.zeros((0, problem.features.measured.size))
-    return fit_many(problem, whitener, starts, none, iterations, lost)
+    return fit_many(problem, whitener, starts, none, looks, lost)
 
 
 def fit_point(
-    problem: Problem, whitener: Whitening, start: Point, iterations: int = 10, lost: Lost | None = None
+    problem: Problem, whitener: Whitening, start: Point, looks: int = 10, lost: Lost | None = None
 ) -> Fit:
-    """Fit everything from one start, all columns simulated in every iteration, until it has arrived or is
-    lost."""
-    return fit_afresh(problem, whitener, [start], iterations, lost)[0]
+    """Fit everything from one start until it has arrived or is lost, or its columns were simulated so many
+    times."""
+    return fit_afresh(problem, whitener, [start], looks, lost)[0]
 
 
 def fit_at(problem: Problem, whitener: Whitening, point: Point) -> Fit:

@@ -14,6 +14,7 @@ of the model, so least squares on whitened numbers is maximum likelihood under t
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
@@ -35,7 +36,7 @@ COMMON = 2.0
 Gaussian affair."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class NoiseModel:
     """VAR(p) of c channels. coefficients (p, c, c); unmix (4, c, c) = L^-1 for each regime; regimes (n,);
     weights (n,) 0..1, below 1 where what no model explains is far larger than usual.
@@ -72,9 +73,10 @@ class NoiseModel:
             (channels * number, row, number),
             writeable=False,
         )
-        np.matmul(past, self._filters(), out=whole.transpose(1, 0, 2)[self.order :])
+        np.matmul(past, self._filters, out=whole.transpose(1, 0, 2)[self.order :])
         return whole.reshape(signals.shape)
 
+    @cached_property
     def _filters(self) -> Array:
         """What makes a white bin of a bin and its past, oldest first, (n - order, (order + 1) c, c)."""
         lags = np.concatenate([*(-each.T for each in self.coefficients[::-1]), np.eye(self.unmix.shape[-1])])

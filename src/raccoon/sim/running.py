@@ -32,7 +32,7 @@ from raccoon.sim.quantities import Plant, State
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-FEW = 1  # robots up to which one after the other is faster
+FEW = 1  # robots up to which one after the other is faster, but for the shortest equations
 SHORT = 500  # rows up to which a second thread costs more than it gains
 _NEUTRAL = {name: value for fields in SELDOM.values() for name, value in fields.items()}
 
@@ -61,7 +61,8 @@ def cycles_of(commands: Commands, begin: int, end: int, cycle: float) -> int:
 
 def run(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
     """States at the end. out: (fields, rows + 1, robots), filled from row 1 on with the fields `kept`."""
-    if len(states) <= FEW or not has_numba():
+    one_by_one = len(states) <= FEW and not (course.readings_only and _plain(lanes.plant))
+    if one_by_one or not has_numba():
         return _run_few(lanes, states, course, kept, out)
     return _run_blocks(lanes, states, course, kept, out)
 
@@ -154,6 +155,11 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
     for kind, robots in kinds.items():
         for start in range(0, len(robots), BLOCK):
             yield kind, robots[start : start + BLOCK]
+
+
+def _plain(plants: Floats) -> bool:
+    """Whether no robot has a seldom effect."""
+    return not _differ(plants, _NEUTRAL).any()
 
 
 def _differ(plants: Floats, neutral: Mapping[str, float]) -> NDArray[np.bool_]:

@@ -13,7 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.fit import Fit, _step, cost_of, fit_afresh, fit_point
+from raccoon.diagnose import fit as fits
+from raccoon.diagnose.fit import ROUGH, Fit, _bent, _step, cost_of, fit_afresh, fit_point
 from raccoon.diagnose.fit_scan import fit_scanned
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.problem import Point, Problem
@@ -94,6 +95,51 @@ def test_columns_are_simulated_of_points_that_are_kept_only(
     assert all(after < before for before, after in pairwise(with_columns))
     assert fit.cost == pytest.approx(with_columns[-1])
     assert len(alone) >= len(with_columns)  # all but the start were tried alone, and one was no better
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_bent_columns_foretell_the_step_that_was_taken(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    problem = cast(Problem, Straight(3))
+    columns = rng.normal(size=(3, 20)) * np.array([[1.0], [10.0], [100.0]])
+    start, end = rng.uniform(-0.5, 0.5, size=(2, 3))
+    fit = Fit.of(problem, Point(start), rng.normal(size=20), columns)
+    there = fit.white - (end - start) @ columns + 0.3 * rng.normal(size=20)
+    bent = _bent(problem, fit, Point(end), there)
+    np.testing.assert_allclose(fit.white - (end - start) @ bent.jacobian, there, atol=1e-9)
+    straight = _bent(problem, fit, Point(end), fit.white - (end - start) @ columns)
+    np.testing.assert_allclose(straight.jacobian, columns, atol=1e-9)
+
+
+def test_columns_that_foretold_a_step_well_do_for_the_next(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    true = problem.nominal().with_cause("drive.inertia", np.array([-0.8]))
+    true = true.with_cause("friction.viscous", np.array([0.7]))
+    noise = problem.features.floors * np.random.default_rng(1).normal(size=problem.features.measured.shape)
+    measured = problem.predict([true])[0] + noise
+    start = (
+        problem.nominal().with_cause("drive.inertia", np.zeros(1)).with_cause("friction.viscous", np.ones(1))
+    )
+    simulated: list[int] = []
+
+    def fitted() -> Fit:
+        simulated.append(0)
+        noisy = replace(problem, features=replace(problem.features, measured=measured))
+        return fit_point(noisy, plain_whitener(noisy), start)
+
+    predictions = Problem.predictions
+
+    def counted(self: Problem, points: Sequence[Point]) -> Iterator[Array]:
+        simulated[-1] += len(points)
+        return predictions(self, points)
+
+    monkeypatch.setattr(Problem, "predictions", counted)
+    kept = fitted()
+    monkeypatch.setattr(fits, "STRAIGHT", (np.inf, np.inf))
+    anew = fitted()
+    assert kept.cost < anew.cost + ROUGH
+    assert simulated[0] < 0.75 * simulated[1]
 
 
 def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:

@@ -16,6 +16,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
+from raccoon.diagnose.fit import ROUGH
 from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem, problem_of
 from raccoon.diagnose.habits.notes import PAST, notes_of
 from raccoon.diagnose.habits.others import (
@@ -293,9 +294,9 @@ def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() 
     found = best_of(search, slides, [*starts, right])
     alone = best_of(search, slides, [right])
     assert set(found.point.active) == {"drive.inertia"}
-    assert found.cost == pytest.approx(alone.cost, abs=0.2)
+    assert found.cost == pytest.approx(alone.cost, abs=2.0 * ROUGH)  # each stops where no step gains as much
     np.testing.assert_allclose(
-        found.point.active["drive.inertia"], alone.point.active["drive.inertia"], rtol=0.02
+        found.point.active["drive.inertia"], alone.point.active["drive.inertia"], rtol=0.1
     )
 
 

@@ -92,7 +92,7 @@ def test_what_robot_toml_is_bent_by_is_tried_as_its_cause(problem: Problem) -> N
     truth = wrong = with_causes(problem.nominal(), sizes)
     truth = with_causes(truth, {"motor.armature_resistance@left": (2.2,), "drive.wheel_radius@left": (1.7,)})
     wrong = with_causes(wrong, {"motor.back_emf_constant@left": (-0.9,)})
-    search = searched(problem, truth, wrong, seed=3)
+    search = searched(problem, truth, wrong, seed=2)
     fit = fit_point(search.problem, search.whitener, wrong)
     search = look_around(search.problem, search.probes, fit.point, search.whitener)
     right = "motor.armature_resistance@right"
