@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,17 +230,13 @@ def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: i
     groups = (*linear.groups, *(each.bare() for each in extra))
     plain = whitener.without_slow()(columns)
     del columns
-    white = whitener.slowed(plain)
-    return _table(linear, groups, white, base), _table(linear, groups, plain, base)
+    products = plain @ plain.T
+    whole = products - whitener.taken(plain)
+    return _table(linear, groups, whole, base), _table(linear, groups, products, base)
 
 
-def _table(linear: Linear, groups: Sequence[Group], white: Array, base: int) -> Table:
-    bins, channels = linear.residual.shape
-    edges = np.linspace(0, bins, BLOCKS + 1).astype(int) * channels
-    gram = np.zeros((len(white), len(white)))
-    for start, end in pairwise(edges):
-        part = white[:, start:end]
-        gram += part @ part.T
+def _table(linear: Linear, groups: Sequence[Group], gram: Array, base: int) -> Table:
+    """gram: inner products of all columns, the target last."""
     whole = Gram(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]))
     active = {name: list(span) for name, span in linear.point.spans().items()}
     off, position = [], len(linear.own)

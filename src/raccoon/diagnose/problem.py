@@ -96,6 +96,11 @@ class Whitener:
         pulled = ((rows @ self.slow) * self.shrink) @ self.slow.T
         return np.asarray(np.subtract(rows, pulled, out=pulled), float)
 
+    def taken(self, rows: Array) -> Array:
+        """By how much less the inner products are of `slowed` rows, (rows, rows), at half of the cost."""
+        along = rows @ self.slow if self.shrink.size else np.zeros((len(rows), 0))
+        return np.asarray((along * (1.0 - (1.0 - self.shrink) ** 2)) @ along.T, float)
+
 
 class Whitening(Protocol):
     """A linear map from residuals to independent unit-variance numbers."""

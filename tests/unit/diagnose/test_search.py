@@ -236,6 +236,10 @@ def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
     rows = rng.normal(size=(3, 40))
     powers, vectors = np.linalg.eigh(np.eye(40) + 0.09 * columns @ columns.T)
     np.testing.assert_allclose(whitener.slowed(rows), rows @ (vectors / np.sqrt(powers)) @ vectors.T)
+    slowed = whitener.slowed(rows)
+    np.testing.assert_allclose(rows @ rows.T - whitener.taken(rows), slowed @ slowed.T)
+    nothing = whitener.without_slow()
+    np.testing.assert_allclose(nothing.taken(rows), np.zeros((len(rows), len(rows))))
 
 
 def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Problem) -> None:
