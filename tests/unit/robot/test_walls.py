@@ -132,6 +132,7 @@ def test_a_carpet_and_a_ramp_are_no_wall(firmware: Firmware, monkeypatch: pytest
         robot.run(wait(0.6))
         for part in (floor, carpet, uphill, floor):
             plants[0].become(part)
+            robot.run(wait(0.5))  # it is set down on another slope, and feels its weight there
             with pytest.raises(MotionTimeout):
                 robot.run(drive(0.15).until(bumped()).timeout(0.8))
             robot.run(straight(-0.05))
@@ -151,3 +152,22 @@ def test_the_ridge_of_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
         robot.run(wait(0.6))
         robot.run(drive(0.19).until(bumped() | after_distance(1.3)))
         assert robot.estimate.x > 1.28
+
+
+@pytest.mark.parametrize("firmware", [*FIRMWARES, None])
+@pytest.mark.parametrize("pause", [0.1, 0.4, 0.7])
+def test_going_on_from_a_rest_on_a_ramp_is_no_bump(firmware: Firmware | None, pause: float) -> None:
+    """Its weight was learnt while it drove up, and not forgotten when it stood."""
+    config = RobotConfig()
+    world = World(ramps=(Ramp(Box((0.2, -5.0), (5.0, 5.0)), -0.088),))  # 10 degrees
+    if firmware is None:
+        port: Port = SimPort(Parameters.from_robot(config), world)
+    else:
+        port = open_emulated(config, firmware, world=world)
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(4.0))
+        for way in (0.5, 0.1, 0.1):
+            begin = robot.estimate.distance
+            robot.run(drive(0.15).until(bumped() | after_distance(way)))
+            assert robot.estimate.distance - begin > 0.99 * way
+            robot.run(wait(pause))

@@ -39,6 +39,8 @@ BUMP_TIME = 0.08
 """s over which it is summed."""
 TILT_TIME = 0.3
 """s over which what lasts is learnt to be no blow: on a ramp the robot feels its own weight."""
+KEPT_BIAS = 0.2
+"""s at rest for which the bias of before counts, where a robot comes to rest: it may stand on a ramp now."""
 
 
 class SlipWatch:
@@ -129,13 +131,14 @@ class BumpWatch:
     bias and that of the gyro about the axis are learnt at rest.
     """
 
-    __slots__ = ("_bias", "_known", "_lasting", "_lean", "_pitch_bias", "_sum", "_velocity")
+    __slots__ = ("_bias", "_known", "_lasting", "_lean", "_pitch_bias", "_standing", "_sum", "_velocity")
 
     def __init__(self) -> None:
         self._bias = 0.0
         self._known = 0.0
         self._lasting = 0.0
         self._lean = self._pitch_bias = 0.0
+        self._standing = False
         self._sum = 0.0
         self._velocity = 0.0
 
@@ -152,15 +155,19 @@ class BumpWatch:
         m/s. between: s from one reading to the next. pitch_rate: rad/s, mean of what the gyro read about the
         axis: above 0 the nose comes down, as at the end of a ramp, and the robot feels less of its weight.
         """
+        if still and not self._standing:
+            self._bias += self._lean + self._lasting  # as it leans now, it will start
+            self._sum = self._lasting = self._lean = 0.0
+            self._known = min(self._known, KEPT_BIAS)
+        self._standing = still
         if still:
             self._known += dt
             share = min(1.0, dt / min(self._known, 2.0))
             self._bias += (forward - self._bias) * share
             self._pitch_bias += (pitch_rate - self._pitch_bias) * share
-            self._sum = self._lasting = self._lean = 0.0
             self._velocity = velocity
             return False
-        if self._known < 0.2:
+        if self._known < KEPT_BIAS:
             self._velocity = velocity
             return False
         self._lean -= GRAVITY * (pitch_rate - self._pitch_bias) * dt
