@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.bent import bent_notes
 from raccoon.diagnose.bursts import DEPENDS_ON, bursting
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
@@ -228,6 +229,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
             *log.notes,
             *bursts,
             *notes_of(habits, causes, spread),
+            *bent_notes(search),
             *_not_in_model(search),
         ),
         curves=_curves(log, judged),

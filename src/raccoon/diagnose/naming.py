@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from raccoon.diagnose.bent import bent_numbers
 from raccoon.diagnose.forms import form_error, least_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import FORMS, WIDTH_FACTOR, Cause
@@ -260,7 +261,8 @@ def _usual_reason(search: Search, id_: str, visible: float) -> str:
     for name, reason in search.failed.items():
         if name.partition("@")[0] == id_:
             return f"{reason}{shows}"
-    return f"{NOTHING}{shows}"
+    bent = bent_numbers(search).get(id_)
+    return f"{NOTHING}{shows}" if bent is None else f"too little to be told from chance: {bent}"
 
 
 def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:

@@ -140,9 +140,9 @@ def _numbers_of(problem: Problem, cause: Cause) -> list[int]:
     return [
         index
         for index, each in enumerate(problem.base)
-        if _id(each) == cause.id
+        if id_of(each) == cause.id
         and (
-            not _is_own(problem, index)
+            not is_own(problem, index)
             if cause.where is None
             else {place for _, place, _ in each.settings} == {cause.where}
         )
@@ -160,11 +160,11 @@ def along(problem: Problem, point: Point, line: Line, factor: float) -> Point | 
     moved: dict[str, list[int]] = {}
     for index, each in enumerate(problem.base):
         power = _power(line, each)
-        if power and _is_own(problem, index):
+        if power and is_own(problem, index):
             base[index] *= 1.0 if each.factor else factor**power
         elif power:
             base[index] = _times(problem, each, _total(problem, point, index), factor**power)
-            moved.setdefault(_id(each), []).append(index)
+            moved.setdefault(id_of(each), []).append(index)
     for name, u in point.active.items():
         if problem.causes[name].id not in moved:
             active[name] = _scaled(problem.causes[name], u, line, factor)
@@ -178,7 +178,7 @@ def _factor(problem: Problem, point: Point, name: str, line: Line) -> float:
     """The factor along a line at which what a cause changes is nominal again; 1 where there is none."""
     for index, each in enumerate(problem.base):
         power = _power(line, each)
-        if not power or _is_own(problem, index) or name not in _causes(problem, index):
+        if not power or is_own(problem, index) or name not in _causes(problem, index):
             continue
         total = _total(problem, point, index)
         if each.factor:
@@ -194,13 +194,14 @@ def _power(line: Line, coordinate: Coordinate) -> float:
     return line.get((id_, parameter), 0.0)
 
 
-def _is_own(problem: Problem, index: int) -> bool:
+def is_own(problem: Problem, index: int) -> bool:
     """Whether a base coordinate is only what one wheel has beyond a number of both, another coordinate."""
     settings = set(problem.base[index].settings)
     return any(settings < set(each.settings) for each in problem.base)
 
 
-def _id(coordinate: Coordinate) -> str:
+def id_of(coordinate: Coordinate) -> str:
+    """The id of the cause that moves what a base coordinate moves."""
     id_ = coordinate.settings[0][0]
     return INERTIA if id_ == "inertia" else id_
 
@@ -211,7 +212,9 @@ def _causes(problem: Problem, index: int) -> list[str]:
     places = {place for _, place, _ in each.settings}
     where = next(iter(places)) if len(places) == 1 else None
     return [
-        name for name in dict.fromkeys((_id(each), cause_name(_id(each), where))) if name in problem.causes
+        name
+        for name in dict.fromkeys((id_of(each), cause_name(id_of(each), where)))
+        if name in problem.causes
     ]
 
 
