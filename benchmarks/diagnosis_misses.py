@@ -38,7 +38,8 @@ from diagnosis_table import exactly
 from diagnosis_trial import RELEVANT, shown, true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import Fit, fit_afresh, fit_point
+from raccoon.diagnose.fit import fit_afresh, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
 from raccoon.diagnose.log import log_from_columns

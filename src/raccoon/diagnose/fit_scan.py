@@ -6,7 +6,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import SETTLED, Fit, fit_afresh, fit_point
+from raccoon.diagnose.descent import SETTLED
+from raccoon.diagnose.fit import fit_afresh, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point, Problem, Whitening
 
 Array = NDArray[np.float64]

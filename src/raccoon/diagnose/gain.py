@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.features import EVENT_SECONDS
-from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
+from raccoon.diagnose.fit import fit_at, fit_many, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import FLOOR_SECONDS
 from raccoon.diagnose.noise import event_means
 from raccoon.diagnose.problem import Point, Problem, Whitener

@@ -13,9 +13,11 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose import fit as fits
-from raccoon.diagnose.fit import ROUGH, Fit, _bent, _step, cost_of, fit_afresh, fit_point
+from raccoon.diagnose import descent
+from raccoon.diagnose.descent import ROUGH, _bent, _step
+from raccoon.diagnose.fit import fit_afresh, fit_point
 from raccoon.diagnose.fit_scan import fit_scanned
+from raccoon.diagnose.fitted import Fit, cost_of
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.problem import Point, Problem
 from unit.diagnose.searches import plain_whitener
@@ -136,7 +138,7 @@ def test_columns_that_foretold_a_step_well_do_for_the_next(
 
     monkeypatch.setattr(Problem, "predictions", counted)
     kept = fitted()
-    monkeypatch.setattr(fits, "STRAIGHT", (np.inf, np.inf))
+    monkeypatch.setattr(descent, "STRAIGHT", (np.inf, np.inf))
     anew = fitted()
     assert kept.cost < anew.cost + ROUGH
     assert simulated[0] < 0.75 * simulated[1]

@@ -14,9 +14,9 @@ from blind.generator import make
 from blind.hidden import Hidden, draw
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
+from raccoon.diagnose.descent import ROUGH
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment import planned_log
-from raccoon.diagnose.fit import ROUGH
 from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem, problem_of
 from raccoon.diagnose.habits.notes import PAST, notes_of
 from raccoon.diagnose.habits.others import (

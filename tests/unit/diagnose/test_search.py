@@ -13,7 +13,9 @@ import pytest
 from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import FARTHEST, Fit, _reach, fit_point
+from raccoon.diagnose.descent import FARTHEST, _reach
+from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.forms import form_error, form_weight
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses import WIDTH_FACTOR

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import Fit, fit_at, fit_many, fit_point
+from raccoon.diagnose.fit import fit_at, fit_many, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.habits.controller import SLOW_BATTERY, battery_off, usual_chain, with_battery
 from raccoon.diagnose.open_numbers import Wheels
 from raccoon.diagnose.problem import Point, Problem

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.fit import Fit, fit_afresh, fit_at, fit_many, fit_point
+from raccoon.diagnose.fit import fit_afresh, fit_at, fit_many, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search, look_around

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from raccoon.diagnose.fit import Fit, fit_many
+from raccoon.diagnose.fit import fit_many
 from raccoon.diagnose.fit_scan import fit_scanned
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.select.outlook import Rival, Search, look_around
 
 

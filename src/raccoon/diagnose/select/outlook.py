@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram, foreseen, parts_of
-from raccoon.diagnose.fit import Fit, fit_at, fit_point
+from raccoon.diagnose.fit import fit_at, fit_point
 from raccoon.diagnose.fit_scan import fit_scanned
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, slow_friction, tabulate
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.whitening import FLOOR_SHARES, wandering, whitener_for

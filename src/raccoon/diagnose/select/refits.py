@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import Fit, fit_afresh, fit_many
+from raccoon.diagnose.fit import fit_afresh, fit_many
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.fit import fit_many, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import better_set

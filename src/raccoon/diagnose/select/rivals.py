@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import Fit, cost_with_last_held, fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit import cost_with_last_held, fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.diagnose.fit import Fit, fit_many, fit_point
+from raccoon.diagnose.fit import fit_many, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
 from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit

@@ -21,7 +21,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import Fit, fit_afresh
+from raccoon.diagnose.fit import fit_afresh
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.hypotheses import Cause, Coordinate, cause_name
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gates
