@@ -33,22 +33,20 @@ def bounded_least(matrix: Array, projection: Array, low: Array, high: Array) -> 
     what is pushed inwards there is let go again. That is quick where it ends, which it mostly does after two
     or three times; where it goes round in circles the slow way is taken.
     """
-    found = np.linalg.solve(matrix, projection)
-    if ((found >= low) & (found <= high)).all():
-        return np.asarray(found, float)
-    found, free = np.zeros(len(projection)), np.ones(len(projection), bool)
+    found = np.asarray(np.linalg.solve(matrix, projection), float)
+    free = np.ones(len(projection), bool)
     for _ in range(BOUND_SWEEPS):
+        out = free & ((found < low) | (found > high))
+        if out.any():
+            found[out] = np.clip(found, low, high)[out]
+            free &= ~out
+        else:
+            back = ~free & ((projection - matrix @ found) * np.where(found <= low, 1.0, -1.0) > 0.0)
+            if not back.any():
+                return found
+            free |= back
         pull = projection[free] - matrix[np.ix_(free, ~free)] @ found[~free]
         found[free] = np.linalg.solve(matrix[np.ix_(free, free)], pull)
-        out = free & ((found < low) | (found > high))
-        found[out] = np.clip(found, low, high)[out]
-        if out.any():
-            free &= ~out
-            continue
-        back = ~free & ((projection - matrix @ found) * np.where(found <= low, 1.0, -1.0) > 0.0)
-        if not back.any():
-            return found
-        free |= back
     return _bounded_slowly(matrix, projection, low, high)
 
 

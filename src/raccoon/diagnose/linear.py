@@ -16,7 +16,6 @@ from raccoon.sim.parameters import SIDES
 
 Array = NDArray[np.float64]
 
-BLOCKS = 8
 FLOOR_SECONDS = 4.0
 """Correlation time of friction that wanders with the floor."""
 A_LITTLE = 0.1

@@ -12,12 +12,14 @@ from raccoon.diagnose.evidence import Gram, foreseen, parts_of
 from raccoon.diagnose.fit import fit_at, fit_point
 from raccoon.diagnose.fit_scan import fit_scanned
 from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.linear import BLOCKS, Group, Linear, Table, linearise, slow_friction, tabulate
+from raccoon.diagnose.linear import Group, Linear, Table, linearise, slow_friction, tabulate
 from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.whitening import FLOOR_SHARES, wandering, whitener_for
 
 Array = NDArray[np.float64]
 
+BLOCKS = 8
+"""Of time, of which each is foreseen by a fit of all others."""
 LEAST_OF_PROBE = 10.0
 """Log evidence of the linear model from which a probe is looked at closely."""
 PROBES_TRIED = 3
