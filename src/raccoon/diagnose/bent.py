@@ -25,20 +25,16 @@ SAID = (
 """Whose numbers robot.toml has for a team to measure; the others are habits of controllers and gears."""
 
 
-def bent_numbers(search: Search) -> dict[str, str]:
-    """What is bent and by how much, in words, by the id of the cause that was not named for it."""
-    return dict(_bent(search))
-
-
 def bent_notes(search: Search) -> tuple[str, ...]:
-    """The same as sentences, with what to do."""
+    """A sentence for each, with what to do."""
     return tuple(
         f"{text}, too little to be named as a cause: measure it, or drive the checkup (raccoon excite)"
-        for text in bent_numbers(search).values()
+        for _, text in bent_numbers(search)
     )
 
 
-def _bent(search: Search) -> Iterator[tuple[str, str]]:
+def bent_numbers(search: Search) -> Iterator[tuple[str, str]]:
+    """The id of a cause that was not named, and which of its numbers is bent by how much, in words."""
     problem, point = search.problem, search.fit.point
     named = {problem.causes[name].id for name in point.active}
     for index, (each, u) in enumerate(zip(problem.base, point.base, strict=True)):

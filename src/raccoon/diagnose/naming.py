@@ -261,8 +261,8 @@ def _usual_reason(search: Search, id_: str, visible: float) -> str:
     for name, reason in search.failed.items():
         if name.partition("@")[0] == id_:
             return f"{reason}{shows}"
-    bent = bent_numbers(search).get(id_)
-    return f"{NOTHING}{shows}" if bent is None else f"too little to be told from chance: {bent}"
+    bent = " and ".join(text for each, text in bent_numbers(search) if each == id_)
+    return f"too little to be told from chance: {bent}" if bent else f"{NOTHING}{shows}"
 
 
 def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:

@@ -38,11 +38,19 @@ def test_a_number_far_from_what_robot_toml_says_is_told(
 ) -> None:
     one = replace(problem, causes={"drive.slope": problem.causes["drive.slope"]})
     search = search_at(one, bent(problem, name, side, -FAR - 0.2))
-    assert list(bent_numbers(search)) == [id_]
+    assert [each for each, _ in bent_numbers(search)] == [id_]
     (note,) = bent_notes(search)
     assert said in note
     assert "(-" in note  # which way
     assert bent_notes(search_at(one, bent(problem, name, side, FAR - 0.2))) == ()
+
+
+def test_both_wheels_are_told(problem: Problem) -> None:
+    one = replace(problem, causes={"drive.slope": problem.causes["drive.slope"]})
+    both = sum(bent(problem, "drive.wheel_radius.factor", side, 3.3).base for side in ("left", "right"))
+    left, right = bent_notes(search_at(one, Point(np.asarray(both))))
+    assert "at the left" in left
+    assert "at the right" in right
 
 
 def test_what_is_named_is_not_told_again(problem: Problem) -> None:
