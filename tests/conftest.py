@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from raccoon.sim import compiled, robot, running
+from raccoon.sim import compiled, running
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)
@@ -26,7 +26,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture
 def without_numba(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """As where numba is not installed: the plant's equations run as plain Python."""
-    for module in (compiled, robot, running):
+    for module in (compiled, running):
         monkeypatch.setattr(module, "has_numba", lambda: False)
     _forget()
     yield

@@ -20,6 +20,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from raccoon.core.files import write_atomically
 from raccoon.sim.lanes import KINDS, Kind, lanes_text
 
@@ -40,6 +43,16 @@ NEVER = 1e30
 def has_numba() -> bool:
     """Whether numba is installed."""
     return importlib.util.find_spec("numba") is not None
+
+
+def given(numbers: ArrayLike) -> Any:
+    """Numbers as `advance_one` takes them: an array where it is compiled, else Python's own.
+
+    NumPy's are several times slower one by one, and warn of inf * 0, which the equations mean (a limit that
+    nothing has, of a bridge that is open).
+    """
+    array = np.ascontiguousarray(numbers)
+    return array if has_numba() else array.tolist()
 
 
 def source(kind: Kind = ANY) -> str:

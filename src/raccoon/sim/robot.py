@@ -11,7 +11,7 @@ import numpy as np
 from raccoon.core.readings import Outputs
 from raccoon.core.sections import BodyConfig
 from raccoon.sim.collision import Pose
-from raccoon.sim.compiled import advance_one, has_numba
+from raccoon.sim.compiled import advance_one, given
 from raccoon.sim.contact import NO_SLIP, Contact, placed
 from raccoon.sim.physical import state_at_rest
 from raccoon.sim.quantities import Plant, State
@@ -56,11 +56,10 @@ class SimulatedRobot:
         self._cos, self._sin = math.cos(start[2]), math.sin(start[2])
         rows = 1 + (math.ceil(plant.latency / period) + 1 if plant.latency > 0.0 else 0)
         self._rows = rows
-        array: Any = np.array if has_numba() else list
-        self._past = tuple(array([0.0] * rows) for _ in range(4))
-        self._noise = tuple(array([0.0] * max(1, round(period / cycle))) for _ in range(2))
-        self._times = array([(row + 1 - rows) * period for row in range(rows + 1)])
-        self._kept = np.zeros(0, dtype=np.int64) if has_numba() else ()
+        self._past = tuple(given([0.0] * rows) for _ in range(4))
+        self._noise = tuple(given([0.0] * max(1, round(period / cycle))) for _ in range(2))
+        self._times = given([(row + 1 - rows) * period for row in range(rows + 1)])
+        self._kept = given(np.zeros(0, dtype=np.int64))
         self._out = np.zeros((0, 1))
         self._advance = advance_one()
 

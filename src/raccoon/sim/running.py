@@ -6,14 +6,13 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.cores import cores
 from raccoon.sim.commands import Commands
-from raccoon.sim.compiled import advance_lanes, advance_one, has_numba, vector
+from raccoon.sim.compiled import advance_lanes, advance_one, given, has_numba, vector
 from raccoon.sim.lanes import (
     BLOCK,
     GIVING,
@@ -69,13 +68,6 @@ def run(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats
 
 def _run_few(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
     advance = advance_one()
-    # Python's own numbers: NumPy's are several times slower one by one, and warn of inf * 0, which the
-    # equations mean (a limit that nothing has, of a bridge that is open).
-    plain = not has_numba()
-
-    def given(numbers: NDArray[Any]) -> Any:
-        return numbers.tolist() if plain else np.ascontiguousarray(numbers)
-
     rows = tuple(map(given, course.commands.rows))
     times, fields = given(course.commands.time), given(kept)
     final = np.empty_like(states)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from raccoon.sim.compiled import advance_one, has_numba
+from raccoon.sim.compiled import advance_one, given
 from raccoon.sim.quantities import Plant, State
 
 _WHOLE = 1.0
@@ -21,11 +19,10 @@ class Steps:
     """
 
     def __init__(self) -> None:
-        array: Any = np.array if has_numba() else list
-        self._commands = tuple(array([0.0]) for _ in range(4))
-        self._times = array([0.0, 0.0])
-        self._noise = array([0.0]), array([0.0])
-        self._kept: Any = np.zeros(0, dtype=np.int64) if has_numba() else ()
+        self._commands = tuple(given([0.0]) for _ in range(4))
+        self._times = given([0.0, 0.0])
+        self._noise = given([0.0]), given([0.0])
+        self._kept = given(np.zeros(0, dtype=np.int64))
         self._out = np.zeros((0, 1))
         self._advance = advance_one()
 
