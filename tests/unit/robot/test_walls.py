@@ -34,6 +34,13 @@ def remembered(monkeypatch: pytest.MonkeyPatch) -> list[SimulatedPlant]:
     return plants
 
 
+def opened(config: RobotConfig, firmware: Firmware | None, world: World) -> Port:
+    """The robot on a table behind an emulated firmware; None: on the simulator's own port."""
+    if firmware is None:
+        return SimPort(Parameters.from_robot(config), world)
+    return open_emulated(config, firmware, world=world)
+
+
 def ahead(distance: float) -> World:
     """A wall that a robot drives into square, that far ahead of its origin."""
     return World(walls=(Wall((distance, -1.0), (distance, 1.0)),))
@@ -87,11 +94,7 @@ def test_a_robot_that_runs_into_a_wall_is_bumped(
 def test_a_robot_whose_wheels_spin_at_a_wall_knows_how_little_it_knows(firmware: Firmware | None) -> None:
     config = RobotConfig()
     world = ahead(0.2 + config.body.front)
-    if firmware is None:
-        port: Port = SimPort(Parameters.from_robot(config), world)
-    else:
-        port = open_emulated(config, firmware, world=world)
-    with open_robot(config, port=port) as robot:
+    with open_robot(config, port=opened(config, firmware, world)) as robot:
         robot.run(wait(0.6))
         with pytest.raises(MotionTimeout):
             robot.run(drive(0.15).timeout(4.0))
@@ -144,11 +147,7 @@ def test_the_ridge_of_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
     config = RobotConfig()
     up, down = Box((0.3, -5.0), (0.7, 5.0)), Box((0.7, -5.0), (1.1, 5.0))
     world = World(ramps=(Ramp(up, -0.088), Ramp(down, 0.088)))  # 10 degrees
-    if firmware is None:
-        port: Port = SimPort(Parameters.from_robot(config), world)
-    else:
-        port = open_emulated(config, firmware, world=world)
-    with open_robot(config, port=port) as robot:
+    with open_robot(config, port=opened(config, firmware, world)) as robot:
         robot.run(wait(0.6))
         robot.run(drive(0.19).until(bumped() | after_distance(1.3)))
         assert robot.estimate.x > 1.28
@@ -160,11 +159,7 @@ def test_going_on_from_a_rest_on_a_ramp_is_no_bump(firmware: Firmware | None, pa
     """Its weight was learnt while it drove up, and not forgotten when it stood."""
     config = RobotConfig()
     world = World(ramps=(Ramp(Box((0.2, -5.0), (5.0, 5.0)), -0.088),))  # 10 degrees
-    if firmware is None:
-        port: Port = SimPort(Parameters.from_robot(config), world)
-    else:
-        port = open_emulated(config, firmware, world=world)
-    with open_robot(config, port=port) as robot:
+    with open_robot(config, port=opened(config, firmware, world)) as robot:
         robot.run(wait(4.0))
         for way in (0.5, 0.1, 0.1):
             begin = robot.estimate.distance
