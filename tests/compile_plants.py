@@ -20,8 +20,14 @@ GIVING = ROBOT.with_effect("friction.presliding", compliance=0.001)
 TIME = np.arange(3) * 0.005
 STILL = Commands.of_wheels(TIME, 0.0 * TIME, 0.0 * TIME)
 
+ASKED = [
+    GIVING,
+    GIVING.with_effect("drive.turn_scrub", torque=0.01),
+    GIVING.with_effect("drive.backlash", angle=0.1),
+]
+
 COMPILING: list[Callable[[], object]] = [
-    partial(rollout, [GIVING, GIVING], STILL, channels=("imu.gyro.z",), readings_only=True),
+    *(partial(rollout, [each] * 2, STILL, channels=("imu.gyro.z",), readings_only=True) for each in ASKED),
     partial(make, 1, seconds=4.0),
     *(partial(rollout, robots, STILL) for robots in ([ROBOT], [ROBOT] * 2, [LOOSE] * 2, [GIVING] * 2)),
     partial(diagnose_motors, motor(5, 0.008), RobotConfig()),

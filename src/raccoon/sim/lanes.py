@@ -44,6 +44,8 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
     ),
 }
 """Effects that cost much and that few robots have; the fields of `Plant`, neutral where one is off."""
+LOOSE = ("drive.backlash", "drive.wheel_slip", "drive.wheel_eccentricity")
+"""Those of them between a motor and the floor, without which a wheel's angle and play need not be followed."""
 GIVING: Mapping[str, float] = {"compliance": 0.0, "creep": 0.0}
 """What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
 Every robot of a diagnosis has it, and no other."""
@@ -52,6 +54,8 @@ NO_READING = (
     "play_right", "wheel_left", "wheel_right", "rolling_left", "rolling_right", "heat_left", "heat_right",
 )  # fmt: skip
 """Fields of `State` on which no reading of a robot without seldom effects depends."""
+_NO_PLACE = ("time", "x", "y")
+_HEAT = ("heat_left", "heat_right")
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +71,17 @@ class Kind:
 SELDOM_KIND = "robots with seldom effects"
 GIVING_KIND = "robots whose wheels give"
 READ_KIND = "readings of robots whose wheels give"
+ROLLING_KIND = "readings of robots with seldom motors or friction"
+LOOSE_KIND = "readings of robots whose wheels play, slip or are not round"
 PLAIN_KIND = "plain robots"
 KINDS: Mapping[str, Kind] = {
     SELDOM_KIND: Kind(),
     GIVING_KIND: Kind(tuple(SELDOM), ("friction.presliding",)),
     READ_KIND: Kind(tuple(SELDOM), ("friction.presliding",), NO_READING),
+    ROLLING_KIND: Kind(
+        LOOSE, ("friction.presliding",), tuple(each for each in NO_READING if each not in _HEAT)
+    ),
+    LOOSE_KIND: Kind((), ("friction.presliding",), _NO_PLACE),
     PLAIN_KIND: Kind((*SELDOM, "friction.presliding")),
 }
 

@@ -17,9 +17,12 @@ from raccoon.sim.lanes import (
     BLOCK,
     GIVING,
     GIVING_KIND,
+    LOOSE,
+    LOOSE_KIND,
     OLDER_ROW,
     PLAIN_KIND,
     READ_KIND,
+    ROLLING_KIND,
     ROWS,
     SELDOM,
     SELDOM_KIND,
@@ -33,7 +36,8 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
 FEW = 1  # robots up to which one after the other is faster, but for the shortest equations
 SHORT = 500  # rows up to which a second thread costs more than it gains
-_NEUTRAL = {name: value for fields in SELDOM.values() for name, value in fields.items()}
+_SELDOM = {name: value for fields in SELDOM.values() for name, value in fields.items()}
+_LOOSE = {name: value for each in LOOSE for name, value in SELDOM[each].items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +64,7 @@ def cycles_of(commands: Commands, begin: int, end: int, cycle: float) -> int:
 
 def run(lanes: Lanes, states: Floats, course: Course, kept: Indices, out: Floats) -> Floats:
     """States at the end. out: (fields, rows + 1, robots), filled from row 1 on with the fields `kept`."""
-    one_by_one = len(states) <= FEW and not (course.readings_only and _plain(lanes.plant))
+    one_by_one = len(states) <= FEW and not course.readings_only
     if one_by_one or not has_numba():
         return _run_few(lanes, states, course, kept, out)
     return _run_blocks(lanes, states, course, kept, out)
@@ -132,26 +136,27 @@ def _parts(places: Indices, threads: int) -> list[Indices]:
 def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]]:
     """Which robots run side by side, and of which kind of `KINDS` all of them are.
 
-    Where those with seldom effects leave lanes of a vector idle, others fill them.
+    Each goes where least is computed for it; where that leaves lanes of a vector idle, others that the same
+    text can run fill them.
     """
-    seldom = _differ(plants, _NEUTRAL)
-    first, rest = np.flatnonzero(seldom), np.flatnonzero(~seldom)
-    idle = _vectors(len(first)) - len(first)
-    first, rest = np.concatenate([first, rest[:idle]]), rest[idle:]
-    giving = _differ(plants[rest], GIVING)
-    kinds = {
-        SELDOM_KIND: first,
-        READ_KIND if readings_only else GIVING_KIND: rest[giving],
-        PLAIN_KIND: rest[~giving],
-    }
-    for kind, robots in kinds.items():
+    giving, seldom = _differ(plants, GIVING), _differ(plants, _SELDOM)
+    anyone = np.ones(len(plants), bool)
+    kinds = [(SELDOM_KIND, seldom, anyone), (GIVING_KIND, giving, giving), (PLAIN_KIND, ~giving, ~giving)]
+    if readings_only:
+        kinds = [
+            (SELDOM_KIND, seldom & ~giving, anyone),
+            (LOOSE_KIND, _differ(plants, _LOOSE) & giving, giving),
+            (ROLLING_KIND, seldom & giving, giving),
+            (READ_KIND, giving, giving),
+            (PLAIN_KIND, ~giving, ~giving),
+        ]
+    left = anyone.copy()
+    for kind, needing, able in kinds:
+        first, others = np.flatnonzero(left & needing), np.flatnonzero(left & able & ~needing)
+        robots = np.concatenate([first, others[: _vectors(len(first)) - len(first)]])
+        left[robots] = False
         for start in range(0, len(robots), BLOCK):
             yield kind, robots[start : start + BLOCK]
-
-
-def _plain(plants: Floats) -> bool:
-    """Whether no robot has a seldom effect."""
-    return not _differ(plants, _NEUTRAL).any()
 
 
 def _differ(plants: Floats, neutral: Mapping[str, float]) -> NDArray[np.bool_]:

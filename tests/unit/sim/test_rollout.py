@@ -4,12 +4,22 @@ from time import process_time
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.sim import running
 from raccoon.sim.chain import Noise
 from raccoon.sim.commands import Commands
+from raccoon.sim.lanes import (
+    GIVING_KIND,
+    LOOSE_KIND,
+    PLAIN_KIND,
+    READ_KIND,
+    ROLLING_KIND,
+    SELDOM,
+    SELDOM_KIND,
+)
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.rollout import Lanes, rollout
 
@@ -94,23 +104,68 @@ def test_no_more_threads_than_cores_and_than_linear_algebra_may_have(
     assert running._threads() == threads
 
 
-def test_readings_alone_are_the_same_bits() -> None:
-    names = [f"motor.{port}.{kind}" for port in (0, 1) for kind in ("bemf", "position", "current", "speed")]
-    names += ["imu.gyro.z", "battery.voltage", "truth.heading"]
+def giving_robots(count: int) -> list[Parameters]:
     random = np.random.default_rng(8)
-    robots = [
+    return [
         nominal()
         .with_effect("friction.presliding", compliance=random.uniform(5e-4, 2e-3), damping=1.0)
         .with_effect("friction.quadratic", coefficient=random.uniform(0.0, 1e-4))
         .with_effect("drive.slope", along_x=random.uniform(0.0, 0.05))
         .with_effect("battery.discharge", volts_per_coulomb=random.uniform(0.0, 0.01))
-        for _ in range(9)
+        for _ in range(count)
     ]
-    whole = rollout([*robots, nominal(), *some_robots(2)], STEPS)
-    asked = rollout([*robots, nominal(), *some_robots(2)], STEPS, channels=names, readings_only=True)
+
+
+def test_readings_alone_are_the_same_bits() -> None:
+    names = [f"motor.{port}.{kind}" for port in (0, 1) for kind in ("bemf", "position", "current", "speed")]
+    names += ["imu.gyro.z", "battery.voltage", "truth.heading"]
+    giving = giving_robots(9)
+    robots = [*giving, nominal(), *some_robots(2)]
+    seldom: dict[str, dict[str, float]] = {
+        "motor.heating": {"gain": 0.5},
+        "motor.current_limit": {"limit": 0.4},
+        "friction.stiction": {"torque": 0.02},
+        "drive.turn_scrub": {"torque": 0.02},
+        "drive.backlash": {"angle": 0.1},
+        "drive.wheel_slip": {"time": 0.01},
+        "drive.wheel_eccentricity": {"amplitude": 0.01},
+    }
+    assert set(seldom) == set(SELDOM)
+    robots += [giving[0].with_effect(name, **numbers) for name, numbers in seldom.items()]
+    robots += [robots[-1].with_effect("motor.current_limit", limit=0.5)]
+    whole = rollout(robots, STEPS, longest_step=0.001)
+    asked = rollout(robots, STEPS, channels=names, longest_step=0.001, readings_only=True)
+    alone = [rollout(each, STEPS, channels=names, longest_step=0.001, readings_only=True) for each in robots]
     assert set(asked.channels) == set(names)
     for name in names:
         np.testing.assert_array_equal(asked[name], whole[name], err_msg=name)
+        np.testing.assert_array_equal(
+            np.concatenate([each[name] for each in alone]), whole[name], err_msg=name
+        )
+
+
+def kinds_of(plant: NDArray[np.float64], readings_only: bool) -> list[str]:
+    found = {}
+    for kind, places in running._blocks(plant, readings_only):
+        for each in places.tolist():
+            assert each not in found
+            found[each] = kind
+    return [found[each] for each in range(len(plant))]
+
+
+def test_each_robot_runs_once_and_where_least_is_computed_for_it() -> None:
+    giving = giving_robots(8)  # whole vectors
+    scrubbing, loose = (
+        [each.with_effect(name, **{number: 0.02}) for each in giving]
+        for name, number in (("drive.turn_scrub", "torque"), ("drive.backlash", "angle"))
+    )
+    robots = {READ_KIND: giving, ROLLING_KIND: scrubbing, LOOSE_KIND: loose, SELDOM_KIND: some_robots(8)}
+    plant = Lanes.of([*(each for some in robots.values() for each in some), nominal()]).plant
+    kinds = [*(kind for kind in robots for _ in range(8)), PLAIN_KIND]
+    assert kinds_of(plant, readings_only=True) == kinds
+    assert kinds_of(plant, readings_only=False) == [*[GIVING_KIND] * 8, *[SELDOM_KIND] * 24, PLAIN_KIND]
+    idle = kinds_of(plant[[0, 1, 2, 16, 32]], readings_only=True)
+    assert idle == [*[LOOSE_KIND] * 4, PLAIN_KIND]
 
 
 def test_what_is_no_reading_cannot_be_asked_for_with_readings_only() -> None:
