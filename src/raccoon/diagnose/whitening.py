@@ -235,12 +235,12 @@ def _pulled(unforeseen: Array, rest: Array) -> Array:
     return np.asarray(np.linalg.solve(unforeseen, rest), float)
 
 
-def _slow_directions(white: Array) -> tuple[Array, Array]:
+def _slow_directions(white: Array) -> tuple[NDArray[np.float32], Array]:
     """`Whitener.slow` and `Whitener.shrink` of whitened directions, (directions, bins, channels)."""
     if len(white) == 0:
-        return np.zeros((0, 0)), np.zeros(0)
+        return np.zeros((0, 0), np.float32), np.zeros(0)
     rows = white.reshape(len(white), -1).T
     powers, right = np.linalg.eigh(rows.T @ rows)
     strong = powers > FEEBLE
     left = rows @ (right[:, strong] / np.sqrt(powers[strong]))
-    return left, 1.0 - 1.0 / np.sqrt(1.0 + powers[strong])
+    return left.astype(np.float32), 1.0 - 1.0 / np.sqrt(1.0 + powers[strong])

@@ -269,7 +269,7 @@ def _fitted(problem: Problem, start: Point) -> tuple[float, Point]:
     residual = features.measured - problem.predict([start])[0]
     scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), features.floors)
     noise = white_noise(scale, np.zeros(len(residual), np.intp))
-    whitener = Whitener(noise, np.zeros((0, 0)), np.zeros(0), residual, np.zeros_like(residual))
+    whitener = Whitener(noise, np.zeros((0, 0), np.float32), np.zeros(0), residual, np.zeros_like(residual))
     fit = fit_point(problem, whitener, start, 5)
     final = features.measured - problem.predict([fit.point])[0]
     size = np.maximum(np.std(features.measured, axis=0), features.floors)
