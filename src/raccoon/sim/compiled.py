@@ -62,6 +62,8 @@ def source(kind: Kind = ANY) -> str:
     tags += [f"# without effect: {each}" for each in kind.always]
     if kind is not ANY:
         tags.append("# world: contact")  # robots in lanes have no table
+    if not kind.creeping:
+        tags.append("# creeping")
     texts = [_without(text, tuple(tags)) for text in texts]
     return "\n\n".join((_HEAD, *map(_functions, texts), lanes_text(kind.unfollowed)))
 

@@ -83,12 +83,11 @@ def over_both(
 
     It is closed for the mean of both. Its duty is the mean over the time in which it is closed: what drives
     the motor is their product, and a motor that starts from coasting, with duty 0, gets all of the newer
-    one's volts from then on.
+    one's volts from then on. Of two orders that are the same it is that order, to the last bit.
     """
-    held = older_closed * share
-    closed = held + newer_closed * (1.0 - share)
-    part = held / (closed if closed > 0.0 else 1.0)
-    return older * part + newer * (1.0 - part), closed
+    closed = newer_closed + share * (older_closed - newer_closed)
+    part = older_closed * share / (closed if closed > 0.0 else 1.0)
+    return newer + part * (older - newer), closed
 
 
 def command(order: Order, sample_left: float, sample_right: float, to_go: float) -> Command:

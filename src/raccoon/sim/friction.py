@@ -99,7 +99,8 @@ def bristles(
     middle = expected(speed, acceleration, h)
     level = rubbing.forward if middle > 0.0 else rubbing.backward
     held = p.compliance * level
-    sliding = let_go(abs(middle), p.creep, p.creep_tail)
+    sliding = abs(middle)
+    sliding = let_go(sliding, p.creep, p.creep_tail) if p.creep > 0.0 else sliding  # creeping
     least = 1e-12  # not 0 for a rigid wheel at rest either, whose speeds are not taken from here
     return held + h * sliding + least, level, held * grip + 0.5 * h * level * speed
 

@@ -60,24 +60,25 @@ _HEAT = ("heat_left", "heat_right")
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Robots for which a text is made: effects that none of them has, effects that all of them have, and
-    fields of the state that nobody asks for."""
+    """Robots for which a text is made: effects that none of them has, effects that all of them have, fields
+    of the state that nobody asks for, and whether wheels that give may creep."""
 
     without: tuple[str, ...] = ()
     always: tuple[str, ...] = ()
     unfollowed: tuple[str, ...] = ()
+    creeping: bool = True
 
 
 SELDOM_KIND = "robots with seldom effects"
 GIVING_KIND = "robots whose wheels give"
 READ_KIND = "readings of robots whose wheels give"
-ROLLING_KIND = "readings of robots with seldom motors or friction"
+ROLLING_KIND = "readings of robots with seldom motors or friction, or that creep"
 LOOSE_KIND = "readings of robots whose wheels play, slip or are not round"
 PLAIN_KIND = "plain robots"
 KINDS: Mapping[str, Kind] = {
     SELDOM_KIND: Kind(),
     GIVING_KIND: Kind(tuple(SELDOM), ("friction.presliding",)),
-    READ_KIND: Kind(tuple(SELDOM), ("friction.presliding",), NO_READING),
+    READ_KIND: Kind(tuple(SELDOM), ("friction.presliding",), NO_READING, creeping=False),
     ROLLING_KIND: Kind(
         LOOSE, ("friction.presliding",), tuple(each for each in NO_READING if each not in _HEAT)
     ),
@@ -146,10 +147,11 @@ def advance_lanes(
 ):
     turn = 0
     period = -1.0
-    last = (2.0, 2.0, 2.0, 2.0)
-    late = False
+    changed = begin
+    settled = False
+    longest = 0.0
     for k in range(width):
-        late = late or {latency} > 0.0
+        longest = max(longest, {latency})
     for row in range(begin, end):
         dt = times[row + 1] - times[row]
         cycles = cycle_count(dt, cycle)
@@ -163,12 +165,15 @@ def advance_lanes(
                 keeps = kept_shares(p, period)
 {store_keeps}
         now = order_of(commands, row)
-        for k in range(0 if late or now == last else width):
+        if row > begin and now != order_of(commands, row - 1):
+            changed = row
+        before = settled
+        settled = times[changed] <= times[row] - longest  # an order that is in force at all motors
+        for k in range(width if settled and (changed == row or not before) else 0):
             p = Plant({plant})
             order = effective(p, now)
 {store_now}
-        last = now
-        for k in range(width if late else 0):
+        for k in range(0 if settled else width):
             p = Plant({plant})
             index = in_force(times, row, p.latency)
             older = effective(p, order_of(commands, index))
@@ -178,7 +183,7 @@ def advance_lanes(
             {change} = change_time(times, row, index, p.latency)
         for each in range(cycles):
             for step in range(steps):
-                for k in range(width if late else 0):
+                for k in range(0 if settled else width):
                     share = within_unit({change} * per_h - (each * steps + step))
                     order = mixed(({older}), ({newer}), share)
 {store_order}

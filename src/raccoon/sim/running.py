@@ -146,7 +146,7 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
         kinds = [
             (SELDOM_KIND, seldom & ~giving, anyone),
             (LOOSE_KIND, _differ(plants, _LOOSE) & giving, giving),
-            (ROLLING_KIND, seldom & giving, giving),
+            (ROLLING_KIND, (seldom | _differ(plants, {"creep": 0.0})) & giving, giving),
             (READ_KIND, giving, giving),
             (PLAIN_KIND, ~giving, ~giving),
         ]

@@ -55,6 +55,20 @@ def test_a_robot_in_a_lane_does_the_same_as_alone(count: int) -> None:
             np.testing.assert_array_equal(values[0], together[name][index], err_msg=name)
 
 
+@pytest.mark.parametrize("begin", [0, 37])
+def test_an_order_that_all_motors_have_is_as_one_that_is_asked_for_anew(begin: int) -> None:
+    """Robots in lanes keep an order until a command changes that the latest of them has not got yet."""
+    random = np.random.default_rng(11)
+    levels = np.repeat(random.uniform(-1.0, 1.0, 400), random.choice([1, 2, 3, 9], 400))[:400]
+    commands = Commands.of_wheels(TIME, levels, np.where(random.random(400) < 0.1, 0.0, levels), brake=False)
+    latencies = (0.0, 0.0012, 0.005, 0.0201)
+    robots = [nominal().with_effect("actuation.latency", seconds=each) for each in latencies]
+    together = rollout(robots, commands, begin=begin)
+    for index, robot in enumerate(robots):
+        for name, values in rollout(robot, commands, begin=begin).channels.items():
+            np.testing.assert_array_equal(values[0], together[name][index], err_msg=name)
+
+
 def test_plain_robots_and_others_side_by_side_do_the_same_as_one_by_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -166,6 +180,8 @@ def test_each_robot_runs_once_and_where_least_is_computed_for_it() -> None:
     assert kinds_of(plant, readings_only=False) == [*[GIVING_KIND] * 8, *[SELDOM_KIND] * 24, PLAIN_KIND]
     idle = kinds_of(plant[[0, 1, 2, 16, 32]], readings_only=True)
     assert idle == [*[LOOSE_KIND] * 4, PLAIN_KIND]
+    creeping = Lanes.of([giving[0].with_effect("friction.presliding", creep=0.1)] * 8).plant
+    assert kinds_of(creeping, readings_only=True) == [ROLLING_KIND] * 8
 
 
 def test_what_is_no_reading_cannot_be_asked_for_with_readings_only() -> None:
