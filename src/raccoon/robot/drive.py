@@ -98,6 +98,11 @@ class Drive:
         Where the controller would no longer read a wheel that fast, both go slower by the same share.
         """
         self._claim()
+        forward, turn_rate = (
+            float(forward),
+            float(turn_rate),
+        )  # NumPy's stop here: loops and recordings have none
+        acceleration, turn_acceleration = float(acceleration), float(turn_acceleration)
         turn = turn_rate * self._half_track
         gain = acceleration / self._radius
         spin = turn_acceleration * self._half_track / self._radius * self._turn_inertia_share
@@ -113,7 +118,7 @@ class Drive:
             if not -1.0 <= duty <= 1.0:
                 raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
         self._claim()
-        self._open_loop = (left, right)
+        self._open_loop = (float(left), float(right))
 
     def push(
         self, forward: float, battery_voltage: float | None, speeds: tuple[float, float], force: float
@@ -124,7 +129,7 @@ class Drive:
         """
         self._claim()
         voltage = self.wheels.battery if battery_voltage is None else battery_voltage
-        wanted, torque = self.wheel_speed(forward), force * self._radius
+        wanted, torque = self.wheel_speed(float(forward)), force * self._radius
         wanted *= self.speeds.readable_share(wanted, wanted)
         left, right = (
             max(-1.0, min(1.0, wheel.pressing(wanted, speed, torque) / voltage))

@@ -140,7 +140,8 @@ class Mechanism:
         if goal.velocity == goal.acceleration == 0.0 and abs(off) < 0.5 * self.config.tolerance:
             return 0.0, 0.0
         top = max(self.config.speed, abs(goal.velocity))
-        return max(-top, min(top, goal.velocity + PULL * off)), goal.acceleration
+        speed = max(-top, min(top, goal.velocity + PULL * off))
+        return float(speed), float(goal.acceleration)  # NumPy's stop here, as in Drive.velocity
 
     def _scale(self, device: Device) -> float:
         """Rad in one back-EMF count * second."""
@@ -237,7 +238,7 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
         _check_turns(robot, name, angle=angle)
         require_free(here, label)
         here.release()
-        here.angle = angle
+        here.angle = float(angle)
 
     return do(set_angle, label)
 

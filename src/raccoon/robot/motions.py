@@ -56,11 +56,12 @@ def straight(
     check_speed(speed=speed)
     check_limits("the sign belongs to the distance", speed=speed)
     check_limits(tolerance=tolerance, timeout=timeout)
+    distance = float(distance)  # of NumPy's too: results and plans are of plain numbers
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         motion = robot.config.motion
         start = robot.plan
-        wanted = motion.speed if speed is None else speed
+        wanted = motion.speed if speed is None else float(speed)
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
         near = motion.distance_tolerance if tolerance is None else tolerance
         walk = profile(distance, top, acceleration, motion.jerk)
@@ -129,7 +130,8 @@ def turning(
     """The steps of a turn on the spot."""
     motion = robot.config.motion
     start = robot.plan
-    wanted = motion.turn_rate if rate is None else rate
+    angle = float(angle)
+    wanted = motion.turn_rate if rate is None else float(rate)
     top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
     near = motion.heading_tolerance if tolerance is None else tolerance
     walk = profile(angle, top, acceleration, motion.turn_jerk)
@@ -162,9 +164,9 @@ def arc(
     check_angle(turns, angle=angle)
     check_speed(speed=speed)
     check_limits("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
-    if not 0.0 < radius < math.inf:
-        raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
     check_way(radius=radius)
+    if not radius > 0.0:
+        raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
     signed = math.copysign(radius, -angle if backwards else angle)
     return Action(
         f"arc {radius:g} m {math.degrees(angle):g} deg",
@@ -212,8 +214,9 @@ def _arc(
     """Around a centre `signed` m to the left; the way is signed * angle, negative backwards."""
     motion = robot.config.motion
     start = robot.plan
+    angle = float(angle)
     outer = 1.0 + robot.drive.half_track / abs(signed)  # the outer wheel keeps the limit
-    wanted = (motion.speed if speed is None else speed) / outer
+    wanted = (motion.speed if speed is None else float(speed)) / outer
     top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
     near = motion.distance_tolerance if tolerance is None else tolerance
     pace = Pace(

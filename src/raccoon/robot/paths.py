@@ -48,6 +48,7 @@ def drive_to(
     check_speed(speed=speed)
     check_limits("backwards=True drives backwards", speed=speed)
     check_limits(tolerance=tolerance, timeout=timeout)
+    x, y = float(x), float(y)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin = robot.time
@@ -105,6 +106,7 @@ def follow_path(
     check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
     _check_points(points)
+    points = [(float(x), float(y)) for x, y in points]
     if len(distinct(points)) > 1:
         Path(points, rounding)  # what is wrong with the points is said before anything moves
     for number, (x, y) in enumerate(points):
@@ -148,7 +150,7 @@ def _follow(
     motion = robot.config.motion
     turns = round((robot.plan.heading - path.start.heading) / math.tau) * math.tau
     outer = 1.0 + robot.drive.half_track * path.sharpest_curvature
-    wanted = (motion.speed if speed is None else speed) / outer
+    wanted = (motion.speed if speed is None else float(speed)) / outer
     top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
     near = motion.distance_tolerance if tolerance is None else tolerance
     walk = profile(path.length, top, acceleration, motion.jerk)

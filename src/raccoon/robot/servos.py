@@ -47,7 +47,7 @@ class Servo:
                 f"pulse of servo {self.name} is {where} us: allowed are {config.lowest_us:g} to"
                 f" {config.highest_us:g}"
             )
-        return where
+        return float(where)
 
     def travel_time(self, pulse: float) -> float:
         """S to get to `pulse` us from the last place; from the far end where that is unknown."""

@@ -1,12 +1,15 @@
 """Mistakes that programs are full of: each is refused where it is written, with what was meant."""
 
 from collections.abc import Callable
+from dataclasses import astuple, replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from raccoon import (
     Action,
+    MotionResult,
     after_angle,
     after_distance,
     after_time,
@@ -45,6 +48,7 @@ from raccoon import (
     wait_for,
     when,
 )
+from raccoon.core.config import MechanismConfig, ServoConfig
 from robots import CONFIG, run, simulated
 
 NAN = float("nan")
@@ -271,6 +275,36 @@ def test_a_calibration_that_cannot_ask_is_refused_before_it_drives(taped: object
         ):
             calibrate_light(robot, 5, loose(None))
         assert robot.ticks == 0
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda n: straight(n(0.05), n(0.1)),
+        lambda n: turn(np.radians(n(10.0)), n(1.0)),
+        lambda n: turn_to(n(0.1)),
+        lambda n: arc(n(0.2), n(0.2), n(0.1)),
+        lambda n: pivot(n(0.1), "left"),
+        lambda n: drive_to(n(0.05), n(0.02), n(0.0)),
+        lambda n: follow_path(loose(np.array([(0.05, 0.0), (0.1, 0.05)], n))),
+        lambda n: drive(n(0.1), n(0.1)).until(after_distance(n(0.03))),
+        lambda n: motors(n(0.3), n(0.3)).until(after_time(n(0.1))),
+        lambda n: move("arm", n(0.2)),
+        lambda n: spin("arm", n(1.0)).until(after_time(n(0.1))),
+        lambda n: servo("claw", n(1300.0), n(0.2)),
+        lambda n: repeat(do(lambda robot: robot.drive.velocity(n(0.1), n(0.0)))).until(after_time(n(0.1))),
+        lambda n: repeat(do(lambda robot: robot.drive.duties(n(0.1), n(0.0)))).until(after_time(n(0.1))),
+    ],
+)
+def test_numbers_of_numpy_are_numbers(make: Callable[[Any], Action[Any]], kind: Any) -> None:
+    """np.radians(90) made every motion fail in the middle, with the robot on its way."""
+    config = replace(CONFIG, servos={"claw": ServoConfig()}, mechanisms={"arm": MechanismConfig()})
+    result, _, robot = run(make(kind), simulated(config=config), config)
+    numbers = [*robot.outputs.duty, *robot.outputs.servo_us, robot.plan.x, robot.plan.y, robot.plan.heading]
+    if isinstance(result, MotionResult):
+        numbers += [value for value in astuple(result) if not isinstance(value, tuple)]
+    assert {type(number) for number in numbers} <= {float, int, bool, type(None)}
 
 
 @pytest.mark.parametrize(
