@@ -7,8 +7,9 @@ recording. Nothing here reads a clock, a file or a random number: time comes wit
 from __future__ import annotations
 
 from contextlib import ExitStack
+from threading import get_ident
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
@@ -62,6 +63,7 @@ class Robot(Knowledge):
         self._pause = max(PAUSE, 2.0 * self._cycle)
         self._late = 0  # cycles in a row that were too long
         self._running: str | None = None
+        self._thread = 0  # in which it runs
 
     # -- the loop -----------------------------------------------------------------------------------------
 
@@ -72,14 +74,13 @@ class Robot(Knowledge):
         or `tick`; what ends the program (Ctrl-C, the end of the match) ends it too. Raises HardwareError
         where the robot is closed, RuntimeError where its match is over or in another `run`.
         """
-        check_kind(action, Action, "run()")
+        hint = ": write seq(*actions) for a list" if isinstance(action, list | tuple) else ""
+        check_kind(action, Action, "run()", hint)
         self.require()
         if self._running is not None:
-            raise RuntimeError(
-                f"run({action.name}) inside {self._running}: compose actions with seq, parallel or then"
-            )
+            self._refuse(f"run({action.name})", "compose actions with seq, parallel or then")
         body = action.start(self)
-        self._running = f"run({action.name})"
+        self._running, self._thread = f"run({action.name})", get_ident()
         try:
             while True:
                 self._sense()
@@ -107,10 +108,8 @@ class Robot(Knowledge):
         """
         self.require()
         if self._running is not None:
-            raise RuntimeError(
-                f"tick() inside {self._running}: it reads by itself; let time pass with wait()"
-            )
-        self._running = "tick()"
+            self._refuse("tick()", "it reads by itself; let time pass with wait()")
+        self._running, self._thread = "tick()", get_ident()
         if self.drive.asked:
             self.replan()
             self.drive.speeds.limited |= self.drive.cut
@@ -124,6 +123,15 @@ class Robot(Knowledge):
             self._running = None
         assert self.inputs is not None
         return self.inputs
+
+    def _refuse(self, asked: str, instead: str) -> NoReturn:
+        """Say that something runs already: in this thread, or in one that may not."""
+        if get_ident() != self._thread:
+            raise RuntimeError(
+                f"{asked} while another thread is in {self._running}: a robot has one thread; "
+                "what goes on at the same time is parallel() or background()"
+            )
+        raise RuntimeError(f"{asked} inside {self._running}: {instead}")
 
     def add_background(self, action: Action[Any]) -> None:
         """Let `action` run beside everything that follows, while another runs and at each `tick`."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import astuple, replace
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from raccoon import (
     Action,
     MotionResult,
+    Robot,
     after_angle,
     after_distance,
     after_time,
@@ -277,6 +279,30 @@ def test_a_calibration_that_cannot_ask_is_refused_before_it_drives(taped: object
         assert robot.ticks == 0
 
 
+def test_a_second_thread_is_told_that_there_is_one() -> None:
+    """It was told to compose actions, which it had never heard of."""
+    refused: list[str] = []
+
+    def also(robot: Robot) -> None:
+        for wrong in (lambda: robot.run(straight(0.1)), robot.tick):
+            with pytest.raises(RuntimeError) as error:
+                wrong()
+            refused.append(str(error.value))
+
+    def meanwhile(robot: Robot) -> None:
+        thread = Thread(target=also, args=(robot,))
+        thread.start()
+        thread.join()
+
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(do(meanwhile, "threads"))
+    said = "while another thread is in run(threads): a robot has one thread; "
+    assert [text.partition("what")[0] for text in refused] == [
+        f"run(straight 0.1 m) {said}",
+        f"tick() {said}",
+    ]
+
+
 @pytest.mark.parametrize("kind", [np.float64, np.float32])
 @pytest.mark.parametrize(
     "make",
@@ -331,6 +357,8 @@ def test_running_what_is_no_action_is_refused() -> None:
     with open_robot(CONFIG, port=simulated()) as robot:
         with pytest.raises(TypeError, match=r"run\(\) takes an Action, not the function straight: call it"):
             robot.run(ANY)
+        with pytest.raises(TypeError, match=r"not \[<Action wait 1 s>\]: write seq\(\*actions\) for a list"):
+            robot.run(loose([wait(1.0)]))
         with pytest.raises(TypeError, match=r"run\(\) takes an Action, not None"):
             robot.run(loose(None))
         with pytest.raises(TypeError, match=r"what then\(\) is given must make takes an Action, not None"):
