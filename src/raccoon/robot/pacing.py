@@ -12,7 +12,7 @@ from raccoon.control.profile import Profile, ProfileState
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.limits import check_number, check_positive
-from raccoon.robot.remarks import mismatch, tell
+from raccoon.robot.remarks import mismatch, miswired, tell
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -124,7 +124,8 @@ class Pace:
         self.missing_speed = max(self.missing_speed, robot.drive.missing_speed)
         if robot.estimate.reasons:
             self.doubts.update(dict.fromkeys(robot.estimate.reasons))
-        self._stalled = self._stalled + robot.dt if wheels.stalled else 0.0
+        lost = wheels.stalled or robot.odometry.wiring.suspects
+        self._stalled = self._stalled + robot.dt if lost else 0.0
 
     def _explain(self, progress: float) -> str:
         seconds = self._robot.time - self.begin
@@ -136,7 +137,10 @@ class Pace:
 
 def reason(robot: Robot) -> str:
     """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says."""
-    said = (robot.drive.complaint(), *robot.estimate.reasons, *tell(robot))
+    wiring = miswired(robot)
+    if robot.odometry.wiring.turned:  # the rest follows from it
+        return wiring
+    said = (wiring or robot.drive.complaint(), *robot.estimate.reasons, *tell(robot))
     return "; ".join(said)
 
 

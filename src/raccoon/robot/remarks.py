@@ -46,6 +46,31 @@ def _mismatched(robot: Robot, off: float) -> str:
     )
 
 
+def miswired(robot: Robot) -> str:
+    """What is plugged in otherwise than robot.toml says, by the gyro; "" where nothing seems to be."""
+    wiring = robot.odometry.wiring
+    if not wiring.suspects:
+        return ""
+    if not wiring.turned:
+        return (
+            "the wheels turn, and the robot does not: one motor is plugged in the other way round, or the "
+            "robot is stuck, or does not stand on its wheels"
+        )
+    if len(wiring.turned) == 2:
+        return (
+            "the robot turns the other way than its wheels say: left and right are exchanged (drive.left and "
+            "drive.right in robot.toml), both motors are plugged in the other way round, or the gyro is "
+            "upside down; raccoon doctor says how to find out which"
+        )
+    side = wiring.turned[0]
+    port = robot.config.drive.left if side == "left" else robot.config.drive.right
+    other = "false" if robot.config.motor(port).inverted else "true"
+    return (
+        f"the robot turns as if the {side} motor (port {port}) were plugged in the other way round: turn its "
+        f"plug, or write inverted = {other} under [motor.{port}] in robot.toml"
+    )
+
+
 def tell(robot: Robot) -> tuple[str, ...]:
     """The oddities; what was not said before also goes into the recording and to the log "raccoon"."""
     found = oddities(robot)

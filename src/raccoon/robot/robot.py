@@ -19,7 +19,7 @@ from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.knowledge import Knowledge
 from raccoon.robot.limits import check_kind
-from raccoon.robot.remarks import say
+from raccoon.robot.remarks import miswired, say
 from raccoon.robot.sensors import Floor
 
 if TYPE_CHECKING:
@@ -155,6 +155,8 @@ class Robot(Knowledge):
         if self.deadline is not None and inputs.time >= self.deadline:
             raise MatchOver(f"the match ended at {self.deadline:.2f} s")
         estimate = self.odometry.update(inputs, self._outputs)
+        if self.odometry.wiring.turned:
+            say(self, miswired(self))
         self.drive.know(inputs.device)
         self.battery.update(inputs.time, inputs.battery_voltage)
         if self.battery.voltage is not None:

@@ -27,6 +27,7 @@ from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
+from raccoon.estimate.drive.wiring import Wiring
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
 from raccoon.model.drive import DriveGeometry
@@ -39,6 +40,7 @@ STEP = 0.0175
 DATED = 1.2
 """Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`. The
 gyro's turn stays what counts: wheels that slip in that moment are worse."""
+OTHERWISE = "the robot turns otherwise than its wheels say"
 _VB = variance_index(State.GYRO_BIAS)
 _VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
 
@@ -83,6 +85,11 @@ class Odometry:
         """Speed as read over true speed, left and right: 1 where the calibration is right."""
         flat = self._fusion.drive.flat
         return wheel_scales(flat[State.WAY], flat[State.BALANCE])
+
+    @property
+    def wiring(self) -> Wiring:
+        """Whether the robot turns as its wheels say."""
+        return self._readings.wiring
 
     @property
     def pose_covariance(self) -> NDArray[np.float64]:
@@ -240,6 +247,8 @@ class Odometry:
             of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
             of_gyro += (GYRO_SHAKEN * self._geometry.body_motion(-shaken, shaken)[1]) ** 2
             variances = (*variances, of_gyro)
+            if self._gyro.repeats < REPEATED:
+                self._check_signs(span, *read)
         flat = self._fusion.drive.flat
         held = self._touch.carries(
             span, read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET]
@@ -247,6 +256,13 @@ class Odometry:
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated, held)
         self._fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self._touch.feel(pending, still)
+
+    def _check_signs(self, span: float, left: float, right: float, gyro: float) -> None:
+        """Whether the robot turns as its wheels say, by rad/s of theirs and of the gyro's."""
+        turned = self._geometry.body_motion(left, 0.0)[1], self._geometry.body_motion(0.0, right)[1]
+        self._readings.wiring.update(span, *turned, gyro)
+        if self._readings.wiring.suspects:
+            self._reasons.tell(OTHERWISE, self._readings.time)
 
     def _bridge(self, pending: Pending) -> None:
         """Move the filter to now over a time in which nobody looked."""

@@ -80,7 +80,7 @@ def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySetting
 def _status(flat: Flat, readings: DriveReadings) -> Status:
     place, heading = flat[_VX] + flat[_VY], flat[_VH]
     blind = min(readings.left.silent, readings.right.silent) > BLIND_AFTER
-    if blind or place > INVALID_PLACE**2 or heading > INVALID_HEADING**2:
+    if blind or readings.wiring.turned or place > INVALID_PLACE**2 or heading > INVALID_HEADING**2:
         return Status.INVALID
     if readings.reasons.now or place > UNCERTAIN_PLACE**2 or heading > UNCERTAIN_HEADING**2:
         return Status.UNCERTAIN

@@ -13,6 +13,7 @@ from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
 from raccoon.estimate.drive.slip import MOST_FORCE, MOST_PITCH
 from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
 from raccoon.estimate.drive.wheels import LONGEST_GAP, WheelDecoder, WheelReading
+from raccoon.estimate.drive.wiring import Wiring
 
 COARSE_GYRO = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""
@@ -56,7 +57,7 @@ class DriveReadings:
     def __init__(self, robot: RobotConfig, imu_latency: float) -> None:
         lag = robot.model.bemf.filter_time_constant.value
         self.left, self.right = WheelTrack(lag), WheelTrack(lag)
-        self.gyro, self.reasons = GyroWatch(), Reasons()
+        self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
         self.rate = 0.0
         self.time = 0.0
         self._decoder = WheelDecoder(robot)
