@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 from raccoon.control.feedforward import WheelModel
@@ -26,6 +27,8 @@ LATE = 0.005
 """s by which a reading may be later or earlier than the others: what a jerk tells is that much in doubt."""
 WINDOW = 0.05
 """s over which voltage and speed are compared."""
+UNSURE = 5
+"""Windows that are kept back: it takes a quarter of a second until a wall shows in what both wheels carry."""
 RAMP = 1.0
 """V by which the voltage of a motion that speeds up changes in a window, at the most."""
 LEAST_ROWS = 12
@@ -112,7 +115,7 @@ class WheelWatch:
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])
         self._fit = RecursiveFit(nominal, spread, noise=0.06, memory=120.0)
-        self._found: tuple[Vector3, float, float] | None = None
+        self._found: deque[tuple[Vector3, float, float]] = deque(maxlen=UNSURE)
         self._low = self._high = 0.0
         self._silent = self._loose = 0.0
         self.stalled = False
@@ -131,28 +134,36 @@ class WheelWatch:
         self.stalled = self._silent > STALL_TIME
         self._loose = max(0.0, self._loose - dt)
         if self._silent > HELD_TIME or self.held:
-            self._loose, self._found = LOOSE_TIME, None
+            if self._loose == 0.0 and self._found:
+                self._found.pop()
+            self._loose = LOOSE_TIME
         if self._loose > 0.0:
             self._windows.clear()
         else:
             self._learn(voltage, speed, dt)
 
     def _learn(self, voltage: float, speed: float, dt: float) -> None:
-        """Take each window when the next is full: in the last one before it was held, a wheel was braked by
-        more than its motor."""
+        """Take each window when so many more are full: in the last one before it was silent, and in the last
+        ones before it is known that it pushes, a wheel was braked by more than its motor."""
         self._low, self._high = min(self._low, voltage), max(self._high, voltage)
         found = self._windows.add(voltage, speed, dt)
         if found is not None:
-            if self._found is not None:
-                self._fit.add(*self._found)
+            if len(self._found) == self._found.maxlen:
+                self._fit.add(*self._found.popleft())
             row, volts = found
             # What is read is of a moment earlier: of another mean voltage, where that swings.
             swung = LATE * max(0.0, self._high - self._low - RAMP) / WINDOW
-            self._found = row, volts, math.hypot(LATE * row[2] / self._model.gain, swung)
+            self._found.append((row, volts, math.hypot(LATE * row[2] / self._model.gain, swung)))
             self._low = self._high = voltage
 
+    def doubt(self) -> None:
+        """It turns out to push against something: what was seen last is not learnt."""
+        self._found.clear()
+
     def rest(self) -> None:
-        """The motor is off: nothing is learnt."""
+        """The motor is off: nothing more is learnt."""
+        while self._found:
+            self._fit.add(*self._found.popleft())
         self._windows.clear()
         self._silent = 0.0
         self.stalled = False

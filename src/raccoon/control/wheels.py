@@ -179,8 +179,13 @@ class WheelLoop:
         self.missing_speed = 0.0
 
     def hold(self, held: bool) -> None:
-        """Whether both wheels push against something: what they take then tells nothing of the motors."""
-        self._held = held
+        """Whether both wheels push against something: what they take then tells nothing of the motors, until
+        they come to rest. Whoever pushes for long is forgiven by the one who tells (a floor may be heavy).
+        """
+        if held and not self._held:
+            self._held = True
+            self._left.watch.doubt()
+            self._right.watch.doubt()
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""
@@ -200,6 +205,7 @@ class WheelLoop:
             self._battery = battery_voltage
         if target == REST:
             self._straight += dt
+            self._held = False
             self.reset()
             return 0.0, 0.0
         # What scrubs over the floor in a turn is carried by the outer wheel and pushes the inner one, and a
