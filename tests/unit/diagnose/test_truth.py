@@ -229,6 +229,21 @@ def test_a_reading_that_is_named_too_large_is_no_smaller_wheel() -> None:
     assert unnamed["left wheel's radius by the reference"].value < 0.96
 
 
+@pytest.mark.parametrize("id_", ["bemf.scale", "motor.back_emf_constant"])
+@pytest.mark.parametrize("where", ["left", None])
+def test_a_reading_that_the_model_has_too_large_is_no_smaller_wheel(id_: str, where: str | None) -> None:
+    """Nothing is named, as the model asked about has it: its robot was said to have a wheel 5 % smaller."""
+    columns = spinning()
+    for port in (0,) if where else (0, 1):
+        columns[f"motor.{port}.bemf"] = 1.05 * columns[f"motor.{port}.bemf"]
+    model = Parameters.from_robot(ROBOT).with_effect(id_, where, factor=1.05)
+    before = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
+    identified = with_reference(before, start_of(columns, ROBOT, model), model).identified
+    radii = {name: each.value for name, each in identified.items() if "radius" in name}
+    assert radii
+    assert list(radii.values()) == pytest.approx([1.0] * len(radii), abs=0.005)
+
+
 def test_no_radius_is_told_where_the_named_cause_may_be_one() -> None:
     """It would be that of a robot whose K_E is off, which the same report calls as likely as not."""
     columns, start = spinning(), start_of(spinning(), ROBOT)

@@ -55,7 +55,7 @@ def with_reference(found: Diagnosis, start: Start, model: Parameters | None = No
     return replace(
         found,
         rejected=(*others, *_rejected(found, start)),
-        identified={**found.identified, **_identified(found, start)},
+        identified={**found.identified, **_identified(found, start, model)},
     )
 
 
@@ -211,9 +211,9 @@ def _rejected(found: Diagnosis, start: Start) -> list[Rejected]:
     return reasons
 
 
-def _identified(found: Diagnosis, start: Start) -> dict[str, ParameterResult]:
-    """What the reference says of each: of the wheels with their readings as the causes have them, or over
-    those where a cause may be a radius as well."""
+def _identified(found: Diagnosis, start: Start, model: Parameters | None) -> dict[str, ParameterResult]:
+    """What the reference says of each: of the wheels with their readings as the causes and the model that was
+    asked about have them, or over those where a cause may be a radius as well."""
     reference, motors = start.reference, (start.given.model.left, start.given.model.right)
     factors = {"gyro scale": reference.gyro, "track width": reference.track}
     known = all(_is_reading(found.causes, side) for side in SIDES)
@@ -223,7 +223,7 @@ def _identified(found: Diagnosis, start: Start) -> dict[str, ParameterResult]:
         if factor is None:
             continue
         if known:
-            reading = _reading(found.causes, side, motor.back_emf_constant)
+            reading = _reading(found.causes, side, motor.back_emf_constant, model)
             std = math.hypot(factor.std / factor.value, reading.std)
             factor = Factor(factor.value * reading.value, std * factor.value * reading.value)
         sides.append(factor)
@@ -253,12 +253,18 @@ def _is_reading(causes: Sequence[CauseResult], side: str) -> bool:
     return not any(rival.partition("@")[0] == RADIUS for rival in rivals)
 
 
-def _reading(causes: Sequence[CauseResult], side: str, k_e: Measured) -> Factor:
-    """By what the causes make a wheel's counts larger than assumed. Its std is relative, and of robot.toml's
-    K_E where no cause gives another."""
+def _reading(causes: Sequence[CauseResult], side: str, k_e: Measured, model: Parameters | None) -> Factor:
+    """By what the causes, and the model where none is named, make a wheel's counts larger than robot.toml's.
+    Its std is relative, and of robot.toml's K_E where no cause gives another."""
     named = _of_reading(causes, side)
     values = [each.parameters["factor"] for each in named]
     stds = [each.std / each.value for each in values]
-    if not any(each.id == K_E for each in named):
+    ids = {each.id for each in named}
+    if K_E not in ids:
         stds.append(k_e.std / k_e.value)
-    return Factor(math.prod(each.value for each in values), math.hypot(*stds))
+    has = (
+        1.0
+        if model is None
+        else math.prod(model.value(id_, "factor", side) for id_ in READING if id_ not in ids)
+    )
+    return Factor(has * math.prod(each.value for each in values), math.hypot(*stds))
