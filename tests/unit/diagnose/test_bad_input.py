@@ -164,6 +164,17 @@ def test_time_in_another_unit(good: Columns, factor: float, unit: str) -> None:
         check({**good, "t": factor * good["t"]})
 
 
+@pytest.mark.parametrize("kind", ["drive", "geometry"])
+def test_time_in_another_unit_is_no_fault_of_a_reference_or_of_the_wheels(good: Columns, kind: str) -> None:
+    """The heading was said to be in another unit, and without commands the wheels to be a fifth as large."""
+    turned = 1e3 * good["t"]
+    columns = {**good, "t": turned, **{f"truth.{name}": np.cos(good["t"]) for name in ("x", "y", "heading")}}
+    if kind == "geometry":
+        columns = {name: each for name, each in columns.items() if "duty" not in name}
+    with pytest.raises(TraceError, match="looks like milliseconds, not seconds"):
+        diagnose_recording(columns, ROBOT)
+
+
 def test_rows_in_which_commands_change_are_refused(good: Columns) -> None:
     """Every second row is enough. A controller whose cycles are as long has commands that are known."""
     check({key: column[::2] for key, column in good.items()})

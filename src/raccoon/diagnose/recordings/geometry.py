@@ -14,6 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.extend import with_causes
+from raccoon.diagnose.log import check_time
 from raccoon.diagnose.recordings.broken import OTHER_ROBOT
 from raccoon.diagnose.recordings.geometry_fit import (
     Errors,
@@ -48,6 +49,8 @@ FAR = 3.0
 """Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
 make of it."""
 SHARE_FITTED = 0.7
+SLOWEST = 0.9
+"""S a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
 POSITION, HEADING = "truth position", "truth.heading"
 NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
 
@@ -63,10 +66,12 @@ def diagnose_geometry(
 
     holdout: runs to judge on; without them every second run, or the last 30 % of a single one. What one
     turning direction cannot tell is `not_identifiable`. Raises CalibrationError naming a column that is not
-    usable, and TraceError for a reference in other units.
+    usable, and TraceError for a time or a reference in other units.
     """
     begin = time.perf_counter()
     for each in (*runs, *holdout):
+        moments = np.unique(np.asarray(each["t"], float))  # a sample that was written twice does no harm here
+        check_time(moments[np.isfinite(moments)], SLOWEST)
         check_reference(each, robot, device)
     fitted, unseen = _shared(runs, holdout, robot, device)
     try:

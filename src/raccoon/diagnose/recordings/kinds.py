@@ -17,6 +17,7 @@ from raccoon.diagnose.candidates import drive_causes, own_cause
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.extend import with_causes
 from raccoon.diagnose.firmware import firmware_of
+from raccoon.diagnose.log import check_time
 from raccoon.diagnose.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
@@ -176,6 +177,7 @@ def _drive(
     device: Device,
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
+    check_time(np.asarray(columns["t"], float))  # before a reference is compared with what depends on it
     sound = without_broken(columns, robot)
     columns = sound.columns
     holdout = None if holdout is None else without_broken(holdout, robot).columns
