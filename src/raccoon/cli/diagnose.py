@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
     from raccoon.cli.doing import diagnosis_shown
-    from raccoon.cli.outputs import check_folders, check_not_read, check_replaceable
+    from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
     from raccoon.core.errors import ConfigError, TraceError
 
     outputs = (args.json, args.html, args.save_model)
@@ -68,7 +68,9 @@ def run(args: argparse.Namespace) -> int:
     paths = recordings(args.trace)
     if not paths:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
-    check_not_read(outputs, [*paths, *recordings(args.holdout), args.robot, args.model, args.causes])
+    holdout = recordings(args.holdout)
+    check_not_read(outputs, [*paths, *holdout, args.robot, args.model, args.causes])
+    check_holdout(holdout, paths)
     check_replaceable(args.json, args.html, model=args.save_model)
     _check_numba(paths, args.robot)
     if len(paths) == 1:

@@ -36,6 +36,8 @@ def check_folders(*paths: Path | None) -> None:
     two things; None: nobody asked for it."""
     asked = [path for path in paths if path is not None]
     for path in asked:
+        if str(path) == "-":
+            raise ConfigError("-: it is no name of a file; the standard output is /dev/stdout")
         if not path.absolute().parent.is_dir():
             raise ConfigError(f"{path}: there is no folder {path.parent}")
         if path.is_dir():
@@ -61,6 +63,17 @@ def check_not_read(outputs: Sequence[Path | None], inputs: Iterable[Path | None]
     for path in outputs:
         if path is not None and any(_same(path, each) for each in read):
             raise ConfigError(f"{path}: this command reads it; choose another name for what it writes")
+
+
+def check_holdout(holdout: Iterable[Path], recordings: Iterable[Path]) -> None:
+    """Raise ConfigError where what is to be judged on is what the numbers are fitted to."""
+    fitted = list(recordings)
+    for path in holdout:
+        if any(_same(path, each) for each in fitted):
+            raise ConfigError(
+                f"--holdout {path}: it is diagnosed itself, and would agree with itself; name another "
+                "recording, or none: then the part of it that no fit has seen is the judge"
+            )
 
 
 def check_replaceable(*paths: Path | None, model: Path | None = None) -> None:

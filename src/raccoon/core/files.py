@@ -21,14 +21,20 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     it cannot be written.
     """
     data = content.encode("utf-8") if isinstance(content, str) else content
-    if is_stream(path):
-        _write_on(path, data)
-        return
-    target = Path(os.path.realpath(path))
     try:
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
-    except OSError as error:  # nobody has heard of the temporary file
+        if is_stream(path):
+            _write_on(path, data)
+        else:
+            _replace(Path(os.path.realpath(path)), data)
+    except OSError as error:  # nobody has heard of the temporary file, and a full disk names none
+        if isinstance(error, BrokenPipeError) or error.errno is None:
+            raise
         raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def _replace(target: Path, data: bytes) -> None:
+    """Write a file beside the target, and give it its name."""
+    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)

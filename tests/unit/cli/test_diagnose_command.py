@@ -149,6 +149,23 @@ def test_a_result_replaces_no_work(option: str, tmp_path: Path, capsys: pytest.C
         assert work.read_text() == "name = 'ours'\n"
 
 
+def test_a_recording_is_not_its_own_judge(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was said to agree on data that was not fitted, which was what had been fitted."""
+    path, link = written(tmp_path / "run.csv", {"t": np.zeros(1)}), tmp_path / "link.csv"
+    link.symlink_to(path)
+    other = written(tmp_path / "other.csv", {"t": np.zeros(1)})
+    for recorded in ([path], [path, other]):
+        assert main(["diagnose", *map(str, recorded), "--holdout", str(link)]) == 2
+        assert f"--holdout {link}: it is diagnosed itself" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--json", "--html", "--save-model"])
+def test_a_dash_is_no_file(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A file of that name was written, into the folder that one is in."""
+    assert main(["diagnose", str(tmp_path / "never-read.csv"), option, "-"]) == 2
+    assert "-: it is no name of a file; the standard output is /dev/stdout" in capsys.readouterr().err
+
+
 def test_two_results_need_two_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert main(["diagnose", str(tmp_path / "never-read.csv"), "--json", str(out), "--html", str(out)]) == 2

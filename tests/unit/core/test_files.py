@@ -91,3 +91,17 @@ def test_a_refusal_names_the_path_that_was_given(tmp_path: Path, monkeypatch: py
     with pytest.raises(PermissionError) as refused:
         write_atomically(tmp_path / "out.json", "after")
     assert refused.value.filename == str(tmp_path / "out.json")
+
+
+def test_a_full_disk_names_the_path_that_was_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It said no more than that no space is left, somewhere."""
+
+    def full(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    for path in (tmp_path / "out.json", Path("/dev/full")):
+        with pytest.raises(OSError, match="No space left") as refused:
+            write_atomically(path, "after")
+        assert refused.value.filename == str(path)
+    assert list(tmp_path.iterdir()) == []
