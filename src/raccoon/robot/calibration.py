@@ -20,6 +20,7 @@ from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.estimate.tophat import TophatCalibration
+    from raccoon.estimate.tophat.store import TophatStore
     from raccoon.robot.robot import Robot
 
 T = TypeVar("T")
@@ -147,13 +148,25 @@ def load_tophats(
     entries = {name: shelf.latest(name, set_name) for name in robot.tophats}
     missing = [name for name, entry in entries.items() if entry is None]
     if missing:
-        raise CalibrationError(f"{store}: no calibration of {', '.join(missing)} in the set {set_name!r}")
+        raise CalibrationError(
+            f"{store}: no calibration of {', '.join(missing)} in the set {set_name!r}; {_there_is(shelf)}"
+        )
     found = {name: entry.calibration for name, entry in entries.items() if entry is not None}
     for name, entry in entries.items():
         if entry is not None:
             robot.tophat(name).calibrate(entry.calibration)
             robot.note(f"tophat {name}: calibration {set_name!r} of {entry.time}")
     return found
+
+
+def _there_is(shelf: TophatStore) -> str:
+    """What a file of calibrations has, for whoever looks for something else."""
+    sets: dict[str, dict[str, None]] = {}
+    for each in shelf.history():
+        sets.setdefault(each.set_name, {})[each.sensor] = None
+    if not sets:
+        return "there is none at all: calibrate_tophats(..., store=) writes them"
+    return "there is " + "; ".join(f"{name!r} of {', '.join(sensors)}" for name, sensors in sets.items())
 
 
 def _checked(store: Path, set_name: str) -> dict[str, TophatCalibration]:

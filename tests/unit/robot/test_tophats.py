@@ -101,6 +101,19 @@ def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
         load_tophats(robot, tmp_path / "none.json")
 
 
+def test_what_is_there_instead_of_a_set_is_said(tmp_path: Path) -> None:
+    store = tmp_path / "tophats.json"
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        with pytest.raises(
+            CalibrationError, match=r"there is none at all: calibrate_tophats\(\.\.\., store=\)"
+        ):
+            load_tophats(robot, store)
+        robot.run(wait(0.3))
+        calibrate_tophats(robot, 0.9, store=store, set_name="hall")
+        with pytest.raises(CalibrationError, match=r"in the set 'hal'; there is 'hall' of left, right$"):
+            load_tophats(robot, store, "hal")
+
+
 def damaged(folder: Path) -> Path:
     file = folder / "damaged.json"
     file.write_text('{"format": 1, "calibr', encoding="utf-8")
