@@ -6,6 +6,8 @@ import os
 import stat
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 MOST_LINKS = 40
@@ -21,12 +23,19 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     it cannot be written.
     """
     data = content.encode("utf-8") if isinstance(content, str) else content
-    try:
+    with named(path):
         if is_stream(path):
             _write_on(path, data)
         else:
             _replace(Path(os.path.realpath(path)), data)
-    except OSError as error:  # nobody has heard of the temporary file, and a full disk names none
+
+
+@contextmanager
+def named(path: Path) -> Iterator[None]:
+    """An OSError inside names `path`: a full disk names no file, and nobody has heard of temporary ones."""
+    try:
+        yield
+    except OSError as error:
         if isinstance(error, BrokenPipeError) or error.errno is None:
             raise
         raise OSError(error.errno, error.strerror, str(path)) from None

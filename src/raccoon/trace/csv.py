@@ -18,6 +18,7 @@ from typing import IO
 import numpy as np
 
 from raccoon.core.errors import TraceError
+from raccoon.core.files import named
 from raccoon.trace.format import Event
 from raccoon.trace.mistaken import check_is_csv
 from raccoon.trace.recording import Recording
@@ -189,7 +190,7 @@ def write_csv(recording: Recording, path: str | Path) -> None:
     for event in recording.events:
         events[event.tick] = f"{events[event.tick]}; {event.text}" if event.tick in events else event.text
     try:
-        with part.open("w", encoding="utf-8", newline="") as file:
+        with named(path), part.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(names + [EVENT] * bool(events))
             for row, cells in enumerate(zip(*(_cells(recording, name) for name in names), strict=True)):

@@ -22,6 +22,7 @@ import numpy as np
 
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.extras import install
+from raccoon.core.files import named
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace.format import Event
 from raccoon.trace.recording import Column, Recording
@@ -48,7 +49,7 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
     path = Path(path)
     part = path.with_name(path.name + ".part")
     try:
-        with part.open("wb") as file:
+        with named(path), part.open("wb") as file:
             writer = Writer(file)
             writer.start(profile=_PROFILE, library=_PROFILE)
             writer.add_metadata(_PROFILE, {_TICK: repr(recording.device.position_counts_seconds)})

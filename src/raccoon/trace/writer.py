@@ -15,6 +15,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 
+from raccoon.core.files import named
 from raccoon.core.readings import Device
 from raccoon.trace.encode import Cycle, cycle_line, device_line, json_line
 
@@ -39,7 +40,8 @@ class TraceWriter:
         # Exclusive: another program may have taken the name since somebody looked.
         self._file = plain.open("wb" if overwrite else "xb", buffering=0)
         try:
-            _write_all(self._file.fileno(), header.encode())
+            with named(plain):
+                _write_all(self._file.fileno(), header.encode())
         except BaseException:
             self._file.close()
             plain.unlink(missing_ok=True)

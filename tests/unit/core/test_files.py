@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.files import write_atomically
+from raccoon.core.files import named, write_atomically
 
 
 def test_text_and_bytes_arrive_as_they_are(tmp_path: Path) -> None:
@@ -105,3 +105,15 @@ def test_a_full_disk_names_the_path_that_was_given(tmp_path: Path, monkeypatch: 
             write_atomically(path, "after")
         assert refused.value.filename == str(path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_what_has_no_name_gets_one() -> None:
+    with pytest.raises(OSError, match="No space left") as refused, named(Path("run.csv")):
+        raise OSError(28, "No space left on device")
+    assert refused.value.filename == "run.csv"
+    with (
+        pytest.raises(BrokenPipeError) as ended,
+        named(Path("run.csv")),
+    ):  # nobody reads on: no fault of a file
+        raise BrokenPipeError(32, "Broken pipe")
+    assert ended.value.filename is None
