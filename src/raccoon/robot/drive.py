@@ -95,14 +95,16 @@ class Drive:
         """Drive at `forward` m/s turning at `turn_rate` rad/s in this tick.
 
         acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed.
-        Where the controller would no longer read a wheel that fast, both go slower by the same share.
+        Where the controller would no longer read a wheel that fast, both go slower by the same share. Raises
+        ValueError for what is no finite number: as a duty it would be full power.
         """
-        self._claim()
-        forward, turn_rate = (
-            float(forward),
-            float(turn_rate),
-        )  # NumPy's stop here: loops and recordings have none
+        # Numbers of NumPy stop here: the wheels' loops and the recordings have plain ones.
+        forward, turn_rate = float(forward), float(turn_rate)
         acceleration, turn_acceleration = float(acceleration), float(turn_acceleration)
+        if not math.isfinite(forward + turn_rate + acceleration + turn_acceleration):
+            asked = f"{forward} m/s, {turn_rate} rad/s, {acceleration} m/s2 and {turn_acceleration} rad/s2"
+            raise ValueError(f"velocity is {asked}: all of them must be finite numbers")
+        self._claim()
         turn = turn_rate * self._half_track
         gain = acceleration / self._radius
         spin = turn_acceleration * self._half_track / self._radius * self._turn_inertia_share
@@ -239,7 +241,3 @@ class Drive:
     def half_track(self) -> float:
         """Half the track width, m."""
         return self._half_track
-
-    def is_finite(self) -> bool:
-        """False when something asked for a speed that is not a number."""
-        return math.isfinite(self._target.left) and math.isfinite(self._target.right)

@@ -76,6 +76,10 @@ def open_robot(
     written there is a RuntimeWarning and the robot runs without. seed: of the simulator. Raises ConfigError,
     HardwareError, FileNotFoundError.
     """
+    if not isinstance(config, RobotConfig | str | Path):
+        raise TypeError(f"config is {config!r}: it must be the name of a robot.toml, or a RobotConfig")
+    if seed is not None and (not hasattr(seed, "__index__") or seed < 0):
+        raise ValueError(f"seed is {seed!r}: it must be a whole number from 0")
     return Opening(_opened(config, port, record, seed))
 
 

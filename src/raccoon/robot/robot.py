@@ -6,6 +6,7 @@ recording. Nothing here reads a clock, a file or a random number: time comes wit
 
 from __future__ import annotations
 
+import math
 from contextlib import ExitStack
 from threading import get_ident
 from types import TracebackType
@@ -65,6 +66,11 @@ class Robot(Knowledge):
         self._running: str | None = None
         self._thread = 0  # in which it runs
 
+    def __repr__(self) -> str:
+        here = self.estimate
+        place = f"x {here.x:z.3f} m, y {here.y:z.3f} m, heading {math.degrees(here.heading):z.1f} deg"
+        return f"<Robot {self.config.name}: {place}, {here.status}>"
+
     # -- the loop -----------------------------------------------------------------------------------------
 
     def run(self, action: Action[T]) -> T:
@@ -79,6 +85,9 @@ class Robot(Knowledge):
         self.require()
         if self._running is not None:
             self._refuse(f"run({action.name})", "compose actions with seq, parallel or then")
+        if self.drive.asked:  # by a loop that ended before its tick
+            self.drive.stop()
+            self.replan()
         body = action.start(self)
         self._running, self._thread = f"run({action.name})", get_ident()
         try:

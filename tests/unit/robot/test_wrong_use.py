@@ -252,6 +252,40 @@ def test_reading_a_port_that_is_not_there_is_refused() -> None:
         assert robot.digital(9) is False
 
 
+@pytest.mark.parametrize(
+    "asked", [(NAN, 0.0), (0.1, NAN), (float("-inf"), 0.0), (float("inf"), float("-inf"))]
+)
+def test_a_loop_that_asks_for_no_number_is_refused(asked: tuple[float, float]) -> None:
+    """It drove ahead at full power, also where -inf was asked for."""
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(wait(0.5))
+        robot.drive.velocity(0.1)
+        robot.tick()
+        with pytest.raises(ValueError, match=r"velocity is .* all of them must be finite numbers"):
+            robot.drive.velocity(*asked)
+        robot.tick()
+        assert robot.outputs.duty == (0.0,) * 4
+
+
+def test_a_motion_after_a_loop_that_ended_before_its_tick_is_no_second_one() -> None:
+    """It was said to drive at the same time as another action, of which there was none."""
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(wait(0.5))
+        robot.drive.velocity(0.1)
+        assert robot.run(straight(0.05)).along == pytest.approx(0.0, abs=0.002)
+
+
+def test_what_opens_no_robot_is_refused_by_its_name() -> None:
+    with pytest.raises(TypeError, match="config is 3: it must be the name of"):
+        open_robot(loose(3))
+    for seed in (-1, 1.5, "a"):
+        with pytest.raises(ValueError, match=f"seed is {seed!r}: it must be a whole number from 0"):
+            open_robot(CONFIG, seed=loose(seed))
+    with open_robot(replace(CONFIG, name="drumbot"), port=simulated(), seed=loose(np.int64(3))) as robot:
+        robot.tick()
+        assert repr(robot) == "<Robot drumbot: x 0.000 m, y 0.000 m, heading 0.0 deg, ok>"
+
+
 def test_a_cycle_within_a_cycle_is_refused() -> None:
     """It took the drive's command away: the wheels stopped for a tick."""
     with open_robot(CONFIG, port=simulated()) as robot:
