@@ -217,6 +217,10 @@ def _named(table: Mapping[str, Any], group: str, kind: type[Any], port_key: str)
     found = {}
     for name, entry in subtable(table, group, "").items():
         where = f"{group}.{name}"
+        if not isinstance(entry, Mapping):
+            raise ConfigError(
+                f"{where} = {shown(entry)}: it must be in a section with the {group}'s name, [{group}.NAME]"
+            )
         found[name] = section(kind, entry, where)
         taken = getattr(found[name], port_key)
         if taken in users:
@@ -227,7 +231,9 @@ def _named(table: Mapping[str, Any], group: str, kind: type[Any], port_key: str)
 
 def _motor_port(key: str) -> int:
     if key not in {str(each) for each in range(MOTOR_PORTS)}:
-        raise ConfigError(f"motor.{key}: allowed are the ports 0 to {MOTOR_PORTS - 1}")
+        raise ConfigError(
+            f"motor.{key}: allowed are the ports 0 to {MOTOR_PORTS - 1}, a section each, as in [motor.0]"
+        )
     return int(key)
 
 

@@ -86,6 +86,11 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[drive]\nleft = true", r"drive.left = True: allowed are the ports"),
         ("[drive]\nleft = 1", r"drive.left and drive.right are both motor port 1"),
         ("[motor.4]\ninverted = true", r"motor.4: allowed are the ports 0 to 3"),
+        (
+            "[motor]\ninverted = true",
+            r"motor.inverted: allowed are the ports .* a section each, as in \[motor.0\]",
+        ),
+        ("[tophat]\nanalog = 1", r"tophat.analog = 1: it must be in a section with .* name, \[tophat.NAME\]"),
         ("[motor.0]\ninverted = 1", r"motor.0.inverted = 1: allowed are true and false"),
         (
             "[motor.0]\nradians_per_tick = 0",
