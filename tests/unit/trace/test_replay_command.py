@@ -220,3 +220,15 @@ def test_a_program_that_is_replayed_opens_no_robot_of_its_own(recorded: Path, tm
     )
     with pytest.raises(ConfigError, match=r"opens no robot: what it does belongs in mission\(robot\)"):
         run(recorded, "--program", tmp_path / "team.py")
+
+
+def test_time_in_milliseconds_is_asked_about(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It drove nowhere for hours, and nothing was said."""
+    recording = recording_of(read_trace(recorded))
+    for factor, said in ((1.0, False), (1e3, True)):
+        columns = {**recording.columns, "t": factor * recording["t"]}
+        write_csv(Recording(columns), tmp_path / "run.csv")
+        run(tmp_path / "run.csv")
+        assert ("t advances by 5 s a row: is it in milliseconds?" in capsys.readouterr().out) is said

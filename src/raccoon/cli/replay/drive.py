@@ -39,6 +39,10 @@ class Drive:
     notes: list[str] = field(default_factory=list)
 
 
+MILLISECONDS = 1.0
+"""S from one row to the next from which they are likely to be of another unit."""
+
+
 def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     """Run the odometry over a recorded run.
 
@@ -53,6 +57,12 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
             "the recording does not say its robot: taken for the default one (--robot names another)"
         )
     _check_wheels(run, config)
+    steps = np.diff(run.recording["t"])
+    if len(steps) and float(np.median(steps)) >= MILLISECONDS:
+        notes.append(
+            f"t advances by {float(np.median(steps)):.3g} s a row: is it in milliseconds? Between two rows "
+            "nobody knows where the robot went"
+        )
     odometry = Odometry(config)
     rows = []
     command = None
