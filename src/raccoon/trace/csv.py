@@ -20,7 +20,7 @@ import numpy as np
 from raccoon.core.errors import TraceError
 from raccoon.core.files import named
 from raccoon.trace.format import Event
-from raccoon.trace.mistaken import check_is_csv
+from raccoon.trace.mistaken import csv_separator
 from raccoon.trace.recording import Recording
 
 MAX_BYTES = 1 << 30
@@ -41,23 +41,26 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
 
     strict: raise TraceError at the first bad row or value, naming line, column and value. Otherwise a bad
     value is left blank, a bad row and a last one without an end left out, and each is listed in
-    `Recording.problems`. A file that has no
-    usable header, is too large or is wrong almost everywhere is refused in any case.
+    `Recording.problems`. A file that has no usable header, is too large or is wrong almost everywhere is
+    refused in any case. Columns may also be parted by semicolons or tabs, and halves written 0,5 then, as
+    spreadsheets do in many countries.
     """
     path = Path(path)
     try:
         if path.stat().st_size > MAX_BYTES:
             raise TraceError(f"the file has more than {MAX_BYTES} bytes")
-        check_is_csv(path)
+        separator = csv_separator(path)
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
-            return _Reader(file, strict).recording()
+            return _Reader(file, strict, separator).recording()
     except (TraceError, csv.Error) as error:
         raise TraceError(f"{path}: {error}") from None
 
 
 class _Reader:
-    def __init__(self, file: IO[str], strict: bool) -> None:
-        self._rows = csv.reader(self._bounded_lines(file), strict=True)
+    def __init__(self, file: IO[str], strict: bool, separator: str) -> None:
+        self._rows = csv.reader(self._bounded_lines(file), strict=True, delimiter=separator)
+        self._commas = separator != ","  # whether halves may be 0,5
+        self._mark = ""  # what they turned out to be written with
         self._cut = False
         self._strict = strict
         self._problems: list[str] = []
@@ -118,11 +121,23 @@ class _Reader:
     def _value(self, name: str, cell: str) -> float:
         if not cell:
             return math.nan
-        value, allowed = _parse(name, cell)
+        value, allowed = _parse(name, self._with_point(cell) if self._commas else cell)
         if value is None:
             self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed} and blank")
             return math.nan
         return value
+
+    def _with_point(self, cell: str) -> str:
+        """A number as spreadsheets write it in many countries. Where both marks are in a file, one of them
+        parts thousands, and which is not known."""
+        mark = "," if "," in cell else "." if "." in cell else ""
+        if mark and self._mark not in ("", mark):
+            raise TraceError(
+                f"line {self._rows.line_num}: {cell[:40]!r} has another decimal mark than the numbers "
+                "before: write all of them with a point, and none that parts thousands"
+            )
+        self._mark = mark or self._mark
+        return cell.replace(",", ".")
 
     def _keep(self, row: dict[str, float], columns: dict[str, array[float]]) -> None:
         self._count += 1

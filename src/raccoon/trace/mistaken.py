@@ -20,21 +20,26 @@ OTHERS: Mapping[str, str] = {
 }
 """What files are that people have beside their recordings, by the endings of their names."""
 SWEEP_HEADER = "run,seed,status,"
+SEPARATORS = (",", ";", "\t")
 KIND_BYTES = 4096
 SHOWN = 40
 MOST_ODD = 4
 """Letters of a header that are no UTF-8: an old program may have written a few."""
 
 
-def check_is_csv(path: Path) -> None:
-    """Raise TraceError for what is no CSV, by its name and by how it begins: its first line would be shown as
-    a header."""
+def csv_separator(path: Path) -> str:
+    """What stands between the columns of a CSV: a comma, or what a spreadsheet writes where halves are 0,5.
+
+    Raises TraceError for what is no CSV, by its name and by how it begins: its first line would be shown as a
+    header.
+    """
     with path.open("rb") as file:
         start = file.read(KIND_BYTES)
     line = start.partition(b"\n")[0]
     text = line.decode("utf-8-sig", "replace")
-    if "t" in [name.strip() for name in text.split(",")]:
-        return
+    for separator in SEPARATORS:
+        if "t" in [name.strip().strip('"') for name in text.split(separator)]:
+            return separator
     if path.suffix in OTHERS and b"raccoon trace" not in line:
         raise TraceError(f"it seems to be {OTHERS[path.suffix]}; {TAKEN}")
     _check_form(start, text)
@@ -44,6 +49,7 @@ def check_is_csv(path: Path) -> None:
         begin = text.strip()
         shown = begin if len(begin) <= SHOWN else f"{begin[:SHOWN]}..."
         raise TraceError(f"it seems to be a text that begins with {shown!r}; {TAKEN}")
+    return SEPARATORS[0]
 
 
 def _check_form(start: bytes, line: str) -> None:
@@ -56,8 +62,3 @@ def _check_form(start: bytes, line: str) -> None:
         raise TraceError("it looks like JSON Lines, not CSV: name it .jsonl")
     if "\0" in line or line.count("\ufffd") > MOST_ODD:
         raise TraceError("it is no text: a CSV file begins with the names of its columns")
-    for sign, name in ((";", "semicolons"), ("\t", "tabs")):
-        if sign in line and "," not in line:
-            raise TraceError(
-                f"line 1: the columns are separated by {name}: commas are expected, and 0.5 for a half"
-            )

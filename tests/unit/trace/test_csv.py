@@ -146,8 +146,8 @@ def test_a_file_that_is_no_recording_is_refused(
         (b'{"format":"raccoon trace","version":1}\n', "name it .jsonl"),
         (bytes(range(128, 256)), "it is no text"),
         (b"t\0x\n", "it is no text"),
-        (b"t;x\n0,5;1\n", "line 1: the columns are separated by semicolons: commas are expected"),
-        (b"t\tx\n0\t1\n", "separated by tabs"),
+        (b"time;x\n0,5;1\n", "line 1: there is no column t in the header 'time;x'"),
+        (b"t;x\n0,5;1\n1,0;1.234\n", "line 3: '1.234' has another decimal mark than the numbers before"),
     ],
 )
 def test_what_is_no_csv_is_named(tmp_path: Path, content: bytes, message: str) -> None:
@@ -158,6 +158,24 @@ def test_what_is_no_csv_is_named(tmp_path: Path, content: bytes, message: str) -
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
     assert str(caught.value).isascii()  # none of the bytes is shown
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        't;imu.gyro.z;truth.surface.0;event\n0,5;-1,5e-3;black;"a; b"\n1,0;;white;\n',
+        '"t";"imu.gyro.z";"truth.surface.0";"event"\r\n"0,5";"-1,5E-03";"black";"a; b"\n"1";"";"white";""\n',
+        "t\timu.gyro.z\ttruth.surface.0\tevent\n0.5\t-0.0015\tblack\ta; b\n1.0\t\twhite\t\n",
+        '\ufefft;imu.gyro.z;truth.surface.0;event\n.5;-.0015;black;"a; b"\n1;;white;\n',
+    ],
+    ids=["semicolons", "quoted", "tabs", "points"],
+)
+def test_what_spreadsheets_of_other_countries_write_is_read(tmp_path: Path, text: str) -> None:
+    recording = read_csv(write(tmp_path / "run.csv", text))
+    np.testing.assert_array_equal(recording["t"], [0.5, 1.0])
+    np.testing.assert_array_equal(recording["imu.gyro.z"], [-0.0015, np.nan])
+    np.testing.assert_array_equal(recording["truth.surface.0"], [1.0, 0.0])
+    assert [(each.tick, each.text) for each in recording.events] == [(0, "a; b")]
 
 
 def test_a_last_line_without_an_end_may_be_cut_off(tmp_path: Path) -> None:
