@@ -35,6 +35,6 @@ def without_numba(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def _forget() -> None:
-    cached: tuple[Any, ...] = (compiled.advance_one, compiled.advance_lanes, compiled._made)
+    cached: tuple[Any, ...] = (compiled.advance_cells, compiled.advance_lanes, compiled._made)
     for each in cached:
         each.cache_clear()

@@ -129,12 +129,14 @@ class Contact:
             along_x, along_y = self._world.slope(x, y)
             level = self._level
             # A plant's slopes are in the frame of its start pose.
-            plant = level._replace(
-                slope_x=level.slope_x + (self._cosine * along_x + self._sine * along_y),
-                slope_y=level.slope_y + (self._cosine * along_y - self._sine * along_x),
-                pushed_left=self.loads[0],
-                pushed_right=self.loads[1],
+            pulls = (
+                level.slope_x + (self._cosine * along_x + self._sine * along_y),
+                level.slope_y + (self._cosine * along_y - self._sine * along_x),
+                *self.loads,
             )
+            if pulls != (plant.slope_x, plant.slope_y, plant.pushed_left, plant.pushed_right):
+                slope_x, slope_y, left, right = pulls
+                plant = level._replace(slope_x=slope_x, slope_y=slope_y, pushed_left=left, pushed_right=right)
         self._touching = touching
         return plant
 

@@ -98,12 +98,8 @@ def command(order: Order, sample_left: float, sample_right: float, to_go: float)
 def advance(
     s: State, p: Plant, commands: Any, times: Any, begin: int, end: int,
     cycle: float, longest_step: float, slots: tuple[float, float], noise: Any, kept: Any, out: Any,
-) -> tuple[float, ...]:  # fmt: skip
+) -> State:  # fmt: skip
     """The state at times[end], from the state at times[begin]; row r's command is given at times[r].
-
-    A plain tuple: to make a named one, numba calls Python after the compiled function, and where a signal
-    handler raises in there (Ctrl-C, SIGTERM, the end of a match) it goes on with what it did not get, and
-    crashes.
 
     commands: duty left, duty right, closed left, closed right, one entry a row each. cycle: s of the
     controller's cycle. longest_step: s. slots: where in a cycle the motors are sampled, 1 is its end. noise:
@@ -138,4 +134,4 @@ def advance(
             turn += 1
         for channel in range(len(kept)):
             out[channel, row - begin] = s[kept[channel]]
-    return s[:]
+    return s

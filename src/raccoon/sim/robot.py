@@ -94,12 +94,11 @@ class SimulatedRobot:
         for ours, draws in zip(self._noise, noise, strict=True):
             for index, draw in enumerate(draws):
                 ours[index] = draw
-        after = self._advance(
+        self._rolled = self._advance(
             self._rolled, self._plant, self._past, self._times,
             self._rows - 1, self._rows, self._cycle, self._longest_step, self._slots,
             self._noise, self._kept, self._out,
         )  # fmt: skip
-        self._rolled = State._make(after)
         self._meet_the_world()
 
     def _meet_the_world(self) -> None:

@@ -36,9 +36,8 @@ class Steps:
         ):
             values[0] = value
         self._times[1] = seconds
-        return State._make(
-            self._advance(
-                state, plant, self._commands, self._times, 0, 1, _WHOLE, _WHOLE, (1.0, 1.0),
-                self._noise, self._kept, self._out,
-            )
+        after: State = self._advance(
+            state, plant, self._commands, self._times, 0, 1, _WHOLE, _WHOLE, (1.0, 1.0),
+            self._noise, self._kept, self._out,
         )  # fmt: skip
+        return after

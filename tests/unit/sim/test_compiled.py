@@ -10,14 +10,14 @@ from raccoon.sim.lanes import KINDS
 
 numba = pytest.importorskip("numba")
 
-TEXT = "def advance(x):\n    return 2 * x\n"
+TEXT = "def advance_cells(x):\n    return 2 * x\n"
 """Compiled in a moment."""
 
 
 def said(caplog: pytest.LogCaptureFixture) -> list[str]:
     """What a new process would say, that calls the function of TEXT twice."""
     caplog.clear()
-    function = compiled.announced(compiled.compiled_module(TEXT).advance, "a test", logging.INFO)
+    function = compiled.announced(compiled.compiled_module(TEXT).advance_cells, "a test", logging.INFO)
     assert (function(2), function(3)) == (4, 6)
     return caplog.messages
 

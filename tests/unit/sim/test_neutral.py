@@ -12,7 +12,7 @@ from raccoon.core.config import RobotConfig, TophatConfig
 from raccoon.core.readings import Outputs
 from raccoon.sim import driver
 from raccoon.sim.catalogue import CATALOGUE
-from raccoon.sim.compiled import advance_one, python_module, source
+from raccoon.sim.compiled import advance_cells, advance_one, python_module, source
 from raccoon.sim.effects import Effect, Place
 from raccoon.sim.lanes import GIVING, KINDS, SELDOM, Kind
 from raccoon.sim.parameters import Parameters
@@ -154,7 +154,8 @@ def test_no_python_runs_inside_the_compiled_call() -> None:
     # A signal handler could raise in there, and numba does not look whether one did: it crashes.
     pytest.importorskip("numba")
     arguments = compiled_arguments(everything_but("none", seed=11), np.zeros((len(State._fields), ROWS)))
-    advance = advance_one()
+    arguments = np.array(arguments[0]), np.array(arguments[1]), *arguments[2:]
+    advance = advance_cells()
     advance(*arguments)  # loads what is compiled, which runs much of it
     called: set[str] = set()
     sys.setprofile(lambda frame, event, _: called.add(frame.f_code.co_name) if event == "call" else None)
@@ -162,4 +163,4 @@ def test_no_python_runs_inside_the_compiled_call() -> None:
         advance(*arguments)
     finally:
         sys.setprofile(None)
-    assert called <= {"advance"}
+    assert called <= {"advance_cells"}

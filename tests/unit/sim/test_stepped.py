@@ -60,3 +60,13 @@ def test_compiled_it_is_the_equations(plant: Plant) -> None:
 
 def test_it_is_without_numba(plant: Plant, without_numba: None) -> None:
     assert _motion(_by_steps(plant)) == _motion(_by_equations(plant))
+
+
+def test_what_it_is_given_counts_and_not_what_it_gave_last(plant: Plant) -> None:
+    other = plant._replace(coulomb_left=2.0 * plant.coulomb_left)
+    steps, one, two = Steps(), [state_at_rest(plant)], [state_at_rest(other)]
+    for seconds, left, right in DRIVES * 4:
+        one.append(steps.after(one[-1], plant, seconds, left, right))
+        two.append(steps.after(two[-1], other, seconds, left, right))
+    assert one == _by_steps(plant)[: len(one)]
+    assert two == _by_steps(other)[: len(two)]
