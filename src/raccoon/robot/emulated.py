@@ -65,7 +65,7 @@ class SimulatedPlant:
     def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
         """Let time pass with the motors driven this way."""
         before = self._forward_speed
-        left, right = (drives[port] for port in self._ports)
+        left, right = drives[self._ports[0]], drives[self._ports[1]]
         left = None if left is None else self._signs[0] * left
         right = None if right is None else self._signs[1] * right
         steps = math.ceil(seconds / LONGEST_STEP)

@@ -31,10 +31,9 @@ class Steps:
     ) -> State:
         """The robot one step of `seconds` later. left, right: duty at the drivers, -1..1, forward positive;
         None where a motor coasts."""
-        for values, value in zip(
-            self._commands, (left or 0.0, right or 0.0, left is not None, right is not None), strict=True
-        ):
-            values[0] = value
+        duty_left, duty_right, closed_left, closed_right = self._commands
+        duty_left[0], closed_left[0] = (0.0, 0.0) if left is None else (left, 1.0)
+        duty_right[0], closed_right[0] = (0.0, 0.0) if right is None else (right, 1.0)
         self._times[1] = seconds
         after: State = self._advance(
             state, plant, self._commands, self._times, 0, 1, _WHOLE, _WHOLE, (1.0, 1.0),

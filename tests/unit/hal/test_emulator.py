@@ -3,7 +3,6 @@
 import struct
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from types import FrameType
 from typing import Any
 
@@ -363,7 +362,7 @@ class StruckPlant(ConstantPlant):
             return state
         lost = self.left * min(1.0, seconds / 0.0005)
         self.left -= lost
-        return replace(state, accel=(-lost / seconds, 0.0, 9.80665))
+        return state._replace(accel=(-lost / seconds, 0.0, 9.80665))
 
 
 @pytest.mark.parametrize("late", [0.0, 0.0013, 0.0026, 0.0039])

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, MOTOR_PORTS
 
@@ -14,8 +13,7 @@ coasts. Signs are those of docs/quantities.md with the stock firmware's polarity
 COAST: tuple[Drive, ...] = (None,) * MOTOR_PORTS
 
 
-@dataclass(frozen=True, slots=True)
-class PlantState:
+class PlantState(NamedTuple):  # made in every step: a frozen dataclass takes several times as long
     """True values, before any sensor.
 
     bemf_volts: induced voltage of each motor. gyro: rad/s about forward, left, up. accel: specific force in
