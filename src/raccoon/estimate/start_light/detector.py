@@ -252,13 +252,14 @@ class StartLight:
         self._brightest = min(self._brightest, self._ambient)
 
     def _reading(self, *, fired: bool, refused: bool = False) -> StartLightReading:
+        threshold = self.threshold
         if self._unknown:
             status = Status.INVALID
-        elif self.threshold <= (LEAST_COUNTS if self._lamp is None else self._lamp):
+        elif threshold <= (LEAST_COUNTS if self._lamp is None else self._lamp):
             status = Status.UNCERTAIN
         else:
             status = Status.OK
-        return StartLightReading(fired, self._ambient, self.threshold, status, refused)
+        return StartLightReading(fired, self._ambient, threshold, status, refused)
 
 
 def wait_for_light(
