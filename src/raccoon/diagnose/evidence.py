@@ -45,8 +45,10 @@ def bounded_least(matrix: Array, projection: Array, low: Array, high: Array) -> 
             if not back.any():
                 return found
             free |= back
-        pull = projection[free] - matrix[np.ix_(free, ~free)] @ found[~free]
-        found[free] = np.linalg.solve(matrix[np.ix_(free, free)], pull)
+        inside, held = np.flatnonzero(free), np.flatnonzero(~free)
+        rows = inside[:, None]  # as np.ix_ has them, which takes as long as to solve
+        pull = projection[inside] - matrix[rows, held] @ found[held]
+        found[inside] = np.linalg.solve(matrix[rows, inside], pull)
     return _bounded_slowly(matrix, projection, low, high)
 
 
@@ -82,7 +84,7 @@ class Gram:
     def take(self, index: Sequence[int] | Array) -> Gram:
         """Only these columns."""
         chosen = np.asarray(index, int)
-        return Gram(self.matrix[np.ix_(chosen, chosen)], self.projection[chosen], self.power)
+        return Gram(self.matrix[chosen[:, None], chosen], self.projection[chosen], self.power)
 
     def solve(self) -> tuple[Array, float, Array]:
         """Posterior mean, log evidence relative to no columns, posterior covariance."""
