@@ -232,6 +232,7 @@ def number(value: float, nominal: float = 0.0, std: float = 0.001) -> ParameterR
     return ParameterResult(value, std, "", nominal)
 
 
+@pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize(
     ("id_", "values", "what", "todo"),
     [
@@ -268,6 +269,7 @@ def assert_told(id_: str, numbers: dict[str, ParameterResult], what: str, todo: 
     assert told(cause).todo not in html.partition("<h2>")[0]
 
 
+@pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize(
     ("along_x", "along_y", "way"),
     [
@@ -284,6 +286,7 @@ def test_a_slope_has_a_size_and_a_direction(along_x: float, along_y: float, way:
     )
 
 
+@pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize(
     ("dry", "viscous", "what", "todo"),
     [
@@ -314,6 +317,7 @@ def test_every_cause_of_a_drive_has_a_sentence_and_an_action() -> None:
         assert ": " not in said.what + said.todo
 
 
+@pytest.mark.usefixtures("words_only")
 def test_a_sentence_of_another_kind_of_recording_stays_whole() -> None:
     own = replace(CAUSE, explanation="Dry friction of 0.3 V brakes the axis: a worn screw.")
     assert told(own).what == "Dry friction of 0.3 V brakes the axis: a worn screw"

@@ -1,5 +1,6 @@
 import json
 import math
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from raccoon.estimate.tophat.store import KEPT, StoredCalibration, TophatStore
 from raccoon.estimate.tophat.watch import CalibrationWatch, Fit, height_changed, swapped
 
 
+@cache
 def made(white: float, black: float, seed: int = 0) -> TophatCalibration:
     rng = np.random.default_rng(seed)
     return calibrate(np.concatenate([rng.normal(white, 5, 400), rng.normal(black, 8, 60)]))

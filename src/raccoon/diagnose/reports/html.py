@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -67,6 +68,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
     return text
 
 
+@cache
 def template(name: str) -> Any:
     """A page of this package. Raises ConfigError where jinja2 is not installed."""
     try:
