@@ -133,17 +133,16 @@ class _LowPass:
         self._followed = self.value = value
 
     def follow(self, before: Vector, after: Vector, share: float) -> None:
-        """Let what comes in go from `before` to `after`. share: of the way that each pole goes meanwhile."""
-        followed = _towards(self._followed, before, after, share)
-        self.value = _towards(self.value, self._followed, followed, share)
-        self._followed = followed
-
-
-def _towards(value: Vector, before: Vector, after: Vector, share: float) -> Vector:
-    """What follows something between `before` and `after`: by a share of what it is behind their middle."""
-    x, y, z = value
-    return (
-        x + share * (0.5 * (before[0] + after[0]) - x),
-        y + share * (0.5 * (before[1] + after[1]) - y),
-        z + share * (0.5 * (before[2] + after[2]) - z),
-    )
+        """Let what comes in go from `before` to `after`. share: of the way to the middle of what comes in to
+        it that each pole goes meanwhile."""
+        x, y, z = self._followed
+        ahead_x = x + share * (0.5 * (before[0] + after[0]) - x)
+        ahead_y = y + share * (0.5 * (before[1] + after[1]) - y)
+        ahead_z = z + share * (0.5 * (before[2] + after[2]) - z)
+        self._followed = ahead_x, ahead_y, ahead_z
+        out_x, out_y, out_z = self.value
+        self.value = (
+            out_x + share * (0.5 * (x + ahead_x) - out_x),
+            out_y + share * (0.5 * (y + ahead_y) - out_y),
+            out_z + share * (0.5 * (z + ahead_z) - out_z),
+        )
