@@ -208,15 +208,20 @@ def time_constants(plants: NDArray[np.float64]) -> NDArray[np.float64]:
 
     plants: (robots, fields of Plant).
     """
-    at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
     damping = [
-        at[f"back_emf_{side}"] ** 2 / at[f"resistance_{side}"] + at[f"viscous_{side}"] for side in SIDES
+        _column(plants, f"back_emf_{side}") ** 2 / _column(plants, f"resistance_{side}")
+        + _column(plants, f"viscous_{side}")
+        for side in SIDES
     ]
     return np.asarray(_least_inertia(plants) / np.maximum(*damping), float)
 
 
+def _column(plants: NDArray[np.float64], field: str) -> NDArray[np.float64]:
+    return np.asarray(plants[:, Plant._fields.index(field)])
+
+
 def _least_inertia(plants: NDArray[np.float64]) -> NDArray[np.float64]:
-    own, other = (plants[:, Plant._fields.index(f"inertia_{each}")] for each in ("own", "other"))
+    own, other = _column(plants, "inertia_own"), _column(plants, "inertia_other")
     return np.asarray(own - np.abs(other), float)
 
 
@@ -228,14 +233,13 @@ def safe_step(plants: NDArray[np.float64]) -> float:
     plants: (robots, fields of Plant). Raises ConfigError where a time constant is below 0.1 ms, which no
     drive train has.
     """
-    at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
     shortest = float(np.min(time_constants(plants)))
     if shortest < SHORTEST:
         raise ConfigError(
             f"the robot's mechanical time constant is {shortest} s: allowed are {SHORTEST:g} s and more"
         )
-    loose = any(np.any(at[f"half_play_{side}"] > 0.0) for side in SIDES)
-    swing = np.sqrt(at["compliance"] * _least_inertia(plants))
+    loose = any(np.any(_column(plants, f"half_play_{side}") > 0.0) for side in SIDES)
+    swing = np.sqrt(_column(plants, "compliance") * _least_inertia(plants))
     swiftest = float(np.min(swing, where=swing > 0.0, initial=math.inf))
     return min(0.5 * shortest, LOOSE_STEP if loose else math.inf, BRISTLE_STEP * swiftest)
 
