@@ -106,13 +106,14 @@ def _step(y: Array, s: Array, clear: float = CLEAR_STEP, ways: int = 1) -> tuple
     places = range(LEAST_SIDE, len(y) - LEAST_SIDE + 1)
     for place in places:
         one, two = y[:place], y[place:]
-        left = float(((one - one.mean()) ** 2).sum() + ((two - two.mean()) ** 2).sum())
+        before, after = one.mean(), two.mean()
+        left = float(((one - before) ** 2).sum() + ((two - after) ** 2).sum())
         spread, freedom = _spread(left, s)
         size = spread * math.sqrt(1.0 / len(one) + 1.0 / len(two))
-        score = abs(float(two.mean() - one.mean())) / max(size, 1e-300)
-        if score < max(clear, _by_chance(freedom, ways * len(places))):
+        score = abs(float(after - before)) / max(size, 1e-300)
+        if score < clear or (best is not None and score <= best[0]):
             continue
-        if best is None or score > best[0]:
+        if score >= _by_chance(freedom, ways * len(places)):
             best = score, place, spread
     return best
 
