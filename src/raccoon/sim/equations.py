@@ -6,9 +6,8 @@ many side by side. That asks for three habits: no branches that change what is c
 
 A statement that ends with `# effect: ID` is the term of that effect. At the neutral value it changes nothing,
 not even the last bit: without the statement the plant gives the same numbers. One that ends with
-`# world: contact` is left out for robots in lanes, which have no table, and one that ends with `# creeping` for
-those whose wheels give, but do not creep. docs/simulator.md derives the
-equations.
+`# world: contact` is left out for robots in lanes, which have no table, and one that ends with `# creeping`
+for those whose wheels give, but do not creep. docs/simulator.md derives the equations.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ SELDOM: Mapping[str, Mapping[str, float]] = {
 }
 """Effects that cost much and that few robots have; the fields of `Plant`, neutral where one is off."""
 LOOSE = ("drive.backlash", "drive.wheel_slip", "drive.wheel_eccentricity")
-"""Those of them between a motor and the floor, without which a wheel's angle and play need not be followed."""
+"""Those of them between motor and floor, without which a wheel's angle and play need not be followed."""
 GIVING: Mapping[str, float] = {"compliance": 0.0, "creep": 0.0}
 """What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
 Every robot of a diagnosis has it, and no other."""

@@ -145,7 +145,7 @@ def test_readings_alone_are_the_same_bits() -> None:
         "drive.wheel_eccentricity": {"amplitude": 0.01},
     }
     assert set(seldom) == set(SELDOM)
-    robots += [giving[0].with_effect(name, **numbers) for name, numbers in seldom.items()]
+    robots += [giving[0].with_effect(name, None, **numbers) for name, numbers in seldom.items()]
     robots += [robots[-1].with_effect("motor.current_limit", limit=0.5)]
     whole = rollout(robots, STEPS, longest_step=0.001)
     asked = rollout(robots, STEPS, channels=names, longest_step=0.001, readings_only=True)
@@ -170,7 +170,7 @@ def kinds_of(plant: NDArray[np.float64], readings_only: bool) -> list[str]:
 def test_each_robot_runs_once_and_where_least_is_computed_for_it() -> None:
     giving = giving_robots(8)  # whole vectors
     scrubbing, loose = (
-        [each.with_effect(name, **{number: 0.02}) for each in giving]
+        [each.with_effect(name, None, **{number: 0.02}) for each in giving]
         for name, number in (("drive.turn_scrub", "torque"), ("drive.backlash", "angle"))
     )
     robots = {READ_KIND: giving, ROLLING_KIND: scrubbing, LOOSE_KIND: loose, SELDOM_KIND: some_robots(8)}
