@@ -20,6 +20,7 @@ from csv_files import written
 from raccoon.cli.diagnose_many import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.reports.html import template
 from raccoon.sim.model_file import save_model
 from raccoon.sim.parameters import Parameters
 from unit.diagnose.axes import motor
@@ -82,6 +83,7 @@ def test_what_was_found_is_said_where_the_page_cannot_be_made(
     path = written(tmp_path / "motor.csv", motor(5, 0.008))
     out, page = tmp_path / "out.json", tmp_path / "out.html"
     monkeypatch.setitem(sys.modules, "jinja2", None)
+    template.cache_clear()  # of other tests
     assert main(["diagnose", str(path), "--json", str(out), "--html", str(page)]) == 2
     said = capsys.readouterr()
     assert "Dry friction of 0.00" in said.out
