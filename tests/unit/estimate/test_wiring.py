@@ -56,6 +56,21 @@ def test_what_was_right_once_is_not_asked_again() -> None:
     assert fed((STRAIGHT, 0.0), (TURN, -1.5)).turned == ("left", "right")
 
 
+def test_what_a_robot_runs_into_is_no_plug() -> None:
+    """Straight ahead against an edge: it turns one way, and the wheels already correct that the other way."""
+    wiring = fed()
+    for _ in range(20):
+        wiring.update(STEP, *STRAIGHT, 0.0)
+    for _ in range(25):
+        wiring.update(STEP, -0.2, 1.2, -1.0)
+        assert wiring.suspects == ()
+    for _ in range(50):  # what lasts is no blow
+        wiring.update(STEP, -0.2, 1.2, -1.0)
+    assert wiring.turned == ("left", "right")
+    # The next motion is judged by itself.
+    assert fed((STRAIGHT, 0.0), (TURN, -1.5)).turned == ("left", "right")
+
+
 def test_a_verdict_that_was_wrong_is_taken_back() -> None:
     wiring = fed((STRAIGHT, 1.8))
     assert wiring.turned == ("left",)

@@ -61,6 +61,18 @@ def test_a_motion_ends_soon_and_says_what_is_wrong(
         assert robot.outputs.duty == (0.0,) * 4
 
 
+@pytest.mark.parametrize("behind", ["simulator", "stock"])
+def test_straight_ahead_it_is_said_once_the_heading_is_corrected_the_wrong_way(behind: str) -> None:
+    """At first the gyro sees nothing of two motors that are both the other way round."""
+    cables = RobotConfig(motors={0: TURNED, 1: TURNED})
+    with open_robot(RobotConfig(), port=wired(cables, behind)) as robot:
+        robot.run(wait(1.0))
+        begin = robot.time
+        with pytest.raises(MotionTimeout, match=OTHER_WAY):
+            robot.run(straight(0.3))
+        assert robot.time - begin < 5.0
+
+
 def test_a_drive_without_a_goal_says_it_in_the_log_and_calls_its_pose_invalid(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
