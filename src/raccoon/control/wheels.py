@@ -178,11 +178,11 @@ class WheelLoop:
         self.saturated = False
         self.missing_speed = 0.0
 
-    def hold(self, held: bool) -> None:
-        """Whether both wheels push against something: what they take then tells nothing of the motors, until
-        they come to rest. Whoever pushes for long is forgiven by the one who tells (a floor may be heavy).
+    def hold(self) -> None:
+        """Both wheels push against something: what they take tells nothing of the motors until they have come
+        to rest, also where the one who tells takes it for a heavy floor after a while.
         """
-        if held and not self._held:
+        if not self._held:
             self._held = True
             self._left.watch.doubt()
             self._right.watch.doubt()

@@ -177,7 +177,8 @@ class Drive:
             left, right = self._open_loop
             self.wheels.reset()
         else:
-            self.wheels.hold(HELD in estimate.reasons)
+            if HELD in estimate.reasons:
+                self.wheels.hold()
             left, right = self.wheels.step(
                 self._target, estimate.left_speed, estimate.right_speed, dt, battery_voltage
             )

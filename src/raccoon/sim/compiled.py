@@ -71,7 +71,7 @@ def source(kind: Kind = ANY) -> str:
 
 def _cells_text() -> str:
     """Source of `advance_cells`: `driver.advance` with the fields of state and plant in arrays, of which it
-    changes the state's. numba takes an array in a moment; and a hundred fields in ten times that of a step.
+    changes the state's. numba takes an array in a moment, and a hundred fields in ten times that of a step.
 
     It gives nothing back: to make a tuple, numba calls Python after the compiled function, and where a signal
     handler raises in there (Ctrl-C, SIGTERM, the end of a match) it goes on with what it did not get, and

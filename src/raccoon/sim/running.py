@@ -34,7 +34,7 @@ from raccoon.sim.quantities import Plant, State
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
-FEW = 1  # robots up to which one after the other is faster, but for the shortest equations
+FEW = 1  # robots up to which one after the other is faster where more than readings is asked
 SHORT = 500  # rows up to which a second thread costs more than it gains
 _SELDOM = {name: value for fields in SELDOM.values() for name, value in fields.items()}
 _LOOSE = {name: value for each in LOOSE for name, value in SELDOM[each].items()}

@@ -257,14 +257,11 @@ def _reading(causes: Sequence[CauseResult], side: str, k_e: Measured, model: Par
     """By what the causes, and the model where none is named, make a wheel's counts larger than robot.toml's.
     Its std is relative, and of robot.toml's K_E where no cause gives another."""
     named = _of_reading(causes, side)
-    values = [each.parameters["factor"] for each in named]
-    stds = [each.std / each.value for each in values]
+    factors = [each.parameters["factor"] for each in named]
+    values, stds = [each.value for each in factors], [each.std / each.value for each in factors]
     ids = {each.id for each in named}
     if K_E not in ids:
         stds.append(k_e.std / k_e.value)
-    has = (
-        1.0
-        if model is None
-        else math.prod(model.value(id_, "factor", side) for id_ in READING if id_ not in ids)
-    )
-    return Factor(has * math.prod(each.value for each in values), math.hypot(*stds))
+    if model is not None:
+        values += [model.value(id_, "factor", side) for id_ in READING if id_ not in ids]
+    return Factor(math.prod(values), math.hypot(*stds))

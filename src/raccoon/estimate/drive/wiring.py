@@ -38,8 +38,8 @@ class Wiring:
 
     def __init__(self) -> None:
         self._misfits = dict.fromkeys((AS_WRITTEN, LEFT_TURNED, RIGHT_TURNED, BOTH_TURNED), 0.0)
-        self._squares = self._seconds = self._rest = 0.0
-        self._sound, self._against = False, 0.0  # of this motion
+        self._squares = self._seconds = self._against = self._rest = 0.0
+        self._sound = False  # since this motion began
         self.suspects: tuple[Signs, ...] = ()
         """Signs, left and right, that the gyro agrees with where it does not with robot.toml. More than one
         where the motion does not tell them apart: then the robot may be stuck as well."""
@@ -62,7 +62,7 @@ class Wiring:
             return
         if left * left + right * right < LEAST_RATE * LEAST_RATE:
             self._rest += span
-            if self._rest >= REST:
+            if self._rest >= REST and self._seconds > 0.0:
                 self._begin()
             return
         self._rest = 0.0
@@ -78,8 +78,8 @@ class Wiring:
     def _begin(self) -> None:
         """The next motion is judged by itself: a robot that was stuck may be free."""
         self._misfits = dict.fromkeys(self._misfits, 0.0)
-        self._squares = self._seconds = 0.0
-        self._sound, self._against = False, 0.0
+        self._squares = self._seconds = self._against = 0.0
+        self._sound = False
         if not self.turned:
             self.suspects = ()
 
