@@ -12,7 +12,7 @@ complement), so scoring a set costs a solve of its own few columns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -26,15 +26,20 @@ BOUND_SWEEPS = 10
 """Most times that it is asked anew which coordinates a bound holds."""
 
 
-def bounded_least(matrix: Array, projection: Array, low: Array, high: Array) -> Array:
+def bounded_least(
+    matrix: Array, projection: Array, low: Array, high: Array, near: Array | None = None
+) -> Array:
     """Where u' matrix u - 2 projection' u is least inside bounds around 0; matrix: positive definite.
 
     By active sets: what would leave is held at its bound, the others go to where they are best beside it, and
     what is pushed inwards there is let go again. That is quick where it ends, which it mostly does after two
     or three times; where it goes round in circles the slow way is taken.
+
+    near: a point at the bounds that are likely to hold; it changes how long that takes, and nothing else.
     """
-    found = np.asarray(np.linalg.solve(matrix, projection), float)
-    free = np.ones(len(projection), bool)
+    found = np.zeros(len(projection)) if near is None else np.clip(near, low, high)
+    free = np.ones(len(projection), bool) if near is None else (found > low) & (found < high)
+    _freed(matrix, projection, found, free)
     for _ in range(BOUND_SWEEPS):
         out = free & ((found < low) | (found > high))
         if out.any():
@@ -45,11 +50,19 @@ def bounded_least(matrix: Array, projection: Array, low: Array, high: Array) -> 
             if not back.any():
                 return found
             free |= back
-        inside, held = np.flatnonzero(free), np.flatnonzero(~free)
-        rows = inside[:, None]  # as np.ix_ has them, which takes as long as to solve
-        pull = projection[inside] - matrix[rows, held] @ found[held]
-        found[inside] = np.linalg.solve(matrix[rows, inside], pull)
+        _freed(matrix, projection, found, free)
     return _bounded_slowly(matrix, projection, low, high)
+
+
+def _freed(matrix: Array, projection: Array, found: Array, free: NDArray[np.bool_]) -> None:
+    """Move what is free to where it is best beside the rest."""
+    if free.all():
+        found[:] = np.linalg.solve(matrix, projection)
+        return
+    inside, held = np.flatnonzero(free), np.flatnonzero(~free)
+    rows = inside[:, None]  # as np.ix_ has them, which takes as long as to solve
+    pull = projection[inside] - matrix[rows, held] @ found[held]
+    found[inside] = np.linalg.solve(matrix[rows, inside], pull)
 
 
 def _bounded_slowly(matrix: Array, projection: Array, low: Array, high: Array) -> Array:
@@ -122,14 +135,33 @@ class Gram:
         power = self.power - float(self.projection[:always] @ inner @ self.projection[:always])
         return Gram(0.5 * (matrix + matrix.T), projection, power)
 
-    def bounded(self, low: Array, high: Array) -> tuple[Array, float]:
-        """Most likely coordinates inside bounds, and log evidence relative to no columns, by Laplace's method
-        with the curvature of all columns: as `Fit.evidence` has it."""
+    def beside_bounded(
+        self, low: Array, high: Array, spans: Sequence[Sequence[int]]
+    ) -> Iterator[tuple[Array, float]]:
+        """Of each span of further columns, without bounds, the most likely coordinates beside the first ones,
+        which stay inside theirs, and the log evidence that it adds: by Laplace's method with the curvature of
+        all columns, as `Fit.evidence` has it.
+
+        log det of all = log det of the first + log det of what the span has beside them (Schur).
+        """
+        count = len(low)
+        own = list(range(count))
+        first, before = self.take(own)._least(low, high, None)
+        inverse = np.linalg.inv(np.eye(count) + self.matrix[:count, :count])
+        for span in spans:
+            far, none = np.full(len(span), np.inf), np.zeros(len(span))
+            whole = self.take([*own, *span])
+            limits = np.concatenate([low, -far]), np.concatenate([high, far])
+            mean, cost = whole._least(*limits, np.concatenate([first, none]))
+            cross = whole.matrix[count:, :count]
+            left = np.eye(len(span)) + whole.matrix[count:, count:] - cross @ inverse @ cross.T
+            yield mean[count:], -0.5 * (cost - before + float(np.linalg.slogdet(left)[1]))
+
+    def _least(self, low: Array, high: Array, near: Array | None) -> tuple[Array, float]:
+        """Most likely coordinates inside bounds, and what they cost."""
         inner = np.eye(len(self.projection)) + self.matrix
-        mean = bounded_least(inner, self.projection, low, high)
-        _, logdet = np.linalg.slogdet(inner)
-        cost = float(mean @ inner @ mean - 2.0 * self.projection @ mean)
-        return mean, -0.5 * (cost + float(logdet))
+        mean = bounded_least(inner, self.projection, low, high, near)
+        return mean, float(mean @ inner @ mean - 2.0 * self.projection @ mean)
 
 
 def parts_of(rows: int, count: int) -> list[slice]:

@@ -8,6 +8,7 @@ the wheels' filtered readings show it, and within a swing that looks like other 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,6 +105,12 @@ class Features:
             maps,
             width,
         )
+
+    @classmethod
+    @lru_cache(maxsize=4)
+    def kept(cls, log: Log, width: float) -> Features:
+        """The same, made once for whoever asks: a diagnosis does so under each of a controller's habits."""
+        return cls.of(log, width)
 
     @property
     def event(self) -> int:

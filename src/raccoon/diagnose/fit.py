@@ -26,15 +26,15 @@ HELD_STEPS = 4
 def fit_many(
     problem: Problem,
     whitener: Whitening,
-    starts: Sequence[Point],
+    starts: Sequence[Point | Fit],
     frozen: Array,
     looks: int,
     lost: Lost | None = None,
 ) -> list[Fit]:
     """Fit every start. frozen (m, rows): whitened columns of the first m coordinates, taken as they are;
     columns of later coordinates are simulated where the last ones no longer do, `looks` times at most. lost:
-    which are left as they are."""
-    tracks = [Track(problem.inside(each)) for each in starts]
+    which are left as they are. A start that is a fit under this whitener has its columns, all simulated."""
+    tracks = [_track(problem, each) for each in starts]
     for _ in range(looks):
         going = [track for track in tracks if track.is_going(lost)]
         if not going:
@@ -54,6 +54,14 @@ def fit_many(
                 jacobian[row] = (own - next(white)) / step
             track.consider(problem, Fit.of(problem, track.trial, own, jacobian))
     return [track.best for track in tracks if track.best is not None]
+
+
+def _track(problem: Problem, start: Point | Fit) -> Track:
+    if isinstance(start, Point):
+        return Track(problem.inside(start))
+    track = Track(start.point)
+    track.consider(problem, start)
+    return track
 
 
 def whitened(problem: Problem, whitener: Whitening, points: Sequence[Point]) -> Iterator[Array]:
@@ -98,7 +106,7 @@ def _turning(
 def fit_afresh(
     problem: Problem,
     whitener: Whitening,
-    starts: Sequence[Point],
+    starts: Sequence[Point | Fit],
     looks: int,
     lost: Lost | None = None,
 ) -> list[Fit]:
@@ -108,10 +116,10 @@ def fit_afresh(
 
 
 def fit_point(
-    problem: Problem, whitener: Whitening, start: Point, looks: int = 10, lost: Lost | None = None
+    problem: Problem, whitener: Whitening, start: Point | Fit, looks: int = 10, lost: Lost | None = None
 ) -> Fit:
     """Fit everything from one start until it has arrived or is lost, or its columns were simulated so many
-    times."""
+    times. A start that is a fit under this whitener has its columns, which are not counted."""
     return fit_afresh(problem, whitener, [start], looks, lost)[0]
 
 

@@ -25,14 +25,14 @@ SCANNED = 3
 SCANS = 4
 
 
-def fit_scanned(problem: Problem, whitener: Whitening, start: Point) -> Fit:
+def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit) -> Fit:
     """`fit_point`; where gears have play, again from the best places around, until none is better.
 
     Seen closely the misfit over the gap and over the coasting in it is a staircase, as a tooth is met before
     or after a sample of the gyro, and a fit stops on a stair.
     """
     fit = fit_point(problem, whitener, start)
-    for name in (each for each in start.active if each.startswith(STAIRS)):
+    for name in (each for each in fit.point.active if each.startswith(STAIRS)):
         for _ in range(SCANS):
             around = _best_around(problem, whitener, fit, name)
             found = min(fit_afresh(problem, whitener, around, 8), key=lambda each: each.cost)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.features import EVENT_SECONDS
-from raccoon.diagnose.fit import fit_at, fit_many, fit_point
+from raccoon.diagnose.fit import fit_many, fit_point
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import FLOOR_SECONDS
 from raccoon.diagnose.noise import event_means
@@ -186,7 +186,7 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         judged.features.time[start:],
         judged.features.measured[start:],
         kept[:2],
-        np.sqrt(floor**2 + _spread(search, rows, full.point)[start:].mean(axis=0)),
+        np.sqrt(floor**2 + _spread(search, rows)[start:].mean(axis=0)),
         event,
     )
 
@@ -220,12 +220,12 @@ def _floor(problem: Problem, rest: Array) -> Array:
     return np.asarray(np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors), float)
 
 
-def _spread(search: Search, rows: int, point: Point) -> Array:
+def _spread(search: Search, rows: int) -> Array:
     """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of a fit of
     the first rows."""
     own = search.linear.own
-    fit = fit_at(search.problem, Masked(search.whitener, rows), point)
-    covariance = np.linalg.inv(np.eye(len(own)) + fit.jacobian @ fit.jacobian.T)
+    white = Masked(search.whitener, rows)(own)
+    covariance = np.linalg.inv(np.eye(len(own)) + white @ white.T)
     uncertain = np.einsum("ibc,ij,jbc->bc", own, covariance, own, optimize=True)
     return np.asarray(search.whitener.spread + uncertain, float)
 

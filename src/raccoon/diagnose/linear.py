@@ -73,15 +73,18 @@ class Linear:
         return next((each.columns[0] for each in self.groups if each.name == name), None)
 
 
-def linearise(problem: Problem, point: Point, tried: Sequence[str]) -> Linear:
-    """Simulate the point, its neighbours, and each cause in `tried` that is off at its starting guesses."""
+def linearise(problem: Problem, point: Point, tried: Sequence[str], sizes: int | None = None) -> Linear:
+    """Simulate the point, its neighbours, and each cause in `tried` that is off at its starting guesses, of
+    several sizes at so many of them."""
     points, steps = neighbours(problem, point)
     guesses: list[tuple[str, int, tuple[float, ...]]] = []
     for name in tried:
         if name in point.active:
             continue
         cause = problem.causes[name]
-        guesses.extend((name, index, u) for index, variant in enumerate(cause.variants) for u in variant)
+        guesses.extend(
+            (name, index, u) for index, variant in enumerate(cause.variants[:sizes]) for u in variant
+        )
     points = [point, *points, *(point.with_cause(name, np.array(u)) for name, _, u in guesses)]
     less = [point.without_cause(name) for name in point.active]
     outputs = problem.predict([*points, *less])

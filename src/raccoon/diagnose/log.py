@@ -47,7 +47,7 @@ class Channel:
     floor: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Log:
     """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
 

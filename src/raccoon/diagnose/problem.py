@@ -258,3 +258,16 @@ def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Poi
         points.append(point.moved(changed))
         steps.append(step)
     return points, np.array(steps)
+
+
+def carried(point: Point, here: Problem, there: Problem) -> Point:
+    """A point in another problem, whose base coordinates may be fewer or more."""
+    known = dict(zip((each.settings for each in here.base), point.base, strict=True))
+    return replace(point, base=np.array([known.get(each.settings, 0.0) for each in there.base]))
+
+
+def carried_rows(here: Problem, there: Problem) -> list[int] | None:
+    """Which of a problem's base coordinates those of another are, None where that has others as well."""
+    known = {each.settings: index for index, each in enumerate(here.base)}
+    rows = [known.get(each.settings, -1) for each in there.base]
+    return None if -1 in rows else rows

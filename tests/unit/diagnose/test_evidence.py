@@ -112,20 +112,37 @@ def test_bounds_are_kept_where_columns_are_nearly_the_same(seed: int) -> None:
     assert 0.5 * ((target - columns @ found) ** 2).sum() == pytest.approx(least.cost, rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_where_bounds_are_likely_to_hold_changes_nothing_but_the_time(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    columns, target = rng.normal(size=(40, 7)), rng.normal(size=40)
+    matrix, projection = columns.T @ columns, columns.T @ target
+    low, high = -rng.uniform(0.0, 0.2, 7), rng.uniform(0.0, 0.2, 7)
+    found = bounded_least(matrix, projection, low, high)
+    for near in (low, high, 0.5 * (low + high), rng.normal(size=7)):
+        assert bounded_least(matrix, projection, low, high, near) == pytest.approx(found, abs=1e-12)
+
+
 @pytest.mark.parametrize("seed", range(10))
-def test_inside_bounds_the_most_likely_place_is_that_of_bounded_least_squares(seed: int) -> None:
-    x, y, gram = random_gram(seed)
+def test_beside_bounds_a_span_adds_what_bounded_least_squares_and_determinants_say(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(30, 6)), rng.normal(size=30)
     low, high = np.array([-0.1, -0.05, -np.inf, 0.0]), np.array([0.1, 0.05, np.inf, 0.2])
-    mean, evidence = gram.bounded(low, high)
-    least = lsq_linear(np.vstack([x, np.eye(4)]), np.concatenate([y, np.zeros(4)]), (low, high)).x
-    assert (mean >= low).all()
-    assert (mean <= high).all()
+    own = [0, 1, 2, 3]
 
-    def cost(u: np.ndarray) -> float:
-        return float(((y - x @ u) ** 2).sum() + u @ u)
+    def best(chosen: list[int]) -> tuple[np.ndarray, float]:
+        """Where it is best, and the log evidence there by Laplace's method."""
+        far = np.full(len(chosen) - 4, np.inf)
+        rows = np.vstack([x[:, chosen], np.eye(len(chosen))])
+        goal = np.concatenate([y, np.zeros(len(chosen))])
+        bounds = np.concatenate([low, -far]), np.concatenate([high, far])
+        found = lsq_linear(rows, goal, bounds, method="bvls", tol=1e-14)
+        _, logdet = np.linalg.slogdet(np.eye(len(chosen)) + x[:, chosen].T @ x[:, chosen])
+        return found.x, -found.cost - 0.5 * logdet
 
-    assert cost(mean) <= cost(least) + 0.02 * (cost(np.zeros(4)) - cost(least))
-    free, whole = gram.bounded(np.full(4, -np.inf), np.full(4, np.inf))
-    assert free == pytest.approx(gram.solve()[0])
-    assert whole == pytest.approx(gram.evidence())
-    assert evidence - whole == pytest.approx(0.5 * (cost(free) - cost(mean)))
+    _, alone = best(own)
+    spans = [[4], [5], [4, 5]]
+    for span, (mean, gain) in zip(spans, Gram.of(x, y).beside_bounded(low, high, spans), strict=True):
+        least, evidence = best([*own, *span])
+        assert mean == pytest.approx(least[4:], abs=1e-9)
+        assert gain == pytest.approx(evidence - alone, abs=1e-9)

@@ -15,7 +15,7 @@ from scipy.optimize import lsq_linear
 
 from raccoon.diagnose import descent
 from raccoon.diagnose.descent import ROUGH, _bent, _step
-from raccoon.diagnose.fit import fit_afresh, fit_point
+from raccoon.diagnose.fit import fit_afresh, fit_at, fit_point
 from raccoon.diagnose.fit_scan import fit_scanned
 from raccoon.diagnose.fitted import Fit, cost_of
 from raccoon.diagnose.hypotheses import Settings
@@ -142,6 +142,31 @@ def test_columns_that_foretold_a_step_well_do_for_the_next(
     anew = fitted()
     assert kept.cost < anew.cost + ROUGH
     assert simulated[0] < 0.75 * simulated[1]
+
+
+def test_a_start_that_is_a_fit_goes_on_with_its_columns(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    truth = problem.nominal().with_cause("drive.inertia", np.array([-0.3]))
+    measured = problem.predict([truth])[0]
+    problem = replace(problem, features=replace(problem.features, measured=measured))
+    whitener = plain_whitener(problem)
+    start = problem.nominal().with_cause("drive.inertia", np.array([0.0]))
+    simulated = [0]
+    predictions = Problem.predictions
+
+    def counted(self: Problem, points: Sequence[Point]) -> Iterator[Array]:
+        simulated[-1] += len(points)
+        return predictions(self, points)
+
+    monkeypatch.setattr(Problem, "predictions", counted)
+    whole = fit_point(problem, whitener, start, 3)
+    simulated.append(0)
+    begun = fit_at(problem, whitener, start)
+    simulated.append(0)
+    gone_on = fit_point(problem, whitener, begun, 2)
+    np.testing.assert_array_equal(gone_on.point.vector(), whole.point.vector())
+    assert simulated[2] == simulated[0] - simulated[1]
 
 
 def test_a_fit_of_play_does_not_stop_on_a_stair(problem: Problem) -> None:

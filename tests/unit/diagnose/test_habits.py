@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from blind.drives import exciting
 from blind.generator import make
@@ -21,12 +23,13 @@ from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem, prob
 from raccoon.diagnose.habits.notes import PAST, notes_of
 from raccoon.diagnose.habits.others import (
     DOUBT,
+    LOST,
     MOST_KEPT,
     Under,
     _ended_behind,
     as_wheels_give,
     best_of,
-    carried,
+    leads,
     started,
     with_a_slow_battery,
 )
@@ -34,7 +37,7 @@ from raccoon.diagnose.habits.searching import _as_logged, _under_another_filter,
 from raccoon.diagnose.hypotheses import neutral_settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.open_numbers import Wheels
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.problem import Point, Problem, carried, carried_rows
 from raccoon.diagnose.quality import swing
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout import Habits, _cycle
@@ -46,6 +49,7 @@ from raccoon.sim.parameters import Parameters
 from simulated_drives import recorded
 from unit.diagnose.searches import search_at, standing
 
+Array = NDArray[np.float64]
 Effects = dict[tuple[str, str | None], dict[str, float]]
 
 ROBOT = RobotConfig()
@@ -300,6 +304,34 @@ def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() 
     )
 
 
+@pytest.mark.parametrize("cause", ["drive.inertia", "imu.latency"])
+def test_habits_that_are_far_behind_are_given_up_with_the_columns_that_are_known(
+    cause: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulator's filter is none that a start with the search's cause, or with another one, makes up
+    for."""
+    heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
+    robot = Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING], Chain.firmware())
+    log = log_from_columns(recorded(robot, 20.0), ROBOT)
+    right, wrong = (
+        drive_problem(log, ROBOT, CAUSES, Habits(chain, False), None) for chain in (Chain.firmware(), Chain())
+    )
+    start = started(right)
+    inertia = start.fit.point.with_cause("drive.inertia", np.array([0.5]))
+    search = look_around(right, start.probes, best_of(start, right, [inertia]).point, start.whitener)
+    point = start.fit.point.with_cause(cause, np.array([0.5]))
+    simulated = []
+    predictions = Problem.predictions
+
+    def counted(self: Problem, points: Sequence[Point]) -> Iterator[Array]:
+        simulated.append(len(points))
+        return predictions(self, points)
+
+    monkeypatch.setattr(Problem, "predictions", counted)
+    assert leads(search, wrong, [point]) < -LOST
+    assert sum(simulated) < len(wrong.base)
+
+
 def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> None:
     log = planned_log(exciting(np.random.default_rng(1), 2.0))
     gives, slides = (
@@ -315,6 +347,10 @@ def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> N
             key: value for key, value in gives.settings(point).items() if key[0] != "friction.presliding"
         }.items()
     )
+    rows = carried_rows(gives, slides)
+    assert rows is not None
+    np.testing.assert_array_equal(point.base[rows], there.base)
+    assert carried_rows(slides, gives) is None
     back = carried(there, slides, gives)
     lost = [each.settings[0][0] == "friction.presliding" for each in gives.base]
     np.testing.assert_array_equal(back.base, np.where(lost, 0.0, point.base))

@@ -7,7 +7,7 @@ give before they slide, and nothing a team could change.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,13 +16,12 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.diagnose.features import BIN, Features
 from raccoon.diagnose.firmware import Firmware
-from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
-from raccoon.diagnose.hypotheses import Cause, Settings, added, multiplied, neutral_settings
+from raccoon.diagnose.hypotheses import Cause, Settings, neutral_settings
 from raccoon.diagnose.log import WHEELS, Log
-from raccoon.diagnose.noise import white_noise
 from raccoon.diagnose.open_numbers import Wheels, base_coordinates
-from raccoon.diagnose.problem import Creep, Point, Problem, Whitener
+from raccoon.diagnose.problem import Creep, Point, Problem
 from raccoon.diagnose.quality import brakes
 from raccoon.diagnose.rollout import Habits, PlantRollout
 from raccoon.diagnose.silence import told
@@ -34,8 +33,6 @@ FREE_RUNNING = replace(Chain.firmware(), slots=False, free_running=True)
 CHAINS = (*USUAL_CHAINS, FREE_RUNNING, Chain(median=True))
 """The firmware by its own clock differs from one in step by a millisecond of each wheel, and is asked for
 beside causes. So is a median without slots, which is rare: to wheels with play it looks right."""
-FILTER, LATENCY = "bemf.filter_lag", "actuation.latency"
-FAR = 60.0
 USUAL = 0.06
 """How much log misfit another filter than the firmware's must save."""
 CLEARLY = 0.2
@@ -49,17 +46,6 @@ LESS_OFF = 0.85
 """Part of the battery's error that is left with another filter of its readings, up to which it is taken at
 once. With the firmware's own filter none left less than 0.9; RaccoonOS's further one of 0.1 s leaves 0.3 to
 0.85."""
-STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
-"""Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
-HIDING = (
-    multiplied("bemf.scale", "left", 0.05),
-    multiplied("bemf.scale", "right", 0.05),
-    added("actuation.deadband", None, "duty", 0.03, low=0.0),
-)
-"""What no base number can stand in for. Without them deadbands made the simulator's filter look like the
-firmware's in five of eight rehearsals, and a scale beside others the firmware's like the simulator's."""
-
-
 HELD = Creep(1.5 * BATTERY_VOLTS_PER_COUNT, 1.5)
 """A battery's reading that is held between two edges is off by a count or so, until its load changes: by 0.6
 to 1.1 counts beside a mean of 0.5 to 1.5, for a second, in six drives of sound robots behind the emulated
@@ -77,7 +63,7 @@ def drive_problem(
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
-        Features.of(log, habits.swing or BIN),
+        Features.kept(log, habits.swing or BIN),
         PlantRollout(log, robot, habits, own=own),
         robot,
         settings,
@@ -142,24 +128,28 @@ def controller_of(
         return log, first
 
     def loose(part: Log, habits: Habits) -> Problem:
-        return _loosened(drive_problem(part, robot, causes, habits, model), habits.wheels)
+        return loosened(drive_problem(part, robot, causes, habits, model), habits.wheels)
 
-    def fitted(habits: Habits, start: Point | None = None) -> _Fitted:
+    def fit_of(habits: Habits) -> Fitted:
         problem = loose(wheels, habits)
-        misfit, point = _fitted(problem, _start(problem) if start is None else start)
-        return _Fitted(misfit, point, habits)
+        return fitted(problem, start_of(problem), habits)
 
-    found = fitted(first)
+    def better(habits: Habits, found: Fitted, by: float) -> Fitted:
+        problem = loose(wheels, habits)
+        start = found.carried_to(problem)
+        near = misfit(problem, start) < found.misfit - by + ROUGHLY
+        return fitted(problem, start, habits).instead_of(found, by) if near else found
+
+    found = fit_of(first)
     slow = None if firmware else _slow_battery(first, partial(loose, wheels), found.point)
     if slow is not None:
-        found = fitted(with_battery(first, slow))
+        found = fit_of(with_battery(first, slow))
     if brakes(log):
-        found = fitted(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
+        found = fit_of(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
     if firmware is None:
         plain = replace(found.habits, chain=other)
-        plain = plain if slow is None else with_battery(plain, slow)
-        found = fitted(plain, found.point).instead_of(found, USUAL)
-    found = fitted(replace(found.habits, wheels=Wheels.RIGID)).instead_of(found, STIFF)
+        found = better(plain if slow is None else with_battery(plain, slow), found, USUAL)
+    found = better(replace(found.habits, wheels=Wheels.RIGID), found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
 
 
@@ -180,19 +170,6 @@ def _slow_battery(habits: Habits, loose: Callable[[Habits], Problem], point: Poi
 def with_battery(habits: Habits, seconds: float) -> Habits:
     """With another filter of the battery's readings."""
     return replace(habits, chain=replace(habits.chain, battery_time_constant=seconds))
-
-
-@dataclass(frozen=True, slots=True)
-class _Fitted:
-    """Where a fit under some habits arrives, and with which log misfit."""
-
-    misfit: float
-    point: Point
-    habits: Habits
-
-    def instead_of(self, other: _Fitted, by: float) -> _Fitted:
-        """This one where it saves that much, else the other."""
-        return self if self.misfit < other.misfit - by else other
 
 
 def battery_off(problem: Problem, starts: Sequence[Point]) -> float:
@@ -234,44 +211,3 @@ def other_chains(chain: Chain) -> list[Chain]:
     if chain == usual:
         return others
     return [replace(each, battery_time_constant=chain.battery_time_constant) for each in others]
-
-
-def _loosened(problem: Problem, wheels: Wheels) -> Problem:
-    """With all base numbers free, the filter's time constant among them: kept near robot.toml, a robot with a
-    shorter filter would seem to have another one. It is one for both wheels, and no loop's delay is free: the
-    firmware's slots could be anything then. And with what they cannot stand in for, whose error would hide
-    what a filter does."""
-    base = [
-        each
-        for each in base_coordinates(problem.robot, inside=FAR, wheels=wheels)
-        if each.settings[0][0] not in (FILTER, LATENCY)
-    ]
-    std = problem.robot.model.bemf.filter_time_constant.std
-    if std > 0.0:
-        base.append(added(FILTER, None, "time_constant", std, low=-FAR, high=FAR))
-    return replace(problem, base=(*base, *HIDING))
-
-
-def _start(problem: Problem) -> Point:
-    """Where to start a fit: with a latency, which resembles a slower filter, and a limit of the current."""
-    start = problem.nominal()
-    for name, sizes in STARTS.items():
-        if name in problem.causes:
-            starts = [start.with_cause(name, np.array([u])) for u in sizes]
-            errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
-            start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
-    return start
-
-
-def _fitted(problem: Problem, start: Point) -> tuple[float, Point]:
-    """Log misfit of the wheels where a fit arrives, and where that is."""
-    features = problem.features
-    residual = features.measured - problem.predict([start])[0]
-    scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), features.floors)
-    noise = white_noise(scale, np.zeros(len(residual), np.intp))
-    whitener = Whitener(noise, np.zeros((0, 0), np.float32), np.zeros(0), residual, np.zeros_like(residual))
-    fit = fit_point(problem, whitener, start, 5)
-    final = features.measured - problem.predict([fit.point])[0]
-    size = np.maximum(np.std(features.measured, axis=0), features.floors)
-    wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
-    return float(np.log(np.abs(final).mean(axis=0) / size)[wheels].mean()), fit.point

@@ -16,7 +16,7 @@ from raccoon.diagnose.fit import fit_at, fit_many, fit_point
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.habits.controller import SLOW_BATTERY, battery_off, usual_chain, with_battery
 from raccoon.diagnose.open_numbers import Wheels
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.problem import Point, Problem, carried, carried_rows
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, start_search
@@ -94,8 +94,8 @@ def started(problem: Problem) -> Search:
 
 def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
     """The likeliest, gates counted, of these starts once they are fitted in another problem: with the columns
-    that base numbers have at the first, and that one with its own. One that is far behind is left where it
-    is."""
+    that base numbers have at the first, and that one with its own. One start goes with those that it has in
+    the search for a while. One that is far behind is left where it is."""
     whitener, there = search.whitener, [carried(each, search.problem, problem) for each in starts]
 
     def lost(fit: Fit, foretold: float) -> bool:
@@ -107,6 +107,14 @@ def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:
         columns = fit_at(problem, whitener, there[0]).jacobian[: len(problem.base)]
         rough = fit_many(problem, whitener, there, columns, ROUGH_STEPS, lost)
         there = [max(rough, key=lambda each: net_lead(search, each, search.fit)).point]
+    elif (rows := carried_rows(search.problem, problem)) is not None:
+        columns, present = search.fit.jacobian, search.fit.point
+        if list(there[0].active) == list(present.active):
+            rows = [*rows, *range(len(present.base), len(columns))]
+        (first,) = fit_many(problem, whitener, there, columns[rows], ROUGH_STEPS, lost)
+        if lost(first, 0.0):
+            return first
+        there = [first.point]
     return fit_point(problem, whitener, there[0], lost=lost)
 
 
@@ -154,12 +162,6 @@ def _ended_behind(second: Search, search: Search, wanted: float) -> bool:
     named, there = search.fit.point.active, second.fit.point.active
     same = set(named) == set(there) and set(search.unknown) == set(second.unknown)
     return same and len(there) < SEVERAL and explains_more(second, search) < wanted - DOUBT
-
-
-def carried(point: Point, here: Problem, there: Problem) -> Point:
-    """A point in another problem, whose base coordinates may be fewer or more."""
-    known = dict(zip((each.settings for each in here.base), point.base, strict=True))
-    return replace(point, base=np.array([known.get(each.settings, 0.0) for each in there.base]))
 
 
 def first_ahead(

@@ -57,7 +57,7 @@ def better_set(search: Search) -> Fit | None:
     problem, whitener = search.problem, search.whitener
     others = _exchanged(search) if search.fit.point.active else _alone(search)
     starts = [*_proposed(search), *_nearby(search), *others]
-    settled = fit_point(problem, whitener, search.fit.point, 3)
+    settled = fit_point(problem, whitener, search.fit, 2)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, starts, base, 4)
     fits += [fit for _, fit in fitted_twins(search)]

@@ -46,7 +46,7 @@ def compared(search: Search) -> Fit | None:
     problem, whitener = search.problem, search.whitener
     search.rivals = {name: [] for name in search.fit.point.active}
     tried = list(_exchanged(search))
-    settled = fit_point(problem, whitener, search.fit.point, 3)
+    settled = fit_point(problem, whitener, search.fit, 2)
     base = search.fit.jacobian[: len(problem.base)]
     fits = fit_many(problem, whitener, [point for _, _, point in tried], base, 4)
 

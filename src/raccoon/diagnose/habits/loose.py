@@ -1,0 +1,115 @@
+"""Fits that tell habits apart: of the wheels alone, every number of robot.toml free.
+
+What a robot is does not matter yet, and no cause is known. What is compared is how near to the wheels'
+readings each habit can come.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit import fit_many, fit_point
+from raccoon.diagnose.hypotheses import added, multiplied
+from raccoon.diagnose.log import WHEELS
+from raccoon.diagnose.noise import white_noise
+from raccoon.diagnose.open_numbers import Wheels, base_coordinates
+from raccoon.diagnose.problem import Point, Problem, Whitener, carried, carried_rows
+from raccoon.diagnose.rollout import Habits
+
+Array = NDArray[np.float64]
+
+FILTER, LATENCY = "bemf.filter_lag", "actuation.latency"
+FAR = 60.0
+STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
+"""Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
+HIDING = (
+    multiplied("bemf.scale", "left", 0.05),
+    multiplied("bemf.scale", "right", 0.05),
+    added("actuation.deadband", None, "duty", 0.03, low=0.0),
+)
+"""What no base number can stand in for. Without them deadbands made the simulator's filter look like the
+firmware's in five of eight rehearsals, and a scale beside others the firmware's like the simulator's."""
+ROUGHLY, ROUGH_STEPS = 0.005, 8
+"""Log misfit by which a fit may come nearer once it has columns of its own, and the steps of one that has
+not: of 14 none came nearer by more than 0.003."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """Where a fit under some habits arrives, and with which log misfit. columns (coordinates, bins,
+    channels): those of its last look."""
+
+    misfit: float
+    point: Point
+    habits: Habits
+    problem: Problem
+    columns: Array
+
+    def instead_of(self, other: Fitted, by: float) -> Fitted:
+        """This one where it saves that much, else the other."""
+        return self if self.misfit < other.misfit - by else other
+
+    def carried_to(self, problem: Problem) -> Point:
+        """Where a fit in another problem, of these coordinates or fewer, arrives with the columns of this: as
+        near to the readings, by `ROUGHLY`, as with columns of its own."""
+        rows = carried_rows(self.problem, problem)
+        assert rows is not None, "other habits have coordinates of their own"
+        start = carried(self.point, self.problem, problem)
+        whitener = _whitener(problem, start)
+        columns = self.columns[[*rows, *range(len(self.problem.base), len(self.columns))]]
+        return fit_many(problem, whitener, [start], whitener(columns), ROUGH_STEPS)[0].point
+
+
+def loosened(problem: Problem, wheels: Wheels) -> Problem:
+    """With all base numbers free, the filter's time constant among them: kept near robot.toml, a robot with a
+    shorter filter would seem to have another one. It is one for both wheels, and no loop's delay is free: the
+    firmware's slots could be anything then. And with what they cannot stand in for, whose error would hide
+    what a filter does."""
+    base = [
+        each
+        for each in base_coordinates(problem.robot, inside=FAR, wheels=wheels)
+        if each.settings[0][0] not in (FILTER, LATENCY)
+    ]
+    std = problem.robot.model.bemf.filter_time_constant.std
+    if std > 0.0:
+        base.append(added(FILTER, None, "time_constant", std, low=-FAR, high=FAR))
+    return replace(problem, base=(*base, *HIDING))
+
+
+def start_of(problem: Problem) -> Point:
+    """Where to start a fit: with a latency, which resembles a slower filter, and a limit of the current."""
+    start = problem.nominal()
+    for name, sizes in STARTS.items():
+        if name in problem.causes:
+            starts = [start.with_cause(name, np.array([u])) for u in sizes]
+            errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
+            start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
+    return start
+
+
+def fitted(problem: Problem, start: Point, habits: Habits) -> Fitted:
+    """Where a fit from there arrives."""
+    whitener = _whitener(problem, start)
+    fit = fit_point(problem, whitener, start, 5)
+    columns = fit.jacobian.reshape(-1, *problem.features.measured.shape) / whitener.noise.unmix[0].diagonal()
+    return Fitted(misfit(problem, fit.point), fit.point, habits, problem, columns)
+
+
+def _whitener(problem: Problem, start: Point) -> Whitener:
+    """Noise without memory, as large in each channel as changes from bin to bin of what a start leaves."""
+    residual = problem.features.measured - problem.predict([start])[0]
+    scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), problem.features.floors)
+    noise = white_noise(scale, np.zeros(len(residual), np.intp))
+    return Whitener(noise, np.zeros((0, 0), np.float32), np.zeros(0), residual, np.zeros_like(residual))
+
+
+def misfit(problem: Problem, point: Point) -> float:
+    """Log misfit of the wheels at a point."""
+    features = problem.features
+    left = features.measured - problem.predict([point])[0]
+    size = np.maximum(np.std(features.measured, axis=0), features.floors)
+    wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
+    return float(np.log(np.abs(left).mean(axis=0) / size)[wheels].mean())
