@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from blind.drives import exciting
@@ -12,12 +14,25 @@ from raccoon.sim.rollout import rollout
 NOISE = {"motor.0.bemf": 4.0, "motor.1.bemf": 4.0, "imu.gyro.z": 0.009, "battery.voltage": 0.02}
 
 
-def recorded(robot: Parameters, seconds: float, seed: int = 3, brake: bool = False) -> dict[str, np.ndarray]:
-    """A drive that shows everything, with the noise of its sensors."""
+def recorded(
+    robot: Parameters,
+    seconds: float,
+    seed: int = 3,
+    brake: bool = False,
+    softened: int = 1,
+    noise: Mapping[str, float] | None = None,
+) -> dict[str, np.ndarray]:
+    """A drive that shows everything, with the noise of its sensors.
+
+    softened: rows over which each command is averaged. noise: of some channels, instead of the usual.
+    """
     rng = np.random.default_rng(seed)
     duty = exciting(rng, seconds)
+    soft = np.ones(softened) / softened
+    left, right = (np.clip(np.convolve(each, soft, "same"), -1.0, 1.0) for each in duty.T)
     time = 0.005 * np.arange(len(duty))
-    commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], brake)
+    commands = Commands.of_wheels(time, left, right, brake)
     run = rollout([robot], commands, channels=tuple(NOISE), longest_step=0.001)
-    columns = {name: run[name][0] + NOISE[name] * rng.standard_normal(len(time)) for name in NOISE}
-    return columns | {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
+    sizes = NOISE | dict(noise or {})
+    columns = {name: run[name][0] + sizes[name] * rng.standard_normal(len(time)) for name in NOISE}
+    return columns | {"t": time, "motor.0.duty": left, "motor.1.duty": right}

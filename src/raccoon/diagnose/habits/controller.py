@@ -34,7 +34,8 @@ CHAINS = (*USUAL_CHAINS, FREE_RUNNING, Chain(median=True))
 """The firmware by its own clock differs from one in step by a millisecond of each wheel, and is asked for
 beside causes. So is a median without slots, which is rare: to wheels with play it looks right."""
 USUAL = 0.06
-"""How much log misfit another filter than the firmware's must save."""
+"""How much log misfit another filter than the firmware's must save, unless it alone has robot.toml's time
+constant: then nothing is asked of it."""
 CLEARLY = 0.2
 """The same for motors that brake at duty 0, where both are possible."""
 STIFF = 0.006
@@ -140,6 +141,12 @@ def controller_of(
         near = misfit(problem, start) < found.misfit - by + ROUGHLY
         return fitted(problem, start, habits).instead_of(found, by) if near else found
 
+    def likelier(habits: Habits, found: Fitted) -> Fitted:
+        if found.as_told:
+            return better(habits, found, USUAL)
+        other = better(habits, found, 0.0)
+        return other if other.as_told else other.instead_of(found, USUAL)
+
     found = fit_of(first)
     slow = None if firmware else _slow_battery(first, partial(loose, wheels), found.point)
     if slow is not None:
@@ -148,7 +155,7 @@ def controller_of(
         found = fit_of(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
     if firmware is None:
         plain = replace(found.habits, chain=other)
-        found = better(plain if slow is None else with_battery(plain, slow), found, USUAL)
+        found = likelier(plain if slow is None else with_battery(plain, slow), found)
     found = better(replace(found.habits, wheels=Wheels.RIGID), found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
 

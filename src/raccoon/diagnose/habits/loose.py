@@ -15,7 +15,7 @@ from raccoon.diagnose.fit import fit_many, fit_point
 from raccoon.diagnose.hypotheses import added, multiplied
 from raccoon.diagnose.log import WHEELS
 from raccoon.diagnose.noise import white_noise
-from raccoon.diagnose.open_numbers import Wheels, base_coordinates
+from raccoon.diagnose.open_numbers import INSIDE, Wheels, base_coordinates
 from raccoon.diagnose.problem import Point, Problem, Whitener, carried, carried_rows
 from raccoon.diagnose.rollout import Habits
 
@@ -47,6 +47,13 @@ class Fitted:
     habits: Habits
     problem: Problem
     columns: Array
+
+    @property
+    def as_told(self) -> bool:
+        """Whether robot.toml's time constant of the filter is inside its deviations here: no cause is
+        needed."""
+        names = [each.settings[0][0] for each in self.problem.base]
+        return FILTER not in names or abs(float(self.point.base[names.index(FILTER)])) <= INSIDE
 
     def instead_of(self, other: Fitted, by: float) -> Fitted:
         """This one where it saves that much, else the other."""

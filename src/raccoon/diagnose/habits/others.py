@@ -142,7 +142,10 @@ def if_ahead(
     by: Way = whole,
 ) -> tuple[Search, Habits]:
     """The search under other habits, whose problem this is, where one of these starts is ahead by `far` there
-    and then what was found by `wanted`; else the search as it is."""
+    and then what was found by `wanted`; else the search as it is.
+
+    Where nothing is wrong under the others they need not be ahead by more than 0: that a wheel slides in
+    another way than was thought is no less likely than a fault."""
     if leads(search, problem, starts) < far:
         under.were_vain(search, habits, [other])
         return search, habits
@@ -153,7 +156,14 @@ def if_ahead(
             under.were_vain(search, habits, [other])
             return search, habits
         second = gone_on(second)
+    if sound(second) and not sound(search):
+        wanted = min(wanted, 0.0)
     return (second, other) if explains_more(second, search) > wanted else (search, habits)
+
+
+def sound(search: Search) -> bool:
+    """Whether nothing is named, and nothing unknown."""
+    return not (search.fit.point.active or search.unknown)
 
 
 def _ended_behind(second: Search, search: Search, wanted: float) -> bool:
@@ -233,7 +243,7 @@ def _nearer(search: Search, others: Sequence[Habits], under: Under) -> dict[Habi
     """The other habits, with their problems, by which robot.toml's robot, or what was found, is nearer to the
     readings; the nearest first. Known causes are far worse with them than with theirs, and where nothing was
     named nobody asks."""
-    if not (search.fit.point.active or search.unknown):
+    if sound(search):
         return {}
     present = _misfits(search, search.problem)
     problems = {each: under(each) for each in others}

@@ -40,6 +40,7 @@ from raccoon.diagnose.habits.others import (
     first_ahead,
     if_ahead,
     leads,
+    sound,
     started,
     with_a_slow_battery,
     without,
@@ -107,10 +108,13 @@ def searched(
 
 def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
     """A search that has only begun, begun again under what a whole one would find out about wheels and
-    filters: under wrong habits most of its time goes to sets of causes that are not there."""
+    filters: under wrong habits most of its time goes to sets of causes that are not there.
+
+    The battery's filter comes before the wheels': where it is wrong, another of theirs may suit by chance."""
     search, habits = as_wheels_give(search, habits, under, begun)
     if habits.firmware is not None:
         return search, habits
+    search, habits = with_a_slow_battery(search, habits, under, begun)
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
@@ -128,11 +132,15 @@ def _under_another_filter(
 ) -> tuple[Search, Habits]:
     """The search under another filter, where that explains more.
 
-    The firmware's may be the right one where a latency or a lag stands in for it, and need not be ahead
-    before it has been searched under. A late gyro may be all that is commanded, under a filter that delays by
-    as much less, and a latency of a sample the gyro alone under a median.
+    Where nothing is named nobody asks: what a floor does to a robot whose loops answer it, many a filter with
+    another time constant explains a little better. The firmware's may be the right one where a latency or a
+    lag stands in for it, and need not be ahead before it has been searched under. A late gyro may be all that
+    is commanded, under a filter that delays by as much less, and a latency of a sample the gyro alone under a
+    median.
     """
-    chains = [] if habits.firmware is not None else other_chains(habits.chain)
+    if habits.firmware is not None or sound(search):
+        return search, habits
+    chains = other_chains(habits.chain)
     for other in under.new(search, habits, (replace(habits, chain=each) for each in chains)):
         firmware = usual_chain(other.chain) == Chain.firmware()
         imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
