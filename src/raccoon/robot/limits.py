@@ -24,8 +24,11 @@ FASTEST_TURN = RATE.high
 
 
 def check_number(name: str, value: object, allowed: str) -> None:
-    """Raise TypeError where `value` is no number at all. allowed: which numbers are, in words."""
-    if not isinstance(value, Real):
+    """Raise TypeError where `value` is no number at all. allowed: which numbers are, in words.
+
+    True and False are none: to Python they are 1 and 0, which nobody means by them.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} is {value!r}: it must be a number, {allowed}")
 
 
@@ -107,7 +110,7 @@ def check_rate(**rates: float | None) -> None:
 
 def check_port(kind: str, port: int, count: int) -> None:
     """Raise ValueError where there is no such port."""
-    if port not in range(count) or not hasattr(port, "__index__"):
+    if isinstance(port, bool) or port not in range(count) or not hasattr(port, "__index__"):
         raise ValueError(f"{kind} port {port!r}: there are 0 to {count - 1}")
 
 

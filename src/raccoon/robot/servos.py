@@ -13,6 +13,7 @@ from raccoon.core.config import ServoConfig
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions import Action, Steps, do
 from raccoon.robot.holding import held, require_free
+from raccoon.robot.limits import check_number
 from raccoon.robot.pacing import check_limits
 
 if TYPE_CHECKING:
@@ -65,8 +66,10 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
     still moves it.
     """
     check_limits(seconds=seconds)
-    if not isinstance(to, str) and not math.isfinite(to):
-        raise ValueError(f"to is {to}: it must be a name or a pulse in us")
+    if not isinstance(to, str):
+        check_number("to", to, "a pulse in us, or a name")
+        if not math.isfinite(to):
+            raise ValueError(f"to is {to}: it must be a name or a pulse in us")
 
     label = f"servo {name} to {to}"
 

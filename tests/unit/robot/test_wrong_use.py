@@ -136,6 +136,7 @@ def loose(value: object) -> Any:
         (lambda: analog_below(0, 0), "counts is 0: allowed are numbers from 0 to 4095, other than 0"),
         (lambda: pressed(10), "digital port 10: there are 0 to 9"),
         (lambda: pressed(loose(5.0)), r"digital port 5\.0: there are 0 to 9"),
+        (lambda: pressed(True), "digital port True: there are 0 to 9"),
         (lambda: repeat(wait(1.0), loose(2.5)), r"times is 2\.5: allowed are whole numbers from 0"),
     ],
 )
@@ -223,6 +224,15 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: after_time(loose([1.0])), r"seconds is \[1\.0\]: it must be a number, from 0"),
         (lambda: analog_above(0, loose("3")), "counts is '3': it must be a number, from 0 to 4095"),
         (lambda: repeat(wait(1.0), loose("3")), "times is '3': it must be a number"),
+        # Python counts True as 1.
+        (lambda: straight(True), "distance is True: it must be a number, up to 10 m"),
+        (lambda: straight(loose(np.True_)), "distance is .*True_?: it must be a number, up to 10 m"),
+        (lambda: turn(1.0, True), "rate is True: it must be a number"),
+        (lambda: drive(0.1, False), "turn_rate is False: it must be a number"),
+        (lambda: motors(True, True), "left duty is True: it must be a number"),
+        (lambda: wait(True), "seconds is True: it must be a number"),
+        (lambda: follow_path([(0.1, False)]), r"y of points\[0\] is False: it must be a number"),
+        (lambda: servo("claw", True), "to is True: it must be a number, a pulse in us, or a name"),
         (
             lambda: follow_path([loose((0.1, 0.0, 0.0))]),
             r"points\[0\] is \(0\.1, 0\.0, 0\.0\): it must be \(x, y\)",
