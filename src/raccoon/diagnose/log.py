@@ -14,6 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.sample_clock import SampleClock
+from raccoon.trace.recording import mistaken_time
 
 Array = NDArray[np.float64]
 
@@ -105,8 +106,6 @@ ROLES = {
 }
 """What the model can predict: column, unit, smallest believable noise."""
 WHEELS = ("bemf_left", "bemf_right", "speed_left", "speed_right")
-STEP_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds"))
-"""By what a time that should be in seconds advances at least, a sample."""
 
 
 def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
@@ -160,9 +159,8 @@ def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
         )
     step = float(np.median(steps)) if len(steps) else 0.0
     if step > slowest:
-        unit = next((name for least, name in STEP_UNITS if step >= least), None)
-        guess = "" if unit is None else f": it looks like {unit}, not seconds"
-        raise TraceError(f"t advances by {step:.3g} s a sample{guess}; at most {slowest:g} s are allowed")
+        told = mistaken_time(time) or f"t advances by {step:.3g} s a sample"
+        raise TraceError(f"{told}; at most {slowest:g} s are allowed")
 
 
 def _rounded_down(seconds: float) -> float:

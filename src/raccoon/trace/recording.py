@@ -16,6 +16,8 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.trace.format import Event
 
 Column = NDArray[np.float64]
+TIME_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds"))
+"""By what a time that should be in seconds advances at least, a sample."""
 
 
 @dataclass(slots=True)
@@ -75,6 +77,13 @@ class Recording:
         columns = {name: column[start:stop] for name, column in self.columns.items()}
         events = [Event(each.tick - start, each.text) for each in self.events if start <= each.tick < stop]
         return Recording(columns, events, self.device, list(self.problems))
+
+
+def mistaken_time(time: Column) -> str:
+    """ "t advances by 5 s a sample: it looks like milliseconds, not seconds"; "" where it may well be in s."""
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    unit = next((name for least, name in TIME_UNITS if step >= least), None)
+    return "" if unit is None else f"t advances by {step:.3g} s a sample: it looks like {unit}, not seconds"
 
 
 def _check_time(time: Column) -> None:

@@ -10,6 +10,7 @@ import pytest
 from raccoon import Robot, RobotConfig, open_robot, seq, straight, wait
 from raccoon.cli import replay
 from raccoon.core.errors import ConfigError, TraceError
+from raccoon.diagnose.log import check_time
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import World
@@ -222,13 +223,20 @@ def test_a_program_that_is_replayed_opens_no_robot_of_its_own(recorded: Path, tm
         run(recorded, "--program", tmp_path / "team.py")
 
 
-def test_time_in_milliseconds_is_asked_about(
+def test_a_time_in_another_unit_is_told_as_the_diagnosis_tells_it(
     recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """It drove nowhere for hours, and nothing was said."""
     recording = recording_of(read_trace(recorded))
-    for factor, said in ((1.0, False), (1e3, True)):
-        columns = {**recording.columns, "t": factor * recording["t"]}
-        write_csv(Recording(columns), tmp_path / "run.csv")
+    for factor, unit in ((1.0, None), (100.0, None), (1e3, "milliseconds"), (1e6, "microseconds")):
+        time = factor * recording["t"]
+        write_csv(Recording({**recording.columns, "t": time}), tmp_path / "run.csv")
         run(tmp_path / "run.csv")
-        assert ("t advances by 5 s a row: is it in milliseconds?" in capsys.readouterr().out) is said
+        shown = capsys.readouterr().out
+        if unit is None:
+            assert "it looks like" not in shown
+            continue
+        said = f"t advances by {5e-3 * factor:.3g} s a sample: it looks like {unit}, not seconds"
+        assert said in shown
+        with pytest.raises(TraceError, match=re.escape(said)):
+            check_time(time)

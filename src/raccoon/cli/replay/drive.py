@@ -15,7 +15,7 @@ from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run
 from raccoon.trace.pose_error import PoseError, pose_error
-from raccoon.trace.recording import Column
+from raccoon.trace.recording import Column, mistaken_time
 
 COLUMNS = ("x", "y", "heading", "x_std", "y_std", "heading_std")
 RECORDED = {"x": 0, "y": 1, "heading": 2}
@@ -39,10 +39,6 @@ class Drive:
     notes: list[str] = field(default_factory=list)
 
 
-MILLISECONDS = 1.0
-"""S from one row to the next from which they are likely to be of another unit."""
-
-
 def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     """Run the odometry over a recorded run.
 
@@ -57,12 +53,8 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
             "the recording does not say its robot: taken for the default one (--robot names another)"
         )
     _check_wheels(run, config)
-    steps = np.diff(run.recording["t"])
-    if len(steps) and float(np.median(steps)) >= MILLISECONDS:
-        notes.append(
-            f"t advances by {float(np.median(steps)):.3g} s a row: is it in milliseconds? Between two rows "
-            "nobody knows where the robot went"
-        )
+    if mistaken := mistaken_time(run.recording["t"]):
+        notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
     odometry = Odometry(config)
     rows = []
     command = None
