@@ -27,6 +27,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     kinds = parser.add_subparsers(dest="kind", metavar="KIND", required=True)
     for add in (_add_drive, add_calibration, _add_tophats):
         add(kinds)
+    for kind in kinds.choices.values():
+        kind.set_defaults(parser=kind)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -17,7 +17,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     text = "friction, speed and inertia voltage of each wheel, and the gains of its speed loop"
     wheels = kinds.add_parser("wheels", help=text, description=text)
     add_arguments(wheels)
-    wheels.set_defaults(tune=_wheels)
+    wheels.set_defaults(tune=_wheels, parser=wheels)
 
 
 def run(args: argparse.Namespace) -> int:

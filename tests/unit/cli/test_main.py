@@ -114,12 +114,23 @@ def test_a_file_that_is_not_there_is_named_and_how_to_make_it(
     assert capsys.readouterr().err == "raccoon diagnose: run.csv: there is no such recording\n"
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["view", "run.csv"],
+        ["calibrate", "drive", "run.csv"],
+        ["calibrate", "motors"],
+        ["calibrate", "tophats"],
+        ["tune", "wheels"],
+    ],
+)
 def test_an_option_that_is_not_there_is_told_with_the_usage_of_its_command(
-    capsys: pytest.CaptureFixture[str],
+    command: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as end:
-        main(["view", "run.csv", "--outptu", "a.svg"])
+        main([*command, "--outptu=a.svg"])
     assert end.value.code == 2
     said = capsys.readouterr().err
-    assert said.startswith("usage: raccoon view")
-    assert "unrecognized arguments: --outptu a.svg" in said
+    name = " ".join(word for word in command if word != "run.csv")
+    assert said.startswith(f"usage: raccoon {name} [-h]")
+    assert "unrecognized arguments: --outptu=a.svg" in said
