@@ -1,8 +1,10 @@
 """The emulated co-processor against what is known of the real one's firmware."""
 
+import math
 import struct
 import sys
 from collections.abc import Callable
+from random import Random
 from types import FrameType
 from typing import Any
 
@@ -15,6 +17,7 @@ from raccoon.core.readings import Outputs
 from raccoon.hal.wombat import raccoon, raccoon_command, stock, stock_command
 from raccoon.hal.wombat.devices import STOCK
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
+from raccoon.hal.wombat.emulator.board import IMU_POLE, _LowPass
 from raccoon.hal.wombat.emulator.raccoon_chip import RaccoonChip
 from raccoon.hal.wombat.raccoon_command import Command, Kinematics, Mode, MotorPid, Shutdown, Update
 from raccoon.hal.wombat.stock_command import READ, frame
@@ -433,3 +436,31 @@ def test_it_works_on_after_an_interruption_at_any_line(firmware: Firmware) -> No
     assert min(robot.speeds[:2]) > 1.0
     told = chip.registers() if firmware == "stock" else chip.telemetry()
     assert min(map(abs, told.position[:2])) > 10.0  # it measures, too
+
+
+def test_the_imu_smooths_each_axis_by_two_poles_one_behind_the_other() -> None:
+    """Written out in the board, as it runs in every step: against the short form, and the textbook's step."""
+    random, share = Random(4), -math.expm1(-0.00025 / IMU_POLE)
+
+    def followed(value: float, before: float, after: float) -> float:
+        return value + share * (0.5 * (before + after) - value)
+
+    start = (0.1, -2.0, 9.81)
+    smoothed = _LowPass(start)
+    first: tuple[float, ...] = start
+    second: tuple[float, ...] = start
+    before = start
+    for _ in range(200):
+        after = (random.gauss(0.0, 1.0), random.gauss(0.0, 1.0), random.gauss(0.0, 10.0))
+        smoothed.follow(before, after, share)
+        ahead = tuple(map(followed, first, before, after))
+        second = tuple(map(followed, second, first, ahead))
+        first, before = ahead, after
+        assert smoothed.value == second
+
+    step = _LowPass((0.0, 0.0, 0.0))
+    for tick in range(1, 101):
+        step.follow((1.0, -2.0, 0.0), (1.0, -2.0, 0.0), share)
+        late = tick * 0.00025 / IMU_POLE
+        there = 1.0 - (1.0 + late) * math.exp(-late)
+        assert step.value == pytest.approx((there, -2.0 * there, 0.0), abs=2e-3)
