@@ -32,6 +32,8 @@ SETTLE = 0.5
 FAULTS_WITHIN = 10.0
 """S from the start until a fault has begun, if the match has one."""
 MAX_REASON = 200
+TOUCHES = 1e-3
+"""M by which a robot that is set against a wall may seem to stand in it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +70,12 @@ class Match:
                 raise ConfigError(f"{name} is varied twice")
 
         robot_with(self.robot, self.factors, self.values(0))  # refuses places that the robot does not have
+        _check_start(self.start, self.table, self.robot)
+
+    @property
+    def table(self) -> World:
+        """What it is played on."""
+        return World.default() if self.world is None else self.world
 
     def ending_at(self, end: Sequence[float] | None) -> Match:
         """The same match, with a goal or without."""
@@ -86,6 +94,26 @@ class Match:
 
         kinds = tuple(name for name in KINDS if values.get(name))
         return Broken(kinds, float(np.random.default_rng((seed, 1)).uniform(0.0, FAULTS_WITHIN)))
+
+
+def _check_start(start: tuple[float, float, float], table: World, robot: RobotConfig) -> None:
+    """Raise ConfigError for a start at which no robot stands: off the table, or in what is on it."""
+    from raccoon.sim.collision import Obstacles
+
+    x, y, heading = start
+    if not all(map(math.isfinite, start)):
+        raise ConfigError(f"start is {start}: allowed are finite numbers")
+    told = f"start is x {x:g} m, y {y:g} m, {math.degrees(heading):g} deg"
+    if table.area is not None and not table.area.holds(x, y):
+        (left, low), (right, high) = table.area.low, table.area.high
+        ends = f"x from {left:g} to {right:g} m and y from {low:g} to {high:g} m"
+        raise ConfigError(f"{told}: it is off the table {table.name}, which has {ends}")
+    deepest = max((each.depth for each in Obstacles(table, robot.body).touches(start)), default=0.0)
+    if deepest > TOUCHES:
+        raise ConfigError(
+            f"{told}: a robot of this size ([body] in robot.toml) stands {deepest:.2g} m deep in a wall or "
+            f"an object of the table {table.name}"
+        )
 
 
 def seed_of(sweep_seed: int, run: int) -> int:
@@ -163,9 +191,9 @@ def _quiet() -> Iterator[None]:
 
 def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
     from raccoon.sim.port import SimPort
-    from raccoon.sim.world import Box, Light, World
+    from raccoon.sim.world import Box, Light
 
-    world = World.default() if match.world is None else match.world
+    world = match.table
     if LIGHT in values:
         everywhere = Box((-math.inf, -math.inf), (math.inf, math.inf))
         world = replace(world, lights=(*world.lights, Light(everywhere, values[LIGHT])))

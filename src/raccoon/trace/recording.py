@@ -80,7 +80,7 @@ class Recording:
 
 
 def mistaken_time(time: Column) -> str:
-    """ "t advances by 5 s a sample: it looks like milliseconds, not seconds"; "" where it may well be in s."""
+    """What unit a time seems to be in that should be in s, for a message; "" where it may well be in s."""
     step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
     unit = next((name for least, name in TIME_UNITS if step >= least), None)
     return "" if unit is None else f"t advances by {step:.3g} s a sample: it looks like {unit}, not seconds"

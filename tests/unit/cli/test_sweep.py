@@ -116,6 +116,18 @@ def test_nothing_is_said_to_be_recorded_that_is_not(program: str, capsys: pytest
         (["drive.py", "--out", "r.txt"], "endings .csv and .parquet"),
         (["drive.py", "--scheduler", "tcp://x:1"], "--executor dask"),
         (["drive.py", "--within", "0"], "within is 0.0"),
+        (
+            ["drive.py", "--within", "30"],
+            "--within is 30.0: allowed are numbers above 0 up to 1 (m; 3 cm are 0",
+        ),
+        (
+            ["drive.py", "--within-angle", "360"],
+            "--within-angle is 360.0: allowed are numbers above 0 up to 1",
+        ),
+        (
+            ["drive.py", "--start", "5", "0", "90"],
+            "start is x 5 m, y 0 m, 90 deg: it is off the table botball",
+        ),
         (["drive.py", "--table", "none.toml"], "none.toml"),
         (["drive.py", "--robot", "none.toml"], "none.toml"),
     ],

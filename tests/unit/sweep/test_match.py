@@ -15,12 +15,15 @@ from raccoon.robot.opening import open_robot
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
+from raccoon.sim.world import Thing, World
 from raccoon.sweep.factors import Factor, default_factors, fault_factors
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.match import Match, columns, crashed, nominal_end, play
 from raccoon.sweep.program import Program
 from raccoon.sweep.watch import wall_limit
 from sweep_work import BATTERY, tiny_match
+
+BIN = World("bin", objects=(Thing((0.6, 0.1), 0.05),))
 
 
 def played(text: str, **other: Any) -> dict[str, Any]:
@@ -189,12 +192,26 @@ def test_a_program_that_fails_on_the_nominal_robot_is_not_swept() -> None:
         ({"seconds": float("nan")}, "seconds is nan"),
         ({"factors": (BATTERY, BATTERY)}, "varied twice"),
         ({"factors": (Factor("drive.wheel_radius", "factor", 1.0, 1.1, where="7"),)}, "where is '7'"),
+        ({"start": (0.0, float("nan"), 0.0)}, r"start is \(0.0, nan, 0.0\): allowed are finite"),
+        (
+            {"start": (0.0, 0.9, 0.0)},
+            "y 0.9 m, 0 deg: it is off the table botball, which has x from -0.3 to 2.06",
+        ),
+        ({"start": (1.99, 0.0, 0.0)}, r"stands 0\.02 m deep in a wall or an object of the table botball"),
+        ({"start": (0.5, 0.1, 3.0), "world": BIN}, r"\(\[body\] in robot\.toml\) stands .* of the table bin"),
     ],
 )
 def test_impossible_matches_are_refused(other: dict[str, Any], message: str) -> None:
     wanted: dict[str, Any] = {"factors": (BATTERY,), **other}
     with pytest.raises(ConfigError, match=message):
         Match(Program("p.py", "", "/"), RobotConfig(), **wanted)
+
+
+def test_a_robot_may_start_at_a_wall_and_anywhere_on_a_table_without_an_edge() -> None:
+    program = Program("p.py", "", "/")
+    for start in ((1.97, 0.0, 0.0), (-0.21, 0.48, 0.0), (0.0, 0.0, 7.0)):
+        assert Match(program, RobotConfig(), (BATTERY,), start=start).table.name == "botball"
+    assert Match(program, RobotConfig(), (BATTERY,), start=(50.0, 0.0, 0.0), world=BIN).table is BIN
 
 
 def test_a_missing_program_is_named() -> None:

@@ -78,10 +78,16 @@ def match_of(args: argparse.Namespace) -> Match:
 
 def _check_numbers(args: argparse.Namespace) -> None:
     """Raise ConfigError, in the words and units of the command line."""
-    limits = (("within", args.within), ("within-angle", args.within_angle), ("seconds", args.seconds))
-    for name, value in limits:
-        if not value > 0.0:
-            raise ConfigError(f"--{name} is {value}: allowed are numbers above 0")
+    if not args.seconds > 0.0:
+        raise ConfigError(f"--seconds is {args.seconds}: allowed are numbers above 0")
+    ends = (
+        ("within", args.within, 1.0, "m; 3 cm are 0.03"),
+        ("within-angle", args.within_angle, 180.0, "deg"),
+    )
+    for name, value, most, unit in ends:
+        if not 0.0 < value <= most:
+            allowed = f"numbers above 0 up to {most:g} ({unit}; --any-end: the end does not count)"
+            raise ConfigError(f"--{name} is {value}: allowed are {allowed}")
     check_seed(args.seed)
     check_start(args.start)
     if not 0.0 <= args.faults <= 1.0:
