@@ -176,6 +176,44 @@ def test_a_radius_that_no_search_would_find_is_taken_from_the_reference() -> Non
     assert start.robot.model.drive.wheel_radius.value == pytest.approx(0.0345, abs=0.0002)
 
 
+def smaller(factor: float) -> Columns:
+    """`spinning` of a robot whose wheels are so much larger, so that they turn less."""
+    columns = spinning()
+    return columns | {name: columns[name] / factor for name in ("motor.0.bemf", "motor.1.bemf")}
+
+
+def test_a_radius_that_the_model_has_is_not_taken_from_the_reference_again() -> None:
+    """A model with wheels 40 % larger was right, and was said to be wrong: its robot had them twice."""
+    sides = Parameters.from_robot(ROBOT)
+    for side in ("left", "right"):
+        sides = sides.with_effect("drive.wheel_radius", side, factor=1.4)
+    reads = Parameters.from_robot(ROBOT).with_effect("motor.back_emf_constant", factor=0.7)
+    reads = reads.with_effect("bemf.scale", factor=0.95)
+    for columns, model in ((smaller(1.4), sides), (smaller(1.0 / 0.665), reads)):
+        start = start_of(columns, ROBOT, model)
+        assert "drive.wheel_radius" not in start.shifts
+        assert start.robot.model.drive.wheel_radius == ROBOT.model.drive.wheel_radius
+        assert "drive.wheel_radius" in start_of(columns, ROBOT).shifts
+
+
+def test_a_radius_that_the_model_has_wrong_is_told_against_the_models() -> None:
+    model = Parameters.from_robot(ROBOT).with_effect("drive.wheel_radius", factor=1.4)
+    start = start_of(spinning(), ROBOT, model)
+    assert start.robot.model.drive.wheel_radius.value == pytest.approx(0.0345 / 1.4, abs=0.0002)
+    curve = judged(1.0).curves
+    search = replace(judged(1.0), model=replace(model, robot=start.robot), curves=curve, rejected=())
+    found = with_reference(search, start, model)
+    (cause,) = found.causes
+    number = cause.parameters["factor"]
+    assert (cause.name, number.nominal) == ("drive.wheel_radius", 1.4)
+    assert number.value == pytest.approx(1.0, abs=0.005)
+    assert "The radius of both wheels is 28." in cause.explanation
+    assert "% smaller than assumed" in cause.explanation
+    assert found.model is not None
+    assert found.model.value("drive.wheel_radius", "factor", "left") == pytest.approx(1.0, abs=0.005)
+    assert found.model.robot == ROBOT
+
+
 def test_what_a_reference_hardly_knows_is_left_to_the_search() -> None:
     """Chance, or a track that is 2 % wider: no reason to hold it where robot.toml is."""
     rng = np.random.default_rng(4)

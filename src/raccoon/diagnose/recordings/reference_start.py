@@ -17,9 +17,11 @@ from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference import Factor, Reference, reference_of
 from raccoon.diagnose.recordings.stretches import Columns
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.parameters import SIDES, Parameters
 
 GYRO, TRACK, RADIUS = "imu.gyro_scale", "drive.track_width", "drive.wheel_radius"
+READING = ("bemf.scale", "motor.back_emf_constant")
+"""What makes the counts of a turning wheel larger than assumed, and is no length."""
 DECIDED = (GYRO, TRACK)
 """What a reference tells whatever else is wrong. Of the radius it tells the product with what a reading says
 of a turn, which K_E and the reading's scale are parts of."""
@@ -71,15 +73,14 @@ def start_of(
         factor = seen[id_]
         if factor is None:
             continue
-        has = 1.0 if model is None else model.value(id_, "factor")
-        factor = Factor(factor.value / has, factor.std / has)
+        factor = _over(factor, assumed(model, id_))
         open_ = number.std / number.value
         away = abs(factor.value - 1.0) / math.hypot(factor.std, open_)
         if away > INSIDE:
             clear[id_], shifts[id_] = away, factor
         elif away < AGREES and factor.std < WELL_KNOWN:
             shifts[id_] = _together(factor, Factor(1.0, open_))
-    radius = _radius(reference)
+    radius = _radius(reference, model)
     if radius is not None and abs(math.log(radius.value)) > GROSS:
         shifts[RADIUS] = radius
     return Start(robot, _shifted(robot, shifts), shifts, clear, reference)
@@ -94,11 +95,30 @@ def _together(one: Factor, two: Factor) -> Factor:
     return Factor(mean, sum(weights) ** -0.5)
 
 
-def _radius(reference: Reference) -> Factor | None:
-    left, right = reference.left, reference.right
-    if left is None or right is None:
-        return None
-    return Factor(0.5 * (left.value + right.value), 0.5 * (left.std + right.std))
+def assumed(model: Parameters | None, id_: str) -> float:
+    """The factor that the simulation which is asked about has already: of the wheels their mean."""
+    if model is None:
+        return 1.0
+    if id_ != RADIUS:
+        return model.value(id_, "factor")
+    return 0.5 * sum(model.value(id_, "factor", side) for side in SIDES)
+
+
+def _over(factor: Factor, has: float) -> Factor:
+    return Factor(factor.value / has, factor.std / has)
+
+
+def _radius(reference: Reference, model: Parameters | None) -> Factor | None:
+    """Of both wheels over what the simulation has: it also knows what a reading says of a turn."""
+    sides = []
+    for side, factor in zip(SIDES, (reference.left, reference.right), strict=True):
+        if factor is None:
+            return None
+        says = 1.0 if model is None else math.prod(model.value(each, "factor", side) for each in READING)
+        sides.append(_over(factor, 1.0 / says))
+    left, right = sides
+    mean = Factor(0.5 * (left.value + right.value), 0.5 * (left.std + right.std))
+    return _over(mean, assumed(model, RADIUS))
 
 
 def _shifted(robot: RobotConfig, shifts: Mapping[str, Factor]) -> RobotConfig:

@@ -13,7 +13,7 @@ from raccoon.diagnose.extend import named_origin, rebased
 from raccoon.diagnose.naming import TURN_READS
 from raccoon.diagnose.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference import Factor, Reference
-from raccoon.diagnose.recordings.reference_start import GYRO, RADIUS, TRACK, Start
+from raccoon.diagnose.recordings.reference_start import GYRO, RADIUS, READING, TRACK, Start, assumed
 from raccoon.diagnose.recordings.rescaled import GYRO_COLUMN, Rescaled
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import (
@@ -29,8 +29,6 @@ from raccoon.diagnose.result import (
 from raccoon.sim.parameters import SIDES, Parameters
 
 K_E = "motor.back_emf_constant"
-READING = ("bemf.scale", K_E)
-"""What makes the counts of a turning wheel larger than assumed, and is no length."""
 SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")
 """Where these are wrong as well, a K_E that is off by as much as the radius does the same, beside others of
 them."""
@@ -76,7 +74,7 @@ def _from_robot(found: Diagnosis, start: Start) -> Diagnosis:
             }  # fmt: skip
             told = explanation(each.id, each.where, values)
             each = replace(each, parameters=values, explanation=told)
-            if abs(values["factor"].value - 1.0) < INSIDE * values["factor"].std:
+            if abs(values["factor"].value - number.nominal) < INSIDE * values["factor"].std:
                 continue  # the search took back what the reference seemed to say: something else was wrong
         causes.append(each)
     return replace(found, causes=tuple(causes))
@@ -104,7 +102,7 @@ def _with_causes(
         change = judged.change(factor.value**-power)
         open_ = INSIDE * _open(start.given)
         beyond = change * max(1.0 - open_ / abs(factor.value - 1.0), 0.0) / math.sqrt(len(found.channels))
-        has = 1.0 if model is None or id_ == RADIUS else model.value(id_, "factor")
+        has = assumed(model, id_)
         std = _radius_std(start) if id_ == RADIUS else factor.std
         values = {"factor": ParameterResult(has * factor.value, has * std, "", has)}
         sure = math.erf(told[id_] / math.sqrt(2.0))
@@ -131,7 +129,7 @@ def _with_causes(
 
 def _with_track(found: Diagnosis, start: Start, away: float, model: Parameters | None) -> Diagnosis:
     """With a track width that no reading shows where there is no gyro, but the reference does."""
-    factor, has = start.shifts[TRACK], 1.0 if model is None else model.value(TRACK, "factor")
+    factor, has = start.shifts[TRACK], assumed(model, TRACK)
     values = {"factor": ParameterResult(has * factor.value, has * factor.std, "", has)}
     rest = [each.rmse_after / each.noise_floor for each in found.channels if each.noise_floor > 0.0]
     size = float(np.sqrt(np.mean(np.square(rest)))) if rest else 1.0

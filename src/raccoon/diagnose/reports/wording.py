@@ -39,7 +39,8 @@ def _scaled(what: str, more: str, less: str, todo: str, todo_less: str = "") -> 
     """A factor. todo_less: what to do where it is below 1, if that is something else."""
 
     def told(place: str, values: Values) -> Told:
-        factor = _first(values).value
+        number = _first(values)
+        factor = number.value / (number.nominal if number.nominal > 0.0 else 1.0)  # a model has its own
         larger = factor > 1.0
         text = f"{what} is {abs(factor - 1.0) * 100:.1f} % {more if larger else less} than assumed"
         action = todo if larger else todo_less or todo
