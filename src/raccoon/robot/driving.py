@@ -12,7 +12,7 @@ from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.limits import check_number, check_rate, check_speed
-from raccoon.robot.pacing import GAINS, STALL_PATIENCE, check_finite, reason
+from raccoon.robot.pacing import GAINS, STALL_PATIENCE, check_finite, check_wiring, reason
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -24,11 +24,13 @@ __all__ = ["drive", "motors"]
 def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     """Drive at `speed` m/s and `turn_rate` rad/s until ended from outside (`.until`, `.timeout`, `race`).
 
-    Without a turn rate the heading of the plan is held.
+    Without a turn rate the heading of the plan is held. Raises MotionTimeout where the gyro shows for half a
+    second that a motor is plugged in the other way round.
     """
     check_speed(speed=speed)
     check_rate(turn_rate=turn_rate)
     check_finite(speed=speed, turn_rate=turn_rate)  # None is no default here
+    label = f"drive {speed:g} m/s"
 
     def steps(robot: Robot) -> Steps[None]:
         motion = robot.config.motion
@@ -41,12 +43,14 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
             )
         velocity = robot.estimate.velocity
         rate = robot.estimate.turn_rate
+        miswired = 0.0
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration)
         top = math.copysign(top, speed)
         try:
             while True:
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
+                miswired = check_wiring(robot, miswired, label)
                 velocity = slewed(velocity, top, acceleration * robot.dt)
                 rate = slewed(rate, turn_rate, motion.turn_acceleration * robot.dt)
                 held = 0.0
@@ -64,7 +68,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
             here = robot.estimate
             robot.plan = Pose(here.x, here.y, start.heading if turn_rate == 0.0 else here.heading)
 
-    return Action(f"drive {speed:g} m/s", steps)
+    return Action(label, steps)
 
 
 def search(speed: float, reach: float) -> Action[None]:

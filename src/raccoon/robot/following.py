@@ -11,7 +11,7 @@ from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.limits import check_speed
 from raccoon.robot.lines import ready
-from raccoon.robot.pacing import STALL_PATIENCE, at_rest, check_limits, reason
+from raccoon.robot.pacing import STALL_PATIENCE, at_rest, check_limits, check_wiring, reason
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
     if side not in ("left", "right"):
         raise ValueError(f"side is {side!r}: allowed are 'left' and 'right'")
     sign = 1.0 if side == "left" else -1.0
+    label = f"follow the {side} edge with {tophat}"
 
     def steps(robot: Robot) -> Steps[None]:
         sensor = ready(robot, tophat)
@@ -62,6 +63,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         here = robot.estimate
         velocity, seen, patience = here.velocity, robot.time, NONE_YET_TIME
         heading, place, searched, searches = here.heading, here.distance, -math.inf, 0
+        miswired = 0.0
         sensor.follow_light(False)
         try:
             while True:
@@ -73,6 +75,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                         heading = here.heading
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity = here.velocity
+                miswired = check_wiring(robot, miswired, label)
                 lost = robot.time - seen > patience or here.distance - place > LOST_WAY
                 if lost or sensor.other_light:
                     searches = searches + 1 if place - searched < SEARCH_APART else 1
@@ -96,7 +99,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
             robot.drive.stop()
             robot.replan()
 
-    return Action(f"follow the {side} edge with {tophat}", steps)
+    return Action(label, steps)
 
 
 class _Search:
@@ -169,7 +172,8 @@ class _Search:
             edge = sensor.edge
             if to_edge and edge is not None and edge.to_black is (way * self._side < 0.0):
                 return True
-            silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
+            wrong = robot.drive.wheels.stalled or robot.odometry.wiring.suspects
+            silent = silent + robot.dt if wrong else 0.0
             if silent > STALL_PATIENCE or robot.time > self._end:
                 raise MotionTimeout(f"{_lost(sensor.name)}; {reason(robot)}")
             if robot.paused:

@@ -144,6 +144,19 @@ def reason(robot: Robot) -> str:
     return "; ".join(said)
 
 
+def check_wiring(robot: Robot, lasted: float, name: str) -> float:
+    """For how many s the gyro has said by now that motors are plugged in otherwise than robot.toml says.
+
+    lasted: what this gave in the tick before. Raises MotionTimeout, naming the motion, where it is sure for
+    as long as a wheel may stand: under control such a robot spins, faster and faster.
+    """
+    if not robot.odometry.wiring.turned:
+        return 0.0
+    if lasted > STALL_PATIENCE:
+        raise MotionTimeout(f"{name}: {miswired(robot)}")
+    return lasted + robot.dt
+
+
 def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
     """Stop, make `goal` the place the next motion starts from, and say where the robot is against it."""
     robot.drive.stop()

@@ -9,6 +9,8 @@ from raccoon import (
     after_time,
     deg,
     drive,
+    follow_line,
+    motors,
     open_robot,
     straight,
     turn,
@@ -17,10 +19,11 @@ from raccoon import (
 from raccoon.core.config import DriveConfig, MotorConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import Status
+from raccoon.estimate.tophat import calibrate
 from raccoon.robot.emulated import open_emulated
 from raccoon.robot.motions import MotionResult
 from raccoon.sim.world import World
-from robots import simulated
+from robots import CONFIG, simulated
 
 TURNED = MotorConfig(inverted=True)
 LEFT = "as if the left motor (port 0) were plugged in the other way round: turn its plug, or write inverted ="
@@ -73,13 +76,40 @@ def test_straight_ahead_it_is_said_once_the_heading_is_corrected_the_wrong_way(b
         assert robot.time - begin < 5.0
 
 
-def test_a_drive_without_a_goal_says_it_in_the_log_and_calls_its_pose_invalid(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    """The sign that is to be written is the other one than is written."""
+@pytest.mark.parametrize("behind", ["simulator", "stock", "RaccoonOS"])
+def test_a_drive_without_a_goal_ends_as_soon(behind: str) -> None:
+    """It held its heading the wrong way and spun faster and faster, and the timeout blamed a fuse.
+    The sign that is to be written is the other one than is written."""
     config = RobotConfig(motors={0: TURNED})
-    with open_robot(config, port=wired(RobotConfig(), "simulator")) as robot:
+    with open_robot(config, port=wired(RobotConfig(), behind)) as robot:
         robot.run(wait(1.0))
-        robot.run(drive(0.1).until(after_time(1.0)))
+        begin = robot.time
+        with pytest.raises(MotionTimeout, match=r"^drive 0\.1 m/s: the robot turns as if") as error:
+            robot.run(drive(0.1).until(after_time(5.0)))
+        assert LEFT + " false under [motor.0]" in str(error.value)
+        assert robot.time - begin < 1.0
+        assert robot.outputs.duty == (0.0,) * 4
         assert robot.estimate.status is Status.INVALID
-    assert [record.message for record in caplog.records if LEFT + " false under [motor.0]" in record.message]
+
+
+def test_a_line_is_not_looked_for_with_motors_the_wrong_way_round() -> None:
+    port = wired(RobotConfig(motors={0: TURNED}), "simulator")
+    with open_robot(CONFIG, port=port) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(
+                calibrate([400.0 + i % 5 for i in range(200)] + [2900.0 + i % 9 for i in range(200)])
+            )
+        robot.run(wait(1.0))
+        begin = robot.time
+        with pytest.raises(MotionTimeout, match="plugged in the other way round"):
+            robot.run(follow_line("left"))
+        assert robot.time - begin < 3.0
+        assert robot.outputs.duty == (0.0,) * 4
+
+
+def test_plain_duties_go_on_and_the_log_says_it(caplog: pytest.LogCaptureFixture) -> None:
+    """They are under no control that could run away, and may be what finds out which motor is which."""
+    with open_robot(RobotConfig(), port=wired(RobotConfig(motors={0: TURNED}), "simulator")) as robot:
+        robot.run(wait(1.0))
+        robot.run(motors(0.5, 0.5).until(after_time(1.5)))
+    assert [record.message for record in caplog.records if LEFT + " true under [motor.0]" in record.message]
