@@ -28,6 +28,14 @@ SEARCH_ANGLE = math.radians(60.0)
 """rad to either side of the line's direction in which it is looked for."""
 SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
 """m/s of the sensor meanwhile, and s that it takes at the most."""
+BACK_SPEED = 0.1
+"""m/s at which the robot goes back to where the line was."""
+CATCH_SPEED = 0.03
+"""m/s until it keeps to an edge that it found: that may lie across, and is as wide as the sensor's spot."""
+SHORT_EDGE = 0.03
+"""m of an edge below which the sensor only went across it."""
+NEAR = 1e-3
+"""m that is as good as there."""
 SEARCH_APART, MOST_SEARCHES = 0.05, 2
 """m of the way, and how often a line is looked for in it: one that ends would be found for ever."""
 INTO_LIGHT, ASIDE = 0.03, 0.03
@@ -43,9 +51,10 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
 
     side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
     of the sensor's spot that is on black steers. After 1 s or 0.15 m without an edge (0.5 s where there was
-    none yet) the robot stops and looks for the line on the spot, 60 degrees to either side; where the light
-    changes, it does so to learn what floor and line read there. Raises CalibrationError without a
-    calibration, ConfigError for a sensor that is not ahead of the axis, MotionTimeout where it finds no line.
+    none yet) the robot stops, goes back to where it was on one and looks for the line there on the spot, 60
+    degrees to either side; where the light changes, it does so to learn what floor and line read there.
+    Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axis,
+    MotionTimeout where it finds no line.
     """
     check_speed(speed=speed)
     check_limits(speed=speed)
@@ -60,37 +69,35 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         wanted = motion.speed if speed is None else speed
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
         gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
-        here = robot.estimate
-        velocity, seen, patience = here.velocity, robot.time, NONE_YET_TIME
-        heading, place, searched, searches = here.heading, here.distance, -math.inf, 0
-        miswired = 0.0
+        line = _Line(robot)
+        velocity, limit, patience = robot.estimate.velocity, top, NONE_YET_TIME
+        searched, searches, miswired = -math.inf, 0, 0.0
         sensor.follow_light(False)
         try:
             while True:
                 coverage = 0.5 if sensor.coverage is None else sensor.coverage
                 here = robot.estimate
-                if 0.02 < coverage < 0.98:
-                    place, seen, patience = here.distance, robot.time, LOST_TIME
-                    if place - searched > SEARCH_APART:  # before, it may still come across the line
-                        heading = here.heading
+                if line.see(coverage):
+                    patience = LOST_TIME
+                    if line.place - searched > SEARCH_APART:  # before, it may still come across the line
+                        line.heading = here.heading
+                    if line.kept:
+                        limit = top
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity = here.velocity
                 miswired = check_wiring(robot, miswired, label)
-                lost = robot.time - seen > patience or here.distance - place > LOST_WAY
+                lost = robot.time - line.time > patience or here.distance - line.place > LOST_WAY
                 if lost or sensor.other_light:
-                    searches = searches + 1 if place - searched < SEARCH_APART else 1
+                    searches = searches + 1 if line.place - searched < SEARCH_APART else 1
                     if searches > MOST_SEARCHES:
                         raise MotionTimeout(_lost(tophat))
-                    search = _Search(robot, sensor, sign, heading, velocity)
-                    if sensor.other_light:
-                        yield from search.in_other_light()
-                    else:
-                        # Black is on the right of the left edge: a sensor on it has gone too far right.
-                        yield from search.beside(sign if coverage > 0.5 else -sign)
-                    velocity, seen, patience = 0.0, robot.time, LOST_TIME
-                    place = searched = robot.estimate.distance
+                    search = _Search(robot, sensor, sign, line, velocity)
+                    yield from search.in_other_light() if sensor.other_light else search.beside()
+                    velocity, limit, patience = 0.0, min(top, CATCH_SPEED), LOST_TIME
+                    line.begin()
+                    searched = line.place
                     continue
-                velocity = slewed(velocity, top, acceleration * robot.dt)
+                velocity = slewed(velocity, limit, acceleration * robot.dt)
                 # On the left edge black is to the right: too much of it means too far right.
                 robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
                 yield
@@ -102,26 +109,67 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
     return Action(label, steps)
 
 
+class _Line:
+    """Where the sensor was on an edge of the line the last time.
+
+    place: m of the way. time: s. heading: rad of the line, as far as known. pointing: rad of the robot there,
+    None before the first edge. to_black: whether it came from the edge to black first (then the line turned
+    to that side, or another one crosses it), None while it keeps to one.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self.heading = robot.estimate.heading
+        self.pointing: float | None = None
+        self.to_black: bool | None = None
+        self.begin()
+
+    def begin(self) -> None:
+        """Count as an edge the place where the robot is."""
+        self.place = self._met = self._robot.estimate.distance
+        self.time = self._robot.time
+        self._on = True
+
+    @property
+    def kept(self) -> bool:
+        """Whether the sensor did not only go across the edge."""
+        return self.place - self._met > SHORT_EDGE
+
+    def see(self, coverage: float) -> bool:
+        """Take the sensor's coverage of this cycle; whether it is on an edge."""
+        here, on = self._robot.estimate, 0.02 < coverage < 0.98
+        if on:
+            if not self._on:
+                self._met = here.distance
+            self.place, self.pointing, self.time = here.distance, here.heading, self._robot.time
+            if self.kept:
+                self.to_black = None
+        elif self.to_black is None:
+            self.to_black = coverage > 0.5
+        self._on = on
+        return on
+
+
 class _Search:
     """Looks for an edge of a line by turning on the spot, and takes down what both surfaces read meanwhile.
 
-    side: 1 for the left edge of the line, -1 for the right one. heading: rad of the line, as far as known.
-    velocity: m/s that the robot comes with.
+    side: 1 for the left edge of the line, -1 for the right one. velocity: m/s that the robot comes with.
     """
 
-    def __init__(
-        self, robot: Robot, sensor: TophatSensor, side: float, heading: float, velocity: float
-    ) -> None:
-        self._robot, self._sensor = robot, sensor
-        self._side, self._heading, self._velocity = side, heading, velocity
+    def __init__(self, robot: Robot, sensor: TophatSensor, side: float, line: _Line, velocity: float) -> None:
+        self._robot, self._sensor, self._line = robot, sensor, line
+        self._side, self._heading, self._velocity = side, line.heading, velocity
         self._end = robot.time + SEARCH_TIME
         self._last: deque[float] = deque(maxlen=SURFACE_READINGS)
         self._white, self._black = math.inf, -math.inf
 
-    def beside(self, first: float) -> Steps[None]:
-        """On both sides; first: 1 to begin on the left. Ends on the edge, or on the line from beyond it."""
+    def beside(self) -> Steps[None]:
+        """On both sides of where it was last. Ends on the edge, or on the line from beyond it."""
         say(self._robot, f"{self._sensor.name} lost the line and looks for it")
         yield from self._stop()
+        yield from self._back()
+        # Black is on the right of the left edge: a sensor on it has gone too far right.
+        first = self._side if self._line.to_black else -self._side
         for way in (first, -first):
             if (yield from self._turn(way, SEARCH_ANGLE)) or self._sensor.black:
                 return
@@ -155,6 +203,26 @@ class _Search:
             self._velocity = slewed(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
             robot.drive.velocity(self._velocity)
             yield
+
+    def _back(self) -> Steps[None]:
+        """Backwards along the arc that it came, to where it was on an edge the last time, or to black before:
+        a line that turned off is beside that place, and not beside where it was missed.
+        """
+        robot, line, acceleration = self._robot, self._line, self._robot.config.motion.acceleration
+        if line.pointing is None:
+            return
+        bend = robot.estimate.heading - line.pointing
+        way, silent = robot.estimate.distance - line.place, 0.0
+        while (left := robot.estimate.distance - line.place) > NEAR and not self._sensor.black:
+            silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
+            if silent > STALL_PATIENCE or robot.time > self._end:
+                raise MotionTimeout(f"{_lost(self._sensor.name)}; {reason(robot)}")
+            speed = min(BACK_SPEED, math.sqrt(acceleration * left))
+            self._velocity = slewed(self._velocity, -speed, acceleration * robot.dt)
+            off = line.pointing + bend * left / way - robot.estimate.heading
+            robot.drive.velocity(self._velocity, self._velocity * bend / way + LIGHT_GAIN * off)
+            yield
+        yield from self._stop()
 
     def _turn(self, way: float, angle: float, *, to_edge: bool = True) -> Steps[bool]:
         """Turn until `angle` rad beside the line's direction or to its edge; whether it came to that.
