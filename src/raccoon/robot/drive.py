@@ -167,7 +167,8 @@ class Drive:
         if self._claimed:
             raise RuntimeError(
                 "two actions drive the wheels at the same time, in parallel or in the background: "
-                "put them into a seq, or end one before the other begins"
+                "put them into a seq, or end one before the other begins; in a loop of your own robot.tick() "
+                "comes after each"
             )
         self._claimed = True
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -22,6 +21,8 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 MATCH_SECONDS = 120.0
+LONGEST = 3600.0
+"""S of a match; more is a time in milliseconds."""
 CAUGHT = (
     "the program went on after the end of the match: it catches everything (except BaseException, or a bare "
     "except), the end too; write except Exception"
@@ -164,8 +165,8 @@ def run_match(
     if start is not None:
         check_kind(start, Action, "run_match(): start", ", such as wait_for_light(port) or wait(1.0)")
     check_number("seconds", seconds, "of a match, above 0")
-    if not 0.0 < seconds < math.inf:
-        raise ValueError(f"seconds is {seconds}: it must be above 0")
+    if not 0.0 < seconds <= LONGEST:
+        raise ValueError(f"seconds is {seconds}: allowed are numbers above 0 up to {LONGEST:g}")
     robot.require()
     if robot.deadline is not None:
         raise RuntimeError("this robot has begun its match already: open the robot again for another one")

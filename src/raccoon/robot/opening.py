@@ -14,8 +14,9 @@ from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.port import Port
 from raccoon.estimate.drive.wheels import all_resting_counts
-from raccoon.robot.actions import Action, perform
+from raccoon.robot.actions import NOTHING_RUN, Action, perform
 from raccoon.robot.loop import punctual, stopped_on_exit
+from raccoon.robot.remarks import say
 from raccoon.robot.robot import Robot
 
 if TYPE_CHECKING:
@@ -105,6 +106,8 @@ def _opened(
             robot = Robot(opened, settings)
             with stopped_on_exit(robot.close), punctual() if real_time else nullcontext():
                 yield robot
+                if robot.ticks == 0:  # an action that was made and not run, most likely
+                    say(robot, NOTHING_RUN)
 
 
 def _located(name: str | Path) -> Path:

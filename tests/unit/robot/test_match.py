@@ -253,6 +253,9 @@ def test_a_list_and_a_start_that_is_no_action_are_refused() -> None:
         assert robot.ticks == 0
 
 
-def test_a_match_without_time_is_refused() -> None:
-    with open_robot(CONFIG, port=Lamp()) as robot, pytest.raises(ValueError, match=r"seconds is 0\.0"):
-        run_match(robot, wait(1.0), seconds=0.0)
+@pytest.mark.parametrize("seconds", [0.0, float("nan"), 120_000.0])
+def test_a_match_without_time_or_of_days_is_refused(seconds: float) -> None:
+    """In milliseconds its end, which is to stop everything, would not come."""
+    said = f"seconds is {seconds}: allowed are numbers above 0 up to 3600"
+    with open_robot(CONFIG, port=Lamp()) as robot, pytest.raises(ValueError, match=said):
+        run_match(robot, wait(1.0), seconds=seconds)

@@ -47,6 +47,21 @@ def test_a_run_is_recorded_where_asked(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["run.jsonl.gz"]
 
 
+def test_a_program_that_runs_nothing_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    """An action that was made and not run did nothing, without a word."""
+    config = RobotConfig(controller=ControllerConfig(port="sim"))
+    with open_robot(config):
+        wait(0.05)
+    assert [each.message for each in caplog.records] == [
+        "the program ran nothing on the robot: an action is done with robot.run(...)"
+    ]
+    with open_robot(config) as robot:
+        robot.run(wait(0.05))
+    with pytest.raises(KeyError), open_robot(config):
+        raise KeyError
+    assert len(caplog.records) == 1
+
+
 def test_the_second_run_is_recorded_beside_the_first(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -432,6 +432,13 @@ def test_two_that_drive_at_once_are_refused(both: Callable[[], Action[Any]]) -> 
         robot.run(straight(0.02))
 
 
+def test_a_loop_that_forgets_its_tick_is_told_of_it() -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.drive.velocity(0.15)
+        with pytest.raises(RuntimeError, match=r"robot\.tick\(\) comes after each"):
+            robot.drive.velocity(0.15)
+
+
 def test_one_that_drives_beside_others_that_do_not_is_allowed() -> None:
     beside = parallel(straight(0.1), wait(0.5), repeat(do(lambda _: None)).until(after_time(0.3)))
     results, _, _ = run(seq(beside, race(straight(0.5), wait(0.3)), straight(0.05)))
