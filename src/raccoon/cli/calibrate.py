@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from raccoon.cli.motors import add_calibration, put_in
+from raccoon.cli.motors import SIMULATED, add_calibration, put_in, recorded_in_simulation
 from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError
 
@@ -82,7 +82,13 @@ def _calibrate_drive(args: argparse.Namespace) -> int:
     runs = [run for path in args.recording for run in load_runs(path)]
     entries = _straight(args, robot, runs) if args.straight is not None else _manoeuvre(args, robot, runs)
     _show(entries)
-    return _finish(args, entries)
+    if not args.write:
+        print(f"{args.robot} is as it was: say --write to put these values in")
+        return 0
+    print(put_in(args.robot, entries))
+    if recorded_in_simulation(runs):
+        print(SIMULATED)
+    return 0
 
 
 def _check_lengths(args: argparse.Namespace) -> None:
@@ -141,15 +147,6 @@ def _show(entries: Mapping[str, Measured]) -> None:
         share = f" ({100 * value.std / abs(value.value):.2f} %)" if known else ""
         battery = "" if value.battery_voltage is None else f" at {value.battery_voltage:.2f} V"
         print(f"{key:28} {value.value:.6g} +- {value.std:.2g}{share}{battery}")
-
-
-def _finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
-    """Put the values into robot.toml where that was asked for."""
-    if not args.write:
-        print(f"{args.robot} is as it was: say --write to put these values in")
-        return 0
-    print(put_in(args.robot, entries))
-    return 0
 
 
 def _add_tophats(kinds: Any) -> None:

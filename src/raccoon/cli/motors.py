@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
@@ -16,8 +16,10 @@ from raccoon.core.config import REAL_CONTROLLERS, Measured, load_robot
 
 if TYPE_CHECKING:
     from raccoon.robot.identification import Excitation, WheelFit
+    from raccoon.trace.loading import Run
 
 PORTS = ("wombat", "wombat-raccoon", "sim")
+SIMULATED = "these are the simulated robot's values: measure again on the real one before it drives by them"
 ROOM = 0.3
 """m ahead of the robot that its drive stays within, on any battery."""
 
@@ -88,15 +90,18 @@ def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
         return 0
     print(put_in(args.robot, entries))
     if simulated(args):
-        print(
-            "these are the simulated robot's values: measure again on the real one before it drives by them"
-        )
+        print(SIMULATED)
     return 0
 
 
 def simulated(args: argparse.Namespace) -> bool:
     """Whether the robot that was driven is a simulated one."""
     return (args.port or load_robot(args.robot).controller.port) not in REAL_CONTROLLERS
+
+
+def recorded_in_simulation(runs: Iterable[Run]) -> bool:
+    """Whether one of these recordings says that it is of a simulated robot."""
+    return any(run.robot is not None and run.robot.controller.port not in REAL_CONTROLLERS for run in runs)
 
 
 def put_in(robot: Path, entries: Mapping[str, Measured]) -> str:

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.cli.motors import SIMULATED, recorded_in_simulation
 from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
 from raccoon.estimate.tophat.sensor import Explanation, explanations
 from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
-from raccoon.trace.loading import load_runs
+from raccoon.trace.loading import Run, load_runs
 
 VERDICT = 2 + max(len(verdict) for verdict in Verdict)
 """Width of a column of verdicts."""
@@ -62,7 +63,8 @@ def calibrate_recordings(
     robot = load_robot(robot_file)
     if not robot.tophats:
         raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
-    readings, voltage = _readings(recordings, {sensor.analog for sensor in robot.tophats.values()})
+    runs = [run for path in recordings for run in load_runs(path)]
+    readings, voltage = _readings(runs, {sensor.analog for sensor in robot.tophats.values()})
     now = datetime.now(UTC).isoformat(timespec="seconds")
     layout = Layout.of(robot.tophats, [set_name])
     print(layout.header)
@@ -76,6 +78,10 @@ def calibrate_recordings(
             TophatStore(store).add(entry)
     if not write:
         print(f"{store} is as it was: say --write to store these")
+    elif failed < len(robot.tophats):
+        print(f"wrote {store}, set {set_name}")
+        if recorded_in_simulation(runs):
+            print(SIMULATED)
     return 1 if failed else 0
 
 
@@ -88,13 +94,11 @@ def _entry(
     return StoredCalibration(name, set_name, now, found, robot, ambient, voltage, generation)
 
 
-def _readings(
-    recordings: Sequence[Path], ports: set[int]
-) -> tuple[dict[int, NDArray[np.float64]], float | None]:
+def _readings(runs: Sequence[Run], ports: set[int]) -> tuple[dict[int, NDArray[np.float64]], float | None]:
     """(counts by analog port, mean battery voltage) of all recordings together."""
     found: dict[int, list[NDArray[np.float64]]] = {}
     voltages: list[float] = []
-    for run in [run for path in recordings for run in load_runs(path)]:
+    for run in runs:
         columns = run.recording.columns
         for port in ports:
             column = columns.get(f"analog.{port}")

@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raccoon import open_robot, seq, straight, wait
 from raccoon.cli import main
 
 ROBOT = "[tophat.left]\nanalog = 0\n[tophat.right]\nanalog = 1\n"
@@ -30,6 +31,7 @@ def test_stores_what_it_believes_and_shows_it(folder: Path, capsys: pytest.Captu
     assert command(folder, *drive, "--write") == 1  # the right sensor saw one surface
     told = capsys.readouterr().out
     assert "one_surface" in told
+    assert told.endswith(f"wrote {folder / 'tophats.json'}, set table\n")
     assert command(folder, "--show") == 0
     shown = capsys.readouterr().out
     assert "left" in shown
@@ -53,6 +55,21 @@ def test_long_names_leave_their_columns_apart(folder: Path, capsys: pytest.Captu
         assert row[at["set"] : at["time"]].strip() == name
         assert row[at["time"] - 1] == " "
         assert row[at["time"] :].startswith("20")
+
+
+def test_what_a_simulated_robot_read_is_told_to_be_that(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`raccoon tune` said it, and a calibration of the simulator's recording went into robot.toml without."""
+    robot = folder / "robot.toml"
+    robot.write_text('[controller]\nport = "sim"\n[tophat.left]\nanalog = 0\n', encoding="utf-8")
+    with open_robot(robot, record=folder / "drive") as simulated:
+        simulated.run(seq(wait(0.5), straight(0.9), wait(0.5)))
+    for kind in (["tophats", "--store", str(folder / "t.json")], ["drive", "--straight", "0.9"]):
+        assert main(["calibrate", *kind, str(folder / "drive"), "--robot", str(robot), "--write"]) == 0
+        said = capsys.readouterr().out.splitlines()
+        assert said[-2].startswith("wrote ")
+        assert said[-1].startswith("these are the simulated robot's values: measure again on the real one")
 
 
 def test_without_write_nothing_is_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -61,7 +61,7 @@ def print_report(results: dict[str, Any]) -> None:
         if len(run["notes"]) > SHOWN_PROBLEMS:
             print(f"{'':{width}}  and {len(run['notes']) - SHOWN_PROBLEMS} notes more")
         _print_deviation(run, width)
-    if results["pooled"] is not None:
+    if results["pooled"] is not None and results["pooled"]["runs"] > 1:
         _print_pooled(results["pooled"])
 
 
