@@ -70,6 +70,11 @@ __all__ = [
 
 _log = logging.getLogger("raccoon")
 BYTE_ORDER_MARK = "\ufeff"
+_SLIPS = (
+    (r"=\s*(True|False)\b", "; true and false are written small"),
+    (r"=\s*-?\d+,\d", "; a number has a decimal point"),
+)
+"""What is no TOML and common, with what to write."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,7 +160,27 @@ def parse_toml(content: str | bytes) -> dict[str, Any]:
 def _quoted(text: str, error: str) -> str:
     """The line that an error of the TOML reader names."""
     found = re.search(r"\(at line (\d+), ", error)
-    return "" if found is None else f": {shown(text.split(chr(10))[int(found[1]) - 1].strip())}"
+    if found is None:
+        return ""
+    line = text.split(chr(10))[int(found[1]) - 1].strip()
+    hint = next((hint for pattern, hint in _SLIPS if re.search(pattern, line)), "")
+    return f": {shown(line)}{hint}"
+
+
+def _refuse_homeless(table: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    """Raise ConfigError for a key of a section that stands above all of them, naming the section."""
+    kinds = {
+        "controller": ControllerConfig,
+        "battery": BatteryConfig,
+        "drive": DriveConfig,
+        "body": BodyConfig,
+        "motor.N": MotorConfig,
+        "motion": MotionConfig,
+    }
+    for key in table:
+        homes = [f"[{name}]" for name, kind in kinds.items() if key in {each.name for each in fields(kind)}]
+        if homes and key not in known:
+            raise ConfigError(f"{key}: it belongs below a line with its section, {' or '.join(homes)}")
 
 
 def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
@@ -176,6 +201,7 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
         "motion",
         "model",
     )
+    _refuse_homeless(table, known)
     refuse_unknown(table, known, "")
     name = table.get("name", "robot")
     if not isinstance(name, str):

@@ -138,6 +138,10 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[mechanism.arm]\nmotor = 1", r"mechanism.arm.motor = 1: the drive is on that port"),
         ("[mechanism.a]\n[mechanism.b]", r"mechanism.b.motor = 2: the port is taken by mechanism.a"),
         ("name = ", r"not a TOML file"),
+        ('port = "sim"', r"robot.toml: port: it belongs below a line with its section, \[controller\]$"),
+        ("left = 0", r"robot.toml: left: it belongs below a line with its section, \[drive\]$"),
+        ("[motor.0]\ninverted = True", r"'inverted = True'; true and false are written small$"),
+        ("[motion]\nspeed = 0,15", r"'speed = 0,15'; a number has a decimal point$"),
         (
             "[battery]\ntuned_at =  # V, resting voltage\n",
             r"not a TOML file: Invalid value \(at line 2, column \d+\): 'tuned_at =  # V, resting voltage'$",
