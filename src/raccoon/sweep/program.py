@@ -32,6 +32,8 @@ class Program:
     def read(cls, path: str | Path) -> Program:
         """Raises ConfigError where there is no such file or it is no text."""
         path = Path(path)
+        if path.suffix != ".py":
+            raise ConfigError(f"{path}: a program is a Python file, whose name ends in .py")
         try:
             with tokenize.open(path) as file:  # in the encoding that Python would read it in
                 return cls(path.name, file.read(), str(path.resolve().parent))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import multiprocessing
 import os
 import signal
@@ -12,6 +13,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager, nullcontext
 from multiprocessing.connection import Connection
 from multiprocessing.connection import wait as wait_for_one
+from multiprocessing.resource_tracker import ensure_running
 from typing import Any
 
 from raccoon.core.cores import cores
@@ -32,11 +34,18 @@ class _Processes(ProcessPoolExecutor):
     """
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
-        try:
+        with _deaf():
             return super().submit(fn, *args, **kwargs)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Threads and processes that begin meanwhile never hear Ctrl-C, which is for the sweep to hear."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -92,10 +101,12 @@ def dask_crew(scheduler: str | None = None, workers: int | None = None) -> Itera
         raise ConfigError(f"--executor dask needs Dask: {install('cluster')}") from None
     if scheduler is None:
         count = _checked(workers, cores())
-        with (
-            LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster,
-            Client(cluster) as client,
-        ):
+        ensure_running()  # where it has to begin first, it lets the thread that needs it hear again
+        with _deaf():  # the thread that starts the workers, and those in place of dead ones, begins here
+            local = LocalCluster(
+                n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=logging.ERROR
+            )
+        with local as cluster, Client(cluster) as client:
             yield Crew(_executor(client), AHEAD * count)
         return
     client = failed = None

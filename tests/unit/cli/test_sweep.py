@@ -94,6 +94,19 @@ def test_nothing_is_said_to_be_recorded_that_is_not(program: str, capsys: pytest
     assert said.err == "raccoon sweep: --record run: nothing was recorded\n"
 
 
+def test_what_an_interrupted_sweep_has_played_is_named(
+    program: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("raccoon.cli.sweep.play.sweep", interrupted)
+    assert main(["sweep", program, "--any-end", "--out", "r.csv"]) == 130
+    assert capsys.readouterr().err == (
+        "what was played is in r.csv: the same command goes on from there\nraccoon sweep: interrupted\n"
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -108,6 +121,7 @@ def test_nothing_is_said_to_be_recorded_that_is_not(program: str, capsys: pytest
         (["drive.py", "--within-angle", "-1"], "--within-angle is -1.0"),
         (["drive.py", "--out", "nowhere/r.csv"], "there is no folder nowhere"),
         (["nowhere.py"], "nowhere.py: there is no such program\n"),
+        (["robot.toml"], "robot.toml: a program is a Python file, whose name ends in .py\n"),
         (["drive.py", "--only-varied"], "nothing is varied"),
         (["drive.py", "--vary", "drive.wheel=2"], "there is no such id"),
         (["drive.py", "--faults", "3"], "--faults is 3.0: allowed are numbers from 0 to 1"),

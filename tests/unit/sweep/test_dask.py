@@ -44,6 +44,15 @@ def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(tmp_path: Path) 
     assert (tmp_path / "r.csv").read_bytes() == (tmp_path / "other.csv").read_bytes()
 
 
+def test_workers_that_are_started_here_hear_no_interruption() -> None:
+    """Each of them answered Ctrl-C, which is for the sweep, with a traceback of its own."""
+    pytest.importorskip("distributed")
+    with dask_crew(None, 1) as crew:
+        held = crew.executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, ()).result()
+    assert signal.SIGINT in held
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
 def test_an_address_that_is_none_is_refused_and_no_half_made_client_is_left() -> None:
     client = pytest.importorskip("distributed").Client
     before = _living(client)  # other tests', still closing

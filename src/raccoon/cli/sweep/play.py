@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from contextlib import AbstractContextManager
 
 from raccoon.cli.numbers import check_seed, check_start
@@ -29,8 +30,14 @@ def sweep_and_print(args: argparse.Namespace) -> int:
         raise ConfigError("--record is for one match: say which with --only RUN")
     check_folders(args.out)
     match = match_of(args)
-    with Bar(args.runs) as bar:
-        rows = sweep(match, args.runs, seed=args.seed, executor=_crew(args), out=args.out, progress=bar.show)
+    try:
+        with Bar(args.runs) as bar:
+            crew = _crew(args)
+            rows = sweep(match, args.runs, seed=args.seed, executor=crew, out=args.out, progress=bar.show)
+    except KeyboardInterrupt:
+        if args.out is not None:
+            print(f"what was played is in {args.out}: the same command goes on from there", file=sys.stderr)
+        raise
     print_report(match, rows, args.seed, args.given)
     if args.out is not None:
         print(f"\nevery match: {args.out}")
