@@ -9,6 +9,8 @@ import pytest
 
 from raccoon import Robot, RobotConfig, open_robot, seq, straight, wait
 from raccoon.cli import replay
+from raccoon.cli.view.drive import drive_of
+from raccoon.core.config import ControllerConfig
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.diagnose.log import check_time
 from raccoon.sim.parameters import Parameters
@@ -196,8 +198,13 @@ def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:
 
 def test_an_empty_recording_is_said_to_be_empty(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "run.csv").write_text("t,motor.0.position,motor.1.position\n")
-    run(tmp_path / "run.csv")
-    assert "nothing recorded" in capsys.readouterr().out
+    with open_robot(RobotConfig(controller=ControllerConfig(port="sim")), record=tmp_path / "run"):
+        pass  # ended before its first cycle: no wheel is missing in it
+    for name in ("run.csv", "run.jsonl.gz"):
+        run(tmp_path / name)
+        assert "nothing recorded" in capsys.readouterr().out
+    with pytest.raises(TraceError, match="the recording is empty: it was ended before its first cycle"):
+        drive_of(tmp_path / "run")
 
 
 def test_a_result_replaces_neither_what_is_read_nor_what_took_hours(recorded: Path, tmp_path: Path) -> None:

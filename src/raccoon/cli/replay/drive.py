@@ -52,7 +52,8 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
         notes.append(
             "the recording does not say its robot: taken for the default one (--robot names another)"
         )
-    _check_wheels(run, config)
+    if len(run.recording):  # one that was ended before its first cycle holds nothing to miss
+        _check_wheels(run, config)
     if mistaken := mistaken_time(run.recording["t"]):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
     odometry = Odometry(config)

@@ -73,6 +73,8 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     """
     run = load_run(path)
     truth, estimate = _truth(run), _estimate(run)
+    if len(run.recording) == 0:
+        raise TraceError(f"{path}: the recording is empty: it was ended before its first cycle")
     if truth is None and estimate is None:
         raise TraceError(f"{path}: it has neither truth.x, truth.y, truth.heading nor estimates to draw")
     if truth is not None and start is not None:
