@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from raccoon.control.motion import slewed
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions import Action, Steps
+from raccoon.robot.last_edge import LastEdge
 from raccoon.robot.limits import check_speed
 from raccoon.robot.lines import ready
 from raccoon.robot.pacing import STALL_PATIENCE, at_rest, check_limits, check_wiring, reason
@@ -32,8 +33,9 @@ BACK_SPEED = 0.1
 """m/s at which the robot goes back to where the line was."""
 CATCH_SPEED = 0.03
 """m/s until it keeps to an edge that it found: that may lie across, and is as wide as the sensor's spot."""
-SHORT_EDGE = 0.03
-"""m of an edge below which the sensor only went across it."""
+PROBE, PROBE_RATE, PROBE_TIME, ANSWER = 0.003, 0.4, 0.4, 0.15
+"""m by which the sensor is moved to see whether it is on an edge, rad/s, s at the most, and by how much less
+of it must then be on black: half of what an edge gives."""
 NEAR = 1e-3
 """m that is as good as there."""
 SEARCH_APART, MOST_SEARCHES = 0.05, 2
@@ -52,7 +54,8 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
     side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
     of the sensor's spot that is on black steers. After 1 s or 0.15 m without an edge (0.5 s where there was
     none yet) the robot stops, goes back to where it was on one and looks for the line there on the spot, 60
-    degrees to either side; where the light changes, it does so to learn what floor and line read there.
+    degrees to either side; where the light changes, it does so to learn what floor and line read there. What
+    reads the same for 5 cm, and not half an edge, is moved by 3 mm to see whether it is one.
     Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axis,
     MotionTimeout where it finds no line.
     """
@@ -69,7 +72,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         wanted = motion.speed if speed is None else speed
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
         gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
-        line = _Line(robot)
+        line = LastEdge(robot)
         velocity, limit, patience = robot.estimate.velocity, top, NONE_YET_TIME
         searched, searches, miswired = -math.inf, 0, 0.0
         sensor.follow_light(False)
@@ -83,23 +86,29 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                         line.heading = here.heading
                     if line.kept:
                         limit = top
+                turn_rate = sign * gain * (coverage - 0.5)
+                answers = True
+                if line.doubtful:
+                    answers = yield from _answers(robot, sensor, sign, velocity, turn_rate)
+                    line.believe(answers)
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity = here.velocity
                 miswired = check_wiring(robot, miswired, label)
                 lost = robot.time - line.time > patience or here.distance - line.place > LOST_WAY
-                if lost or sensor.other_light:
+                other_light = sensor.other_light or not answers
+                if lost or other_light:
                     searches = searches + 1 if line.place - searched < SEARCH_APART else 1
                     if searches > MOST_SEARCHES:
                         raise MotionTimeout(_lost(tophat))
                     search = _Search(robot, sensor, sign, line, velocity)
-                    yield from search.in_other_light() if sensor.other_light else search.beside()
+                    yield from search.in_other_light() if other_light else search.beside()
                     velocity, limit, patience = 0.0, min(top, CATCH_SPEED), LOST_TIME
                     line.begin()
                     searched = line.place
                     continue
                 velocity = slewed(velocity, limit, acceleration * robot.dt)
                 # On the left edge black is to the right: too much of it means too far right.
-                robot.drive.velocity(velocity, sign * gain * (coverage - 0.5))
+                robot.drive.velocity(velocity, turn_rate)
                 yield
         finally:
             sensor.follow_light(True)
@@ -109,45 +118,22 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
     return Action(label, steps)
 
 
-class _Line:
-    """Where the sensor was on an edge of the line the last time.
+def _answers(
+    robot: Robot, sensor: TophatSensor, side: float, velocity: float, turn_rate: float
+) -> Steps[bool]:
+    """Whether the sensor is on an edge: it is moved a little to where an edge would read nearer to half.
 
-    place: m of the way. time: s. heading: rad of the line, as far as known. pointing: rad of the robot there,
-    None before the first edge. to_black: whether it came from the edge to black first (then the line turned
-    to that side, or another one crosses it), None while it keeps to one.
+    turn_rate: rad/s by which it follows. What reads the same then is a surface in other light.
     """
-
-    def __init__(self, robot: Robot) -> None:
-        self._robot = robot
-        self.heading = robot.estimate.heading
-        self.pointing: float | None = None
-        self.to_black: bool | None = None
-        self.begin()
-
-    def begin(self) -> None:
-        """Count as an edge the place where the robot is."""
-        self.place = self._met = self._robot.estimate.distance
-        self.time = self._robot.time
-        self._on = True
-
-    @property
-    def kept(self) -> bool:
-        """Whether the sensor did not only go across the edge."""
-        return self.place - self._met > SHORT_EDGE
-
-    def see(self, coverage: float) -> bool:
-        """Take the sensor's coverage of this cycle; whether it is on an edge."""
-        here, on = self._robot.estimate, 0.02 < coverage < 0.98
-        if on:
-            if not self._on:
-                self._met = here.distance
-            self.place, self.pointing, self.time = here.distance, here.heading, self._robot.time
-            if self.kept:
-                self.to_black = None
-        elif self.to_black is None:
-            self.to_black = coverage > 0.5
-        self._on = on
-        return on
+    begin, heading, before = robot.time, robot.estimate.heading, sensor.coverage or 0.0
+    way = side if before > 0.5 else -side
+    while robot.time - begin < PROBE_TIME:
+        further = robot.estimate.heading - heading - turn_rate * (robot.time - begin)
+        if way * further * sensor.config.forward > PROBE:
+            break
+        robot.drive.velocity(velocity, turn_rate + way * PROBE_RATE)
+        yield
+    return way * side * (before - (sensor.coverage or 0.0)) > ANSWER
 
 
 class _Search:
@@ -156,7 +142,9 @@ class _Search:
     side: 1 for the left edge of the line, -1 for the right one. velocity: m/s that the robot comes with.
     """
 
-    def __init__(self, robot: Robot, sensor: TophatSensor, side: float, line: _Line, velocity: float) -> None:
+    def __init__(
+        self, robot: Robot, sensor: TophatSensor, side: float, line: LastEdge, velocity: float
+    ) -> None:
         self._robot, self._sensor, self._line = robot, sensor, line
         self._side, self._heading, self._velocity = side, line.heading, velocity
         self._end = robot.time + SEARCH_TIME

@@ -1,6 +1,7 @@
 """Following a line: around bends, across an edge of light, and after it was lost."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -76,6 +77,35 @@ def test_a_line_is_followed_across_an_edge_of_light(before: float, behind: float
     assert robot.time < 20.0
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("light", [0.06, 0.07, 0.08])
+@pytest.mark.parametrize("width", [0.0, 0.05, 0.2])
+def test_a_floor_that_reads_like_half_an_edge_is_told_from_one(width: float, light: float, side: str) -> None:
+    """In less light by little more than half of what black and white are apart; the robot circled on it."""
+    ends = [0.45 + width * k / 8 for k in range(9)]
+    steps = [
+        Light(Box((begin, -1.0), (end, 1.0)), light * (7.5 - k) / 8)
+        for k, (begin, end) in enumerate(pairwise(ends))
+        if width > 0.0
+    ]
+    before = Light(Box((-1.0, -1.0), (0.45, 1.0)), light)
+    robot, port = follow(World(lines=(STRAIGHT,), lights=(before, *steps)), side, ambient=light)
+    x, y = sensor_at(port)
+    assert x > 1.0
+    assert abs(y) == pytest.approx(HALF, abs=0.003)
+    assert any("comes into another light" in said for said in robot.drive.remarks.values())
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_bend_that_reads_the_same_all_along_is_not_taken_for_other_light(way: float, side: str) -> None:
+    bend = [(0.2 + 0.4 * math.sin(0.05 * k), way * 0.4 * (1.0 - math.cos(0.05 * k))) for k in range(60)]
+    world = World(lines=(Line(((-0.5, 0.0), *bend)),))
+    robot, port = follow(world, side, way=1.0, speed=0.15)
+    assert abs(world.line_distance(*sensor_at(port))) < 0.006
+    assert robot.drive.remarks == {}
+
+
 def test_a_calibration_of_indoors_follows_a_line_in_the_sun() -> None:
     world = World(lines=(STRAIGHT,), lights=(Light(Box((-1.0, -1.0), (3.0, 1.0)), 0.3),))
     _, port = follow(world, "left")
@@ -107,7 +137,8 @@ def test_a_line_is_followed_around_a_sharp_corner(angle: float, side: str, speed
     _, port = follow(world, side, way=0.8, speed=speed)
     x, y = sensor_at(port)
     across = cosine * y - sine * (x - 0.4)
-    assert across == pytest.approx(HALF if side == "left" else -HALF, abs=0.003)
+    # A probe of whether it is on an edge moves it by 3 mm.
+    assert across == pytest.approx(HALF if side == "left" else -HALF, abs=0.006)
     assert cosine * (x - 0.4) + sine * y > 0.2
 
 
@@ -118,7 +149,7 @@ def test_a_line_is_followed_around_a_bend_that_is_tighter_than_the_robot_turns(w
     bend = [(0.3 + 0.08 * math.sin(angle), way * (0.08 - 0.08 * math.cos(angle))) for angle in angles]
     world = World(lines=(Line(((-0.5, 0.0), *bend, (bend[-1][0], 2.0 * way))),))
     _, port = follow(world, side, way=0.6, speed=0.2)
-    assert abs(world.line_distance(*sensor_at(port))) < 0.003
+    assert abs(world.line_distance(*sensor_at(port))) < 0.006
     assert way * sensor_at(port)[1] > 0.2
 
 
