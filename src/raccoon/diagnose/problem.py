@@ -67,7 +67,7 @@ class Whitener:
     do, in half of the time: a residual is some units of the noise. rest (bins, channels): what nothing
     explained when this was made. spread (bins, channels): variance in channel units that wandering friction
     and what no model gets right have on unseen data; a fit of everything takes it away, so it is not in
-    `rest`.
+    `rest`. wander: by what share of Coulomb friction the floor is expected to let it wander.
     """
 
     noise: NoiseModel
@@ -75,10 +75,11 @@ class Whitener:
     shrink: Array
     rest: Array
     spread: Array
+    wander: float = 0.0
 
     def without_slow(self) -> Whitener:
         """The same without slow friction."""
-        return Whitener(self.noise, np.zeros((0, 0), np.float32), np.zeros(0), self.rest, self.spread)
+        return replace(self, slow=np.zeros((0, 0), np.float32), shrink=np.zeros(0))
 
     def with_part(self, part: float) -> Whitener:
         """The same with slow friction of a part of its size."""

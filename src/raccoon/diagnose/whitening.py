@@ -102,7 +102,7 @@ def whitener_for(
     unnamed = [each.columns for each in extra if each.name in unknown]
     more = noise.whiten(np.concatenate([wander * slow, creep, *unnamed]))
     directions = np.concatenate([more, parts * white] if tolerant else [more])
-    return Whitener(noise, *_slow_directions(directions), rest, spread)
+    return Whitener(noise, *_slow_directions(directions), rest, spread, wander)
 
 
 def acting(responses: Mapping[str, Array], noise: NoiseModel) -> float:
