@@ -264,7 +264,8 @@ def test_the_missing_speed_is_noted() -> None:
 
 
 def test_a_loop_that_follows_a_line_to_and_fro_makes_no_motor_odd(caplog: pytest.LogCaptureFixture) -> None:
-    """Its speeds jump with every look at the tophat: motors "took half the voltage a speed should"."""
+    """Its speeds jump with every look at the tophat: motors "took half the voltage a speed should", or stood
+    still against their duty, and a straight after it was held at a wall that was not there."""
     config = replace(RobotConfig(), tophats={"left": TophatConfig(0, 0.10, 0.035)})
     line = Line(((-1.0, 0.01), (3.0, 0.01)), 0.05)
     port = open_emulated(config, 21, seed=1, world=World(lines=(line,)))
@@ -274,7 +275,7 @@ def test_a_loop_that_follows_a_line_to_and_fro_makes_no_motor_odd(caplog: pytest
             dark = (robot.analog(0) or 0.0) > 2400.0
             robot.drive.velocity(0.10, 0.9 if dark else -0.9)
             robot.tick()
-        robot.run(straight(0.1))
+        assert robot.run(straight(0.1)).remarks == ()
         assert robot.estimate.y == pytest.approx(0.0, abs=0.03)
     assert [record.message for record in caplog.records] == []
 

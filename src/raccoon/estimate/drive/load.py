@@ -106,7 +106,7 @@ class LoadWatch:
         """Nobody looked for a while. What it rolls with stays learnt."""
         self._volts = (0.0, 0.0)
         self._seconds = self._direction = 0.0
-        self._last, self._given = (0.0, 0.0), 0.0
+        self._last = self._given = (0.0, 0.0)
         self._release()
 
     def _release(self) -> None:
@@ -146,15 +146,17 @@ class LoadWatch:
             self._direction = direction
             self._release()
             return
-        given = 0.5 * (given_left + given_right) / seconds
-        jump, self._given = abs(given - self._given), given
+        given_left, given_right = given_left / seconds, given_right / seconds
+        jump = max(abs(given_left - self._given[0]), abs(given_right - self._given[1]))
+        self._given = given_left, given_right
         change_left = self._left.acceleration * (left - last_left) / span
         change_right = self._right.acceleration * (right - last_right) / span
         self._judge(
             span,
-            direction * self._left.load(given_left / seconds, left, change_left),
-            direction * self._right.load(given_right / seconds, right, change_right),
-            max(0.5 * abs(change_left + change_right), jump),
+            direction * self._left.load(given_left, left, change_left),
+            direction * self._right.load(given_right, right, change_right),
+            # Of each wheel: in a turn the two may change against each other.
+            max(abs(change_left), abs(change_right), jump),
             0.5 * (left + right) * self._radius * span,
         )
 

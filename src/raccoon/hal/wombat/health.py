@@ -151,12 +151,14 @@ class MotorWatch:
     """A motor that is driven and gives no back-EMF: stalled, unplugged, or its fuse or driver has tripped.
 
     The driver reports nothing, so this disagreement is the only sign. A motor that was turning is missed
-    within a few cycles; one that starts is given time.
+    within a few cycles; one that starts is given time, and so is one that is to turn faster.
     """
 
     DRIVEN = 0.25
     SHARE = 0.3
-    """Of the back-EMF that this duty makes of a free motor."""
+    """Of the back-EMF that the duties of late make of a free motor."""
+    LATELY = 0.1
+    """s, as a wheel takes to follow its duty."""
     SECONDS_FROM_MOTION = 0.02
     SECONDS_FROM_REST = 0.25
     USUAL_BATTERY = 6.6
@@ -165,11 +167,16 @@ class MotorWatch:
         self._signs = [0] * MOTOR_PORTS
         self._turned = [False] * MOTOR_PORTS
         self._since = [math.inf] * MOTOR_PORTS
+        self._lately = [0.0] * MOTOR_PORTS
+        self._time = 0.0
 
     def update(self, duties: Sequence[float], bemf: Sequence[float], time: float) -> bool:
         """True where any motor is at fault. duties: what drove the motors until now."""
         wrong = False
+        dt, self._time = time - self._time, time
+        share = dt / (self.LATELY + dt) if dt > 0.0 else 0.0
         for port, duty in enumerate(duties):
+            self._lately[port] += share * (duty - self._lately[port])
             if -self.DRIVEN < duty < self.DRIVEN:
                 self._signs[port] = 0
             elif self._at_fault(port, duty, bemf[port], time):
@@ -180,7 +187,8 @@ class MotorWatch:
         sign = 1 if duty > 0.0 else -1
         if sign != self._signs[port]:
             self._signs[port], self._turned[port], self._since[port] = sign, False, time
-        expected = abs(duty) * self.USUAL_BATTERY / BEMF_VOLTS_PER_COUNT
+        least = min(sign * duty, max(sign * self._lately[port], 0.0))
+        expected = least * self.USUAL_BATTERY / BEMF_VOLTS_PER_COUNT
         if bemf * sign >= self.SHARE * expected:
             self._turned[port], self._since[port] = True, time
             return False
