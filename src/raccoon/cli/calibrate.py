@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from raccoon.cli.motors import SIMULATED, add_calibration, put_in, recorded_in_simulation
+from raccoon.cli.motors import add_calibration, put_in_if_asked, recorded_in_simulation
 from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError
 
@@ -82,13 +82,7 @@ def _calibrate_drive(args: argparse.Namespace) -> int:
     runs = [run for path in args.recording for run in load_runs(path)]
     entries = _straight(args, robot, runs) if args.straight is not None else _manoeuvre(args, robot, runs)
     _show(entries)
-    if not args.write:
-        print(f"{args.robot} is as it was: say --write to put these values in")
-        return 0
-    print(put_in(args.robot, entries))
-    if recorded_in_simulation(runs):
-        print(SIMULATED)
-    return 0
+    return put_in_if_asked(args, entries, recorded_in_simulation(runs))
 
 
 def _check_lengths(args: argparse.Namespace) -> None:

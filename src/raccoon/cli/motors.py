@@ -82,14 +82,19 @@ def show(fit: WheelFit) -> None:
 
 
 def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
-    """Put the values into robot.toml where that was asked for."""
+    """Show what was measured by driving, and put it into robot.toml where that was asked for."""
     for key, value in entries.items():
         print(f"{key} = {value.value:.5g} +- {value.std:.2g}, at {value.battery_voltage:.2f} V")
+    return put_in_if_asked(args, entries, simulated(args))
+
+
+def put_in_if_asked(args: argparse.Namespace, entries: Mapping[str, Measured], of_a_simulation: bool) -> int:
+    """Put the values into robot.toml where that was asked for, and say what was done."""
     if not args.write:
         print(f"{args.robot} is as it was: say --write to put these values in")
         return 0
     print(put_in(args.robot, entries))
-    if simulated(args):
+    if of_a_simulation:
         print(SIMULATED)
     return 0
 
