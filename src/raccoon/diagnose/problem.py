@@ -77,9 +77,14 @@ class Whitener:
     spread: Array
     wander: float = 0.0
 
+    @classmethod
+    def plain(cls, noise: NoiseModel, rest: Array) -> Whitener:
+        """Of noise alone, without slow friction."""
+        return cls(noise, np.zeros((0, 0), np.float32), np.zeros(0), rest, np.zeros_like(rest))
+
     def without_slow(self) -> Whitener:
         """The same without slow friction."""
-        return replace(self, slow=np.zeros((0, 0), np.float32), shrink=np.zeros(0))
+        return replace(self.plain(self.noise, self.rest), spread=self.spread, wander=self.wander)
 
     def with_part(self, part: float) -> Whitener:
         """The same with slow friction of a part of its size."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from raccoon.control.motion import slewed
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.last_edge import LastEdge
+from raccoon.robot.last_edge import LOST_TIME, LOST_WAY, LastEdge
 from raccoon.robot.limits import check_speed
 from raccoon.robot.lines import ready
 from raccoon.robot.pacing import STALL_PATIENCE, at_rest, check_limits, check_wiring, reason
@@ -23,8 +23,6 @@ LINE_GAIN = 1.5
 """rad/s a unit of coverage, for a sensor 0.11 m ahead of the axis. The spot is about 10 mm wide, so the
 sensor closes in at 0.11 * 1.5 / 0.01 = 16 /s: a fifth of what 30 ms of delay would bear."""
 USUAL_REACH = 0.11
-LOST_TIME, LOST_WAY, NONE_YET_TIME = 1.0, 0.15, 0.5
-"""s and m without an edge under the sensor after which the line is lost; s where there was none yet."""
 SEARCH_ANGLE = math.radians(60.0)
 """rad to either side of the line's direction in which it is looked for."""
 SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
@@ -38,8 +36,8 @@ PROBE, PROBE_RATE, PROBE_TIME, ANSWER = 0.003, 0.4, 0.4, 0.15
 of it must then be on black: half of what an edge gives."""
 NEAR = 1e-3
 """m that is as good as there."""
-SEARCH_APART, MOST_SEARCHES = 0.05, 2
-"""m of the way, and how often a line is looked for in it: one that ends would be found for ever."""
+MOST_SEARCHES = 2
+"""How often a line is looked for at a place: one that ends would be found for ever."""
 INTO_LIGHT, ASIDE = 0.03, 0.03
 """m that the robot drives on into another light, and that its sensor then turns to both sides of the edge."""
 LIGHT_SPEED, LIGHT_GAIN = 0.1, 3.0
@@ -73,38 +71,29 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
         gain = LINE_GAIN * USUAL_REACH / sensor.config.forward
         line = LastEdge(robot)
-        velocity, limit, patience = robot.estimate.velocity, top, NONE_YET_TIME
-        searched, searches, miswired = -math.inf, 0, 0.0
+        velocity, limit, miswired = robot.estimate.velocity, top, 0.0
         sensor.follow_light(False)
         try:
             while True:
                 coverage = 0.5 if sensor.coverage is None else sensor.coverage
-                here = robot.estimate
-                if line.see(coverage):
-                    patience = LOST_TIME
-                    if line.place - searched > SEARCH_APART:  # before, it may still come across the line
-                        line.heading = here.heading
-                    if line.kept:
-                        limit = top
+                if line.see(coverage) and line.kept:
+                    limit = top
                 turn_rate = sign * gain * (coverage - 0.5)
                 answers = True
                 if line.doubtful:
                     answers = yield from _answers(robot, sensor, sign, velocity, turn_rate)
                     line.believe(answers)
                 if robot.paused:  # the motors may have been stopped meanwhile
-                    velocity = here.velocity
+                    velocity = robot.estimate.velocity
                 miswired = check_wiring(robot, miswired, label)
-                lost = robot.time - line.time > patience or here.distance - line.place > LOST_WAY
                 other_light = sensor.other_light or not answers
-                if lost or other_light:
-                    searches = searches + 1 if line.place - searched < SEARCH_APART else 1
-                    if searches > MOST_SEARCHES:
+                if line.lost or other_light:
+                    if line.searches() > MOST_SEARCHES:
                         raise MotionTimeout(_lost(tophat))
                     search = _Search(robot, sensor, sign, line, velocity)
                     yield from search.in_other_light() if other_light else search.beside()
-                    velocity, limit, patience = 0.0, min(top, CATCH_SPEED), LOST_TIME
-                    line.begin()
-                    searched = line.place
+                    line.found()
+                    velocity, limit = 0.0, min(top, CATCH_SPEED)
                     continue
                 velocity = slewed(velocity, limit, acceleration * robot.dt)
                 # On the left edge black is to the right: too much of it means too far right.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -12,6 +13,10 @@ SHORT_EDGE = 0.03
 STEADY, ALIKE, HALF, MOST_OFF = 0.05, 0.04, 0.02, 0.4
 """m of the way, and shares of the sensor's spot: what differs by less is alike, and half, and what is further
 off from half is as good as a surface."""
+LOST_TIME, LOST_WAY, NONE_YET_TIME = 1.0, 0.15, 0.5
+"""s and m without an edge under the sensor after which the line is lost; s where there was none yet."""
+SEARCH_APART = 0.05
+"""m of the way that one search for the line is from the next, or both are for the same place."""
 
 
 class LastEdge:
@@ -30,13 +35,35 @@ class LastEdge:
         self.to_black: bool | None = None
         self._level, self._since, self._believed = 0.5, 0.0, False
         self._straight = self.heading  # when it last read half an edge, as where the line goes straight on
-        self.begin()
+        self._patience, self._searched, self._searches = NONE_YET_TIME, -math.inf, 0
+        self._begin()
 
-    def begin(self) -> None:
+    def _begin(self) -> None:
         """Count as an edge the place where the robot is."""
         self.place = self._met = self._robot.estimate.distance
         self.time = self._robot.time
         self._on = True
+
+    @property
+    def lost(self) -> bool:
+        """Whether there was no edge for too long, or on too long a way."""
+        here = self._robot
+        return here.time - self.time > self._patience or here.estimate.distance - self.place > LOST_WAY
+
+    def searches(self) -> int:
+        """Count a search for the line that begins: how many there were here by then, with this one."""
+        self._searches = self._searches + 1 if self._apart < SEARCH_APART else 1
+        return self._searches
+
+    def found(self) -> None:
+        """A search ended on the line."""
+        self._begin()
+        self._searched, self._patience = self.place, LOST_TIME
+
+    @property
+    def _apart(self) -> float:
+        """m from the last search to the last edge."""
+        return self.place - self._searched
 
     @property
     def kept(self) -> bool:
@@ -66,6 +93,9 @@ class LastEdge:
             if not self._on:
                 self._met = here.distance
             self.place, self.pointing, self.time = here.distance, here.heading, self._robot.time
+            self._patience = LOST_TIME
+            if self._apart > SEARCH_APART:  # before, it may still come across the line
+                self.heading = here.heading
             if self.kept:
                 self.to_black = None
         elif self.to_black is None:

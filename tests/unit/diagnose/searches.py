@@ -50,8 +50,7 @@ def standing(
 def plain_whitener(problem: Problem) -> Whitener:
     """Noise without memory, of the readings' floors."""
     noise = white_noise(problem.features.floors, np.zeros(len(problem.features.time), np.intp))
-    still = np.zeros_like(problem.features.measured)
-    return Whitener(noise, np.zeros((0, 0), np.float32), np.zeros(0), still, still)
+    return Whitener.plain(noise, np.zeros_like(problem.features.measured))
 
 
 def search_at(problem: Problem, point: Point) -> Search:

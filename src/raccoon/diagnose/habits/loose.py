@@ -110,7 +110,7 @@ def _whitener(problem: Problem, start: Point) -> Whitener:
     residual = problem.features.measured - problem.predict([start])[0]
     scale = np.maximum(np.median(np.abs(np.diff(residual, axis=0)), axis=0), problem.features.floors)
     noise = white_noise(scale, np.zeros(len(residual), np.intp))
-    return Whitener(noise, np.zeros((0, 0), np.float32), np.zeros(0), residual, np.zeros_like(residual))
+    return Whitener.plain(noise, residual)
 
 
 def misfit(problem: Problem, point: Point) -> float:

@@ -163,14 +163,9 @@ def screen(search: Search, table: Table | None = None, held: bool = False) -> Sc
     held: what a bound holds stays there; else it goes where it is best beside each.
     """
     table = search.table if table is None else table
+    limits, spans = search.problem.limits(search.fit.point), [span for _, span in table.off]
     stays = held or bool(search.fit.free.all())
-    solved = (
-        _beside_held(search, table)
-        if stays
-        else table.whole.beside_bounded(
-            *search.problem.limits(search.fit.point), [span for _, span in table.off]
-        )
-    )
+    solved = _beside_held(search, table) if stays else table.whole.beside_bounded(*limits, spans)
     found = [
         (gain, group, mean)
         for (group, _), (mean, gain) in zip(table.off, solved, strict=True)
