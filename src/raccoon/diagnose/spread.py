@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.floor import without_the_floor
 from raccoon.diagnose.hypotheses import Setting, Settings
-from raccoon.diagnose.linear import FLOOR_SECONDS
-from raccoon.diagnose.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search, blocks_of
 from raccoon.diagnose.select.refits import SEVERAL
 
@@ -42,7 +41,8 @@ class Spread:
     @classmethod
     def of(cls, search: Search) -> Spread:
         """Of where a search ended."""
-        problem, point = search.problem, without_the_floor(search.problem, search.fit.point, search.whitener)
+        problem = search.problem
+        point = without_the_floor(problem, search.fit.point, search.whitener.wander)
         vector = point.vector()
         steps = STEP * np.eye(len(vector))
         moved = tuple(problem.settings(point.moved(vector + step)) for step in steps)
@@ -59,29 +59,6 @@ class Spread:
         slope = np.array([(_number(other, key) - value) / STEP for other in self.moved])
         slope = np.where(np.isfinite(slope), slope, 0.0)
         return math.sqrt(max(float(slope @ self.covariance @ slope), 0.0))
-
-
-def without_the_floor(problem: Problem, point: Point, whitener: Whitener) -> Point:
-    """A fitted point with the friction that is to be expected of the robot from now on.
-
-    A fit finds the friction of this recording: the robot's and, at each wheel, the mean of what the floor
-    added meanwhile, of which nothing lasts. Of the sum of a number with a standard deviation p and chance
-    with s, the part p^2 / (p^2 + s^2) is expected to be the number's. Of what both wheels have in common,
-    chance is the mean of two. docs/decisions/0018-what-the-floor-did-is-left-out.md has what that gains.
-    """
-    base, time = point.base.copy(), problem.features.time
-    chance = whitener.wander**2 * mean_variance(float(time[-1] - time[0]) / FLOOR_SECONDS)
-    for index, each in enumerate(problem.base):
-        if each.settings[0][0] == "friction.coulomb" and each.factor:
-            own = math.log(each.value(1.0)) ** 2
-            base[index] *= own / (own + chance / len(each.settings))
-    return Point(base, point.active)
-
-
-def mean_variance(times: float) -> float:
-    """Variance of the mean of an Ornstein-Uhlenbeck process of variance 1 over that many of its correlation
-    times, 1 at 0."""
-    return 2.0 / times * (1.0 + math.expm1(-times) / times) if times > 1e-3 else 1.0
 
 
 def coordinate_covariance(search: Search) -> Array:
