@@ -94,9 +94,7 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
     other = replace(habits, low_pass=False)
     if clock:
         other = with_battery(replace(other, chain=Chain.firmware()), habits.chain.battery_time_constant)
-    if not under.new(search, habits, [other]):
-        return search, habits
-    problem = under(other)
+    problem = under(other)  # asked for in vain or not: without lags, the usual filter is far behind a clock
     fit = best_of(search, problem, _with_lags_instead(search, problem))
     if lead(problem, search.fit, fit) < (-DOUBT if clock else DOUBT):
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
@@ -104,7 +102,6 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
         found = gone_on(look_around(problem, probes, fit.point, search.whitener, search.unknown))
         if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:
             return found, other
-    under.were_vain(search, habits, [other])
     return search, habits
 
 
