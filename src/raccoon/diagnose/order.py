@@ -27,6 +27,10 @@ FAR, ALONE = 0.08, 0.25
 REST = 0.3
 """Part of a jump that the reading moves by just before and after it, together. A wheel that stops at once
 goes on with 0.6 of it and more, and a spike goes back by all of it."""
+NEAR, LIKE = 3, 0.6
+"""Readings around a jump, and the part of it by which none of them may move: where a reading is now and then
+a row late, a wheel that is turned round goes through 0 in steps of a tenth of the largest reading, and stands
+in between."""
 
 
 def check_order(log: Log) -> None:
@@ -91,9 +95,19 @@ def _jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:
         return found
     moved, steps = np.diff(values[fresh]), np.diff(time)
     least = share * float(np.percentile(np.abs(values[known]), 99.0))
-    around = np.abs(moved[:-2]) + np.abs(moved[2:])
+    size = np.abs(moved)
+    around = size[:-2] + size[2:]
+    beside = np.max([_shifted(size, each) for each in range(-NEAR, NEAR + 1) if each], axis=0)[1:-1]
     # A wheel that was too fast to be read for a while has no readings then, and may be anywhere after it.
     known_until = np.diff(time[fresh])[1:-1] <= CLOSE
-    rows = fresh[2:-1][known_until & (np.abs(moved[1:-1]) > least) & (around < REST * np.abs(moved[1:-1]))]
+    jump = size[1:-1]
+    rows = fresh[2:-1][known_until & (jump > least) & (around < REST * jump) & (beside < LIKE * jump)]
     found[rows] = steps[rows - 1] < (1.0 + EVEN) * float(np.median(steps))
     return found
+
+
+def _shifted(values: Array, by: int) -> Array:
+    """Values so many places later, 0 where there is none."""
+    moved = np.zeros_like(values)
+    moved[max(by, 0) : len(values) + min(by, 0)] = values[max(-by, 0) : len(values) - max(by, 0)]
+    return moved
