@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.fit import fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.habits.others import Under
 from raccoon.diagnose.habits.searching import _with_the_slip_that_fits
 from raccoon.diagnose.hypotheses import Cause
@@ -27,8 +28,9 @@ from raccoon.diagnose.naming import (
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.outlook import Rival, Search
-from raccoon.diagnose.select.rivals import CLOSE, compared
+from raccoon.diagnose.select.rivals import CLOSE, FAR, compared
 from raccoon.diagnose.spread import LEARNT, Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
 from raccoon.sim.chain import Chain
@@ -56,6 +58,28 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
         (slip,) = (each for each in tried if not each.beside)
         assert (slip.lead < CLOSE) == one
         assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
+
+
+def test_a_rival_whose_fit_stands_still_is_fitted_from_elsewhere(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.2]))
+    search = searched(problem, late, late)
+
+    def lacks() -> float:
+        assert compared(search) is None
+        tried = [each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"]
+        return next(each.lead for each in tried if not each.beside)
+
+    there = lacks()
+    assert CLOSE < there < FAR - 8.0
+
+    def behind(fits: list[Fit]) -> list[Fit]:
+        return [replace(each, cost=each.cost + 2.0 * 6.0) for each in fits]
+
+    monkeypatch.setattr(rivals, "fit_many", lambda *words: behind(fit_many(*words)))
+    monkeypatch.setattr(rivals, "fit_afresh", lambda *words: behind(fit_afresh(*words)))
+    assert lacks() == pytest.approx(there, abs=0.5)
 
 
 def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -> None:
