@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 FRICTION = (("friction.coulomb", "torque"), ("friction.viscous", "coefficient"))
 """What is refitted of a robot's friction: a line over speed at each wheel."""
 STEP = 1e-3
+"""Of a coordinate, over which what it moves is taken."""
 
 
 def without_the_floor(problem: Problem, point: Point, wander: float) -> Point:
