@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.linear import FLOOR_SECONDS, courses
+from raccoon.diagnose.linear import FLOOR_SECONDS, courses, speed_of
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.whitening import STANDSTILL
 from raccoon.sim.parameters import SIDES
@@ -34,10 +33,13 @@ def without_the_floor(problem: Problem, point: Point, wander: float) -> Point:
     if len(open_) == 0:
         return point
     moves, chance = moves[:, open_], np.zeros((len(moves), len(moves)))
+    measured = problem.features.measured
     for wheel, side in enumerate(SIDES):
         rows = slice(len(FRICTION) * wheel, len(FRICTION) * (wheel + 1))
         torque = wander * problem.neutral[("friction.coulomb", side, "torque")]
-        chance[rows, rows] = torque**2 * line_covariance(problem.features.time, _speed(problem, side))
+        speed = speed_of(problem, measured, side)
+        speed = np.zeros(len(measured)) if speed is None else speed
+        chance[rows, rows] = torque**2 * line_covariance(problem.features.time, speed)
     base = point.base.copy()
     found, own = moves @ base[open_], moves @ moves.T
     expected = own @ np.linalg.pinv(own + chance, hermitian=True) @ found
@@ -60,13 +62,3 @@ def _line(problem: Problem, index: int) -> Array:
     problem.base[index].apply(moved, STEP)
     keys = [(id_, side, name) for side in SIDES for id_, name in FRICTION]
     return np.array([(moved[key] - problem.neutral[key]) / STEP for key in keys])
-
-
-def _speed(problem: Problem, side: str) -> Array:
-    """Speed of a wheel as it was read, rad/s, (bins,); 0 where it was not."""
-    features = problem.features
-    volts = BEMF_VOLTS_PER_COUNT / getattr(problem.robot.model, side).back_emf_constant.value
-    for role, unit in ((f"bemf_{side}", volts), (f"speed_{side}", 1.0)):
-        if role in features.roles:
-            return np.asarray(unit * features.measured[:, features.roles.index(role)], float)
-    return np.zeros(len(features.time))

@@ -161,7 +161,7 @@ def _lost_angle(problem: Problem, linear: Linear, columns: Array) -> Array:
     changed = np.zeros_like(columns)
     for side in SIDES:
         wheel = _turned(linear, side)
-        speeds = None if wheel is None else _speed_of(problem, columns, side)
+        speeds = None if wheel is None else speed_of(problem, columns, side)
         if wheel is not None and speeds is not None:
             changed += problem.features.width * np.cumsum(speeds, axis=1)[:, :, None] * wheel
     return changed
@@ -177,15 +177,16 @@ def _turned(linear: Linear, side: str) -> Array | None:
     return np.asarray(along * linear.own[span.start + 1] - across * linear.own[span.start], float)
 
 
-def _speed_of(problem: Problem, columns: Array, side: str) -> Array | None:
-    """rad/s of a wheel in columns (columns, bins, channels); None without a reading of it."""
+def speed_of(problem: Problem, columns: Array, side: str) -> Array | None:
+    """rad/s of a wheel, (..., bins), in readings or columns (..., bins, channels); None without a reading of
+    it."""
     roles = problem.features.roles
     if f"speed_{side}" in roles:
-        return np.asarray(columns[:, :, roles.index(f"speed_{side}")], float)
+        return np.asarray(columns[..., roles.index(f"speed_{side}")], float)
     if f"bemf_{side}" not in roles:
         return None
     constant = getattr(problem.robot.model, side).back_emf_constant.value
-    return np.asarray(columns[:, :, roles.index(f"bemf_{side}")] * BEMF_VOLTS_PER_COUNT / constant, float)
+    return np.asarray(columns[..., roles.index(f"bemf_{side}")] * BEMF_VOLTS_PER_COUNT / constant, float)
 
 
 def coulomb_response(problem: Problem, linear: Linear, side: str) -> Array | None:

@@ -97,17 +97,11 @@ def _jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:
     least = share * float(np.percentile(np.abs(values[known]), 99.0))
     size = np.abs(moved)
     around = size[:-2] + size[2:]
-    beside = np.max([_shifted(size, each) for each in range(-NEAR, NEAR + 1) if each], axis=0)[1:-1]
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(size, NEAR), 2 * NEAR + 1)
+    beside = np.delete(windows, NEAR, axis=1).max(axis=1)[1:-1]
     # A wheel that was too fast to be read for a while has no readings then, and may be anywhere after it.
     known_until = np.diff(time[fresh])[1:-1] <= CLOSE
     jump = size[1:-1]
     rows = fresh[2:-1][known_until & (jump > least) & (around < REST * jump) & (beside < LIKE * jump)]
     found[rows] = steps[rows - 1] < (1.0 + EVEN) * float(np.median(steps))
     return found
-
-
-def _shifted(values: Array, by: int) -> Array:
-    """Values so many places later, 0 where there is none."""
-    moved = np.zeros_like(values)
-    moved[max(by, 0) : len(values) + min(by, 0)] = values[max(-by, 0) : len(values) - max(by, 0)]
-    return moved

@@ -78,24 +78,10 @@ def test_a_wheel_too_fast_to_be_read_may_be_anywhere_after_it() -> None:
 def test_wheels_that_are_turned_round_stand_still_between_two_steps() -> None:
     """Readings of a reversal behind the emulated stock firmware, one row lost, the next not new yet: 3.5
     counts, then 215, more than 0.08 of the largest reading, at both wheels."""
-    reversal = np.array(
-        [
-            717.5,
-            716.5,
-            661.5,
-            565.5,
-            446.5,
-            208.5,
-            103.5,
-            np.nan,
-            -88.5,
-            -85.0,
-            -300.5,
-            -354.5,
-            -404.5,
-            -447.5,
-        ]
-    )
+    reversal = np.array([
+        717.5, 716.5, 661.5, 565.5, 446.5, 208.5, 103.5, np.nan,
+        -88.5, -85.0, -300.5, -354.5, -404.5, -447.5,
+    ])  # fmt: skip
     columns, rng = driven(9), np.random.default_rng(9)
     after = np.arange(len(columns["t"]) - 700 - len(reversal))
     course = np.concatenate([np.full(700, 716.5), reversal, 203.0 * np.exp(-0.1 * after) - 650.0])
