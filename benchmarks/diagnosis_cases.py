@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,8 @@ BACKGROUND = 0.15
 """Largest size of the others where everything is wrong at once."""
 WORST_BACKGROUND = 0.1
 """The same for the worst case."""
+LOOP = (0.0002, 0.0008)
+"""Duty with which a program's wheel loop answers each count that a wheel is too slow, drawn between these."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,7 @@ class Row:
     seconds: float = 40.0
     noise: float = 1.0
     tail: float = 0.0
+    loop: bool = False
 
 
 _ALL = tuple(CAUSES)
@@ -96,6 +99,7 @@ ROWS: Mapping[str, Row] = {
     "single": Row(_ALL, 1.0, tail=TAIL),
     "clean": Row((CLEAN,), 10.0),
     "clean_contest": Row((CLEAN,), 5.0, drive="contest", seconds=30.0),
+    "clean_loop": Row((CLEAN,), 5.0, drive="contest", seconds=30.0, loop=True),
     "clean_short": Row((CLEAN,), 5.0, seconds=12.0),
     "two": Row(("two",), 10.0, tail=TAIL),
     "several": Row(("several",), 6.0, tail=TAIL),
@@ -103,6 +107,7 @@ ROWS: Mapping[str, Row] = {
     "everything": Row(("everything",), 4.0, tail=TAIL),
     "small": Row(_ALL, 0.5, size=0.3),
     "contest": Row(_ALL, 0.5, drive="contest", seconds=30.0),
+    "loop": Row(_ALL, 0.5, drive="contest", seconds=30.0, loop=True),
     "short": Row(_ALL, 0.5, seconds=12.0),
     "worst": Row(_ALL, 0.5, size=0.5, drive="contest", seconds=30.0, noise=2.0),
     "unknown": Row(tuple(UNKNOWN), 2.0),
@@ -175,10 +180,12 @@ def _different(rng: np.random.Generator, count: int) -> list[Hidden]:
 def recording(case: Case, hidden: list[Hidden], rng: np.random.Generator) -> Blind:
     """The blind robot's drive: the recording and the tail behind it."""
     row = ROWS[case.row]
-    return make(
+    program = [Hidden("program", None, {}, {"speed_loop": float(rng.uniform(*LOOP))})] if row.loop else []
+    blind = make(
         int(rng.integers(2**31)),
-        hidden,
+        [*hidden, *program],
         drive=row.drive,
         seconds=row.seconds + row.tail,
         noise=Noise().times(row.noise),
     )
+    return replace(blind, hidden=tuple(hidden))

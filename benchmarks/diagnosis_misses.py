@@ -55,7 +55,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
-ASKED = ("single", "two", "several", "small", "contest", "short")
+ASKED = ("single", "two", "several", "small", "contest", "loop", "short")
 MANY = "everything"
 ACTING = 0.03
 """Change of the recording, in units of the noise, from which a cause takes part in the fit of all."""
