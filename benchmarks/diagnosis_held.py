@@ -25,7 +25,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from numpy.typing import NDArray
 
-import diagnosis_cases  # noqa: F401  puts tests/blind on the path
+import diagnosis_cases  # puts tests/blind on the path
 from blind.generator import Noise, make
 from blind.hidden import Hidden, draw, draw_unknown
 from raccoon.cli import main as raccoon
@@ -124,6 +124,18 @@ def _blind(
     return Held(name, columns, frozenset(each.name for each in hidden), "", notes, frozenset(by_chance))
 
 
+def _tabled(name: str, key: str, seed: int) -> Held:
+    """A recording of the table of benchmarks/diagnosis.py."""
+    case = diagnosis_cases.Case.of(key)
+    blind = diagnosis_cases.drawn(case, seed)
+
+    def columns() -> Columns:
+        kept = blind.columns["t"] < diagnosis_cases.ROWS[case.row].seconds
+        return {name: column[kept] for name, column in blind.columns.items()}
+
+    return Held(name, columns, frozenset(each.name for each in blind.hidden))
+
+
 def _unknown(name: str, kind: str, depends_on: str) -> Held:
     """Something of no catalogue."""
     hidden = draw_unknown(kind, np.random.default_rng(1))
@@ -181,6 +193,8 @@ ROWS = (
     _blind("two/slip, gyro bias", 4, "drive.wheel_slip", "imu.gyro_bias"),
     _blind("two/viscous friction, late gyro", 4, "friction.viscous", "imu.latency"),
     _blind("two/backlash, slip", 4, "drive.backlash", "drive.wheel_slip"),
+    _tabled("play/battery", "two/two/4", 1901990017),
+    _tabled("play/latency, deadband and others", "several/several/0", 1901990017),
     _blind("two/offset, gyro drift", 6, "bemf.offset", "imu.gyro_drift"),
     _blind(
         "four",

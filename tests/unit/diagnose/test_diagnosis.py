@@ -21,6 +21,8 @@ from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout import parameters_of
+from raccoon.diagnose.spread import Spread
+from raccoon.sim import effects
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.effects import all_effects
@@ -179,7 +181,7 @@ def test_what_makes_unseen_data_worse_is_dropped(
     recording may be of another floor."""
     steps: list[str] = []
 
-    def pruned(search: SimpleNamespace, name: str) -> SimpleNamespace:
+    def pruned(search: SimpleNamespace, name: str, why: str) -> SimpleNamespace:
         steps.append(name)
         return SimpleNamespace(gains={each: its for each, its in search.gains.items() if each != name})
 
@@ -188,10 +190,42 @@ def test_what_makes_unseen_data_worse_is_dropped(
         left = {each: without[each] for each in search.gains}
         return SimpleNamespace(harmless=0.9, size_after=1.0, foreseen=expected, without=left)
 
-    for name, stand_in in (("estimated", lambda search: search), ("pruned", pruned), ("held_out", judged)):
-        monkeypatch.setattr(diagnosis, name, stand_in)
+    for name in ("estimated", "only_needed", "_sized"):
+        monkeypatch.setattr(diagnosis, name, lambda search: search)
+    monkeypatch.setattr(diagnosis, "pruned", pruned)
+    monkeypatch.setattr(diagnosis, "held_out", judged)
     start: Any = SimpleNamespace(gains={"imu.latency": 50.0, "friction.stiction": gain})
     another: Any = object() if elsewhere else None
     search, _ = diagnosis._proven(start, another)
     assert steps == (["friction.stiction"] if dropped else [])
     assert ("friction.stiction" in search.gains) is not dropped
+
+
+def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Slip of 0.5 +- 0.8 ms beside a friction; a resistance that is off by 1.6 of its deviations may be."""
+    numbers = {
+        "drive.wheel_slip": {"time": ParameterResult(0.0005, 0.0008, "s", 0.0)},
+        "motor.armature_resistance": {"factor": ParameterResult(0.92, 0.05, "", 1.0)},
+        "friction.coulomb": {"torque": ParameterResult(0.156, 0.005, "N m", 0.18)},
+    }
+
+    def pruned(search: Any, name: str, why: str) -> SimpleNamespace:
+        search.failed[name] = why
+        return searching(
+            {each: u for each, u in search.fit.point.active.items() if each != name}, search.failed
+        )
+
+    def searching(active: dict[str, float], failed: dict[str, str]) -> SimpleNamespace:
+        causes = {name: SimpleNamespace(name=name, effect=effects.effect(name)) for name in numbers}
+        fit = SimpleNamespace(point=SimpleNamespace(active=active))
+        return SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), failed=failed)
+
+    for name in ("estimated", "only_needed"):
+        monkeypatch.setattr(diagnosis, name, lambda search: search)
+    monkeypatch.setattr(diagnosis, "pruned", pruned)
+    monkeypatch.setattr(diagnosis, "parameters", lambda _, cause, __: numbers[cause.name])
+    monkeypatch.setattr(Spread, "of", lambda _: None)
+    start: Any = searching(dict.fromkeys(numbers, 1.0), {})
+    found = diagnosis._sized(start)
+    assert set(found.fit.point.active) == {"motor.armature_resistance", "friction.coulomb"}
+    assert set(found.failed) == {"drive.wheel_slip"}

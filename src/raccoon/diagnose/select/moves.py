@@ -7,6 +7,9 @@ from raccoon.diagnose.fit_scan import fit_scanned
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.select.outlook import Rival, Search, look_around
 
+BETTER_TOGETHER = "others explain it better together"
+"""Why a cause is not named that would be without them."""
+
 
 def accepted(search: Search, name: str, fit: Fit, rivals: list[Rival]) -> Search:
     """A cause taken, and all fitted on. rivals: what was tried in its place.
@@ -25,7 +28,7 @@ def accepted_without(search: Search, name: str, fit: Fit) -> Search:
 def replaced_by(search: Search, fit: Fit) -> Search:
     """Another set of causes in the place of the one that is on."""
     gone = set(search.fit.point.active) - set(fit.point.active)
-    search.failed.update(dict.fromkeys(gone, "others explain it better together"))
+    search.failed.update(dict.fromkeys(gone, BETTER_TOGETHER))
     rivals = {name: each for name, each in search.rivals.items() if name in fit.point.active}
     return moved(search, fit, rivals)
 

@@ -9,7 +9,14 @@ from raccoon.diagnose.fit import fit_many, fit_point
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
-from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit
+from raccoon.diagnose.select.moves import (
+    BETTER_TOGETHER,
+    accepted,
+    accepted_without,
+    replaced_by,
+    rows_without,
+    settled_fit,
+)
 from raccoon.diagnose.select.outlook import (
     Foretold,
     Probed,
@@ -90,7 +97,7 @@ def _first_that_passes(
     there is none. Why the others are not taken is noted."""
     before = Foretold.of(settled)
     for name, fit, gain in ranked:
-        needed = _required_evidence(search, name, alone=not search.fit.point.active)
+        needed = required_evidence(search, name, alone=not search.fit.point.active)
         if gain < needed:
             search.failed[name] = _too_little(gain, fit.evidence - settled.evidence, needed)
             continue
@@ -118,7 +125,7 @@ def _too_little(lead: float, evidence: float, needed: float) -> str:
     return f"explains too little (log evidence {lead:+.1f})"
 
 
-def _required_evidence(search: Search, name: str, alone: bool) -> float:
+def required_evidence(search: Search, name: str, alone: bool) -> float:
     """The gate; beside something unknown a cause must explain a fair part of what that explains."""
     if search.unknown:
         return max(gate(name), BESIDE_UNKNOWN * max(search.unknown.values()))
@@ -157,10 +164,10 @@ def backward(search: Search) -> tuple[Search, bool]:
         dropped = _dropped(search, settled, name)
         search.gains[name] = lead(search.problem, settled, dropped)
         search.held_out[name] = held_out_lead(search.problem, foretold, Foretold.of(dropped))
-        needed = _required_evidence(search, name, alone=len(names) == 1)
+        needed = required_evidence(search, name, alone=len(names) == 1)
         fails = _fails_held_out(search.gains[name], needed, search.held_out[name])
         if search.gains[name] < needed or fails:
-            search.failed[name] = "others explain it better together"
+            search.failed[name] = BETTER_TOGETHER
             return accepted_without(search, name, dropped), True
     return search, False
 
@@ -176,12 +183,12 @@ def _dropped(search: Search, settled: Fit, name: str) -> Fit:
     return again if again.cost < dropped.cost else dropped
 
 
-def pruned(search: Search, harmful: str) -> Search:
-    """The search without a cause that makes unseen data worse."""
-    less = search.fit.point.without_cause(harmful)
-    search.failed[harmful] = "makes the error larger on data it was not fitted on"
+def pruned(search: Search, name: str, why: str) -> Search:
+    """The search without a cause that does not stand after all."""
+    less = search.fit.point.without_cause(name)
+    search.failed[name] = why
     fit = fit_point(search.problem, search.whitener, less)
-    following = accepted_without(search, harmful, fit)
+    following = accepted_without(search, name, fit)
     following, _ = backward(following)
     return following
 
