@@ -9,7 +9,7 @@ from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.bursts import DEPENDS_ON, bursting
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.noise import CHANGING, STEADY
+from raccoon.diagnose.noise import CHANGING, STANDING, STEADY
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.chain import Chain, Noise
 from raccoon.sim.commands import Commands
@@ -39,6 +39,25 @@ def test_bursts_are_told_with_their_size() -> None:
     assert said.startswith("what is left of the gyro comes where wheels speed up or brake")
     (said,) = said_of(gyro=(0.003, 0.02), wheel=(3.0, 150.0))
     assert said.startswith("what is left of the left wheel comes")
+
+
+def beside_wheels(pushes: float, body: float, gyro: float = 0.008) -> tuple[str, ...]:
+    """Of a robot whose wheels are pushed by so many counts where speeds change, which its gyro sees a bin
+    sooner than a filtered reading, whose body turns by as much more, and whose gyro has noise."""
+    random = np.random.default_rng(1)
+    regimes = np.repeat([STANDING, STEADY, CHANGING], 200)
+    changes = (regimes == CHANGING)[:, None]
+    pushed = changes * pushes * random.standard_normal((600, 2))
+    turned = 6.6e-4 * (pushed[:, 1] - pushed[:, 0]) + changes[:, 0] * body * random.standard_normal(600)
+    left = np.column_stack([np.roll(pushed, 1, axis=0), turned + gyro * random.standard_normal(600)])
+    return bursting(("bemf_left", "bemf_right", "gyro"), np.full((600, 3), 1500.0), left, regimes)
+
+
+def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
+    (said,) = beside_wheels(pushes=25.0, body=0.06)
+    assert said.startswith("where wheels speed up or brake the gyro says 0.061 rad/s that no wheel's")
+    assert beside_wheels(pushes=70.0, body=0.0) == ()
+    assert beside_wheels(pushes=25.0, body=0.0, gyro=0.06) == ()
 
 
 def test_too_little_of_a_drive_says_nothing() -> None:
