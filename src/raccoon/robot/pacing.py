@@ -12,7 +12,7 @@ from raccoon.control.profile import Profile, ProfileState
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.limits import check_number, check_positive
-from raccoon.robot.remarks import mismatch, miswired, tell
+from raccoon.robot.remarks import mismatch, miswired, say, tell
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -39,7 +39,8 @@ class MotionResult:
     heading_std: rad. missing_speed: m/s that a saturated wheel was short of, at the worst moment.
     planned: share of the speed that was asked for which the weakest battery of the match allows (1: all).
     remarks: what was strange, in words: doubts of the odometry on the way, motors that are not what
-    robot.toml says.
+    robot.toml says. held: m of the way that it may not have gone, because both wheels carried there what
+    tyres do that spin at a wall: so far it may stand before its goal.
     """
 
     along: float
@@ -52,6 +53,13 @@ class MotionResult:
     missing_speed: float = 0.0
     planned: float = 1.0
     remarks: tuple[str, ...] = ()
+    held: float = 0.0
+
+    @property
+    def arrived(self) -> bool:
+        """Whether nothing held the robot on its way: False where its wheels came to the goal, by what they
+        turned, and it may stand at a wall or has pushed something nearly as heavy."""
+        return self.held == 0.0
 
 
 class Pace:
@@ -71,7 +79,7 @@ class Pace:
         what: str = "straight",
     ) -> None:
         self._robot = robot
-        self._what = what
+        self.what = what
         self.profile = profile
         self.planned = planned
         self._lag_limit = lag_limit
@@ -82,6 +90,8 @@ class Pace:
         self._start = robot.estimate.distance
         self.saturated = False
         self.missing_speed = 0.0
+        self.held = 0.0
+        self._held_before = robot.odometry.held_way  # of the motion before, which may have ended at a wall
         self.doubts: dict[str, None] = {}
         """What the odometry complained of on the way, each once, in order."""
         self.finished = False
@@ -124,15 +134,18 @@ class Pace:
         self.missing_speed = max(self.missing_speed, robot.drive.missing_speed)
         if robot.estimate.reasons:
             self.doubts.update(dict.fromkeys(robot.estimate.reasons))
+        held = robot.odometry.held_way
+        self.held += max(0.0, held - self._held_before)
+        self._held_before = held
         lost = wheels.stalled or robot.odometry.wiring.suspects
         self._stalled = self._stalled + robot.dt if lost else 0.0
 
     def _explain(self, progress: float) -> str:
         seconds = self._robot.time - self.begin
         way = f"{progress:.3f} of {self.profile.distance:.3f} m"
-        if self._what == "turn":
+        if self.what == "turn":
             way = f"{math.degrees(progress):.1f} of {math.degrees(self.profile.distance):.1f} deg"
-        return f"{self._what} not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
+        return f"{self.what} not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
 
 
 def reason(robot: Robot) -> str:
@@ -163,6 +176,12 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
     robot.plan = goal
     here = robot.estimate
     along, across = goal.offset_of(here.x, here.y)
+    if pace.held > 0.0:
+        say(
+            robot,
+            f"{pace.what} may have ended {pace.held:.3f} m before its goal: the wheels turned, and carried "
+            "what tyres do that spin at a wall (result.arrived is False)",
+        )
     return MotionResult(
         along,
         across,
@@ -174,6 +193,7 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
         pace.missing_speed,
         pace.planned,
         (*pace.doubts, *tell(robot)),
+        pace.held,
     )
 
 

@@ -84,6 +84,7 @@ def _whole(robot: Robot, goal: Pose, begin: float, parts: list[MotionResult]) ->
         max((each.missing_speed for each in parts), default=0.0),
         min((each.planned for each in parts), default=1.0),
         tuple(dict.fromkeys(said for each in parts for said in each.remarks)),
+        sum(each.held for each in parts),
     )
 
 

@@ -7,7 +7,20 @@ import math
 
 import pytest
 
-from raccoon import after_distance, align_on_wall, bumped, drive, open_robot, straight, turn, wait
+from raccoon import (
+    Action,
+    MotionResult,
+    after_distance,
+    align_on_wall,
+    bumped,
+    drive,
+    drive_to,
+    follow_path,
+    open_robot,
+    straight,
+    turn,
+    wait,
+)
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import MotionTimeout
 from raccoon.core.port import Port
@@ -107,6 +120,38 @@ def test_a_robot_whose_wheels_spin_at_a_wall_knows_how_little_it_knows(firmware:
         robot.run(wait(0.5))
         assert robot.odometry.observe_line((0.2, 0.0), 0.5 * math.pi, sensor=(0.0, 0.0), std=0.003).accepted
         assert robot.estimate.x == pytest.approx(0.2, abs=0.005)
+
+
+@pytest.mark.parametrize("firmware", [*FIRMWARES, None])
+@pytest.mark.parametrize(
+    "motion", [straight(0.5), straight(-0.5), drive_to(0.5, 0.0), follow_path([(0.5, 0.0)])], ids=str
+)
+def test_a_motion_that_ends_at_a_wall_says_that_it_did_not_arrive(
+    firmware: Firmware | None, motion: Action[MotionResult], caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its wheels came to the goal: what tells is how much of the way they carried what tyres grip with."""
+    config = RobotConfig()
+    reach = 0.2 + config.body.front
+    world = World(walls=(*ahead(reach).walls, *ahead(-reach).walls))
+    with open_robot(config, port=opened(config, firmware, world)) as robot:
+        robot.run(wait(0.6))
+        result = robot.run(motion)
+        assert not result.arrived
+        assert result.held == pytest.approx(0.3, abs=0.015)
+        assert "before its goal" in caplog.text
+        away = robot.run(straight(math.copysign(0.1, -robot.pose.x)))  # of what held before nothing counts
+        assert away.arrived
+
+
+@pytest.mark.parametrize("firmware", [*FIRMWARES, None])
+def test_a_motion_that_nothing_holds_arrived(firmware: Firmware | None) -> None:
+    config = RobotConfig()
+    with open_robot(config, port=opened(config, firmware, ahead(0.5 + config.body.front))) as robot:
+        robot.run(wait(0.6))
+        for motion in (straight(0.4), turn(math.radians(90.0)), straight(-0.1), straight(0.02)):
+            result = robot.run(motion)
+            assert result.arrived
+            assert result.held == 0.0
 
 
 @pytest.mark.parametrize("firmware", ["stock", 21])

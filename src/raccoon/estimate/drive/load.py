@@ -194,6 +194,11 @@ class LoadWatch:
         self._counted = self._way if self.held else 0.0
         self.doubt = max(0.0, self._counted**2 - counted**2)
 
+    @property
+    def held_way(self) -> float:
+        """M that both wheels turned, from the first heavy step on, while it is held; 0 while it is not."""
+        return abs(self._counted)
+
 
 def _side(robot: RobotConfig, side: str, device: Device) -> _Side:
     port = getattr(robot.drive, side)

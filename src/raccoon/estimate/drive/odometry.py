@@ -87,6 +87,11 @@ class Odometry:
         return wheel_scales(flat[State.WAY], flat[State.BALANCE])
 
     @property
+    def held_way(self) -> float:
+        """M that both wheels turned so far while they carry what they do at a wall; 0 where they do not."""
+        return self._touch.held_way
+
+    @property
     def wiring(self) -> Wiring:
         """Whether the robot turns as its wheels say."""
         return self._readings.wiring
@@ -152,9 +157,8 @@ class Odometry:
     ) -> Observation:
         """The robot was seen at a pose (m, m, rad), at `time` (None: now).
 
-        A heading counts modulo a turn. Not believed (and not used) where it lies beyond the 99.9 % that
-        the present
-        uncertainty allows: after a kidnapping use `reset`. Raises ValueError for values that are not
+        A heading counts modulo a turn. Not believed (and not used) where it lies beyond the 99.9 % that the
+        present uncertainty allows: after a kidnapping use `reset`. Raises ValueError for values that are not
         finite or a deviation that is not above 0.
         """
         return self._observe(pose_seen(x, y, heading, position_std, heading_std), time)

@@ -69,5 +69,10 @@ class Touch:
         return self._load.doubt
 
     @property
+    def held_way(self) -> float:
+        """See LoadWatch."""
+        return self._load.held_way
+
+    @property
     def _silent(self) -> bool:
         return max(self._left.silent, self._right.silent) > HOLD
