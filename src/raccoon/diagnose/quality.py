@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import MotorModel, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.log import Channel, Log
+from raccoon.diagnose.log import Channel, Log, arranged
 from raccoon.diagnose.sizes import check_sizes, slope, steady, turning
 
 Array = NDArray[np.float64]
@@ -26,6 +27,19 @@ DUTY_UNITS = (
 DEGREES = (0.5 * 180.0 / math.pi, 2.0 * 180.0 / math.pi)
 """How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
 2."""
+
+
+def strange_units(columns: Mapping[str, Array], robot: RobotConfig) -> str:
+    """What `check_units` says of a recording's columns, also of one too slow or too short for a diagnosis; ""
+    where it finds nothing, or no command to compare with."""
+    commands = [columns.get(f"motor.{port}.duty") for port in (robot.drive.left, robot.drive.right)]
+    if any(each is None or not np.isfinite(each).any() for each in commands):
+        return ""
+    try:
+        check_units(arranged(columns, robot), robot)
+    except TraceError as error:
+        return str(error)
+    return ""
 
 
 def check_units(log: Log, robot: RobotConfig) -> None:

@@ -1,5 +1,6 @@
 import argparse
 import json
+import math
 import re
 import shutil
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raccoon import Robot, RobotConfig, open_robot, seq, straight, wait
+from raccoon import Robot, RobotConfig, deg, motors, open_robot, race, seq, straight, turn, wait
 from raccoon.cli import replay
 from raccoon.cli.view.drive import drive_of
 from raccoon.core.config import ControllerConfig
@@ -62,6 +63,49 @@ def test_a_trace_gives_the_identical_estimate(
     [result] = json.loads((tmp_path / "out.json").read_text())["runs"]
     assert result["deviation_from_recorded_estimate"] == 0.0
     assert result["error"]["rms"] < 0.005
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory: pytest.TempPathFactory) -> Recording:
+    """A drive in which wheels and gyro turn, and commands are steady for a while."""
+    config = RobotConfig()
+    path = tmp_path_factory.mktemp("turned") / "run.jsonl.gz"
+    port = SimPort(Parameters.from_robot(config), World.empty(), robot=config, seed=3)
+    with open_robot(config, port=port, record=path, seed=3) as robot:
+        robot.run(seq(wait(1.2), straight(0.2), turn(deg(90)), race(motors(-0.8, 0.5), wait(3.0))))
+    return recording_of(read_trace(path))
+
+
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize(
+    ("column", "factor", "said"),
+    [
+        ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians"),
+        ("imu.gyro", 939.0, "the sensor's own counts"),
+        (".bemf", 1.0 / 303.4, "it looks like volts, not counts"),
+        (".bemf", 1000.0 / 303.4, "it looks like millivolts, not counts"),
+        ("battery.voltage", 1000.0, "it looks like millivolts, not volts"),
+        ("imu.gyro", 1.0, ""),
+    ],
+)
+def test_readings_in_another_unit_are_said(
+    column: str,
+    factor: float,
+    said: str,
+    every: int,
+    turned: Recording,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """As a diagnosis refuses them; also of rows that are too far apart for one."""
+    columns = {
+        name: (factor if column in name else 1.0) * values[::every] for name, values in turned.columns.items()
+    }
+    write_csv(Recording(columns), tmp_path / "run.csv")
+    assert run(tmp_path / "run.csv") == 0
+    told = capsys.readouterr().out
+    assert said in told
+    assert ("the odometry took it as it is" in told) is bool(said)
 
 
 def test_its_csv_gives_the_same_estimate_within_rounding(recorded: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.diagnose.quality import strange_units
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run
@@ -56,6 +57,8 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
         _check_wheels(run, config)
     if mistaken := mistaken_time(run.recording["t"]):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
+    if strange := strange_units(run.recording.columns, config):
+        notes.append(f"{strange}; the odometry took it as it is")
     odometry = Odometry(config)
     rows = []
     command = None
