@@ -23,8 +23,9 @@ LINE_GAIN = 1.5
 """rad/s a unit of coverage, for a sensor 0.11 m ahead of the axis. The spot is about 10 mm wide, so the
 sensor closes in at 0.11 * 1.5 / 0.01 = 16 /s: a fifth of what 30 ms of delay would bear."""
 USUAL_REACH = 0.11
-SEARCH_ANGLE = math.radians(60.0)
-"""rad to either side of the line's direction in which it is looked for."""
+SEARCH_ANGLE = math.radians(90.0)
+"""rad to either side of the line's direction in which it is looked for, of the sensor about the axis' middle:
+one that sits aside would look less far to its other side by what the robot turns."""
 SEARCH_SPEED, SEARCH_TIME = 0.08, 12.0
 """m/s of the sensor meanwhile, and s that it takes at the most."""
 BACK_SPEED = 0.1
@@ -34,6 +35,8 @@ CATCH_SPEED = 0.03
 PROBE, PROBE_RATE, PROBE_TIME, ANSWER = 0.003, 0.4, 0.4, 0.15
 """m by which the sensor is moved to see whether it is on an edge, rad/s, s at the most, and by how much less
 of it must then be on black: half of what an edge gives."""
+ON_BLACK = 0.98
+"""Share of the sensor's spot that is all of it, but for noise."""
 NEAR = 1e-3
 """m that is as good as there."""
 MOST_SEARCHES = 2
@@ -51,9 +54,9 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
 
     side: the edge of the line it keeps to, "left" or "right". speed: m/s; `motion.speed` when None. The share
     of the sensor's spot that is on black steers. After 1 s or 0.15 m without an edge (0.5 s where there was
-    none yet) the robot stops, goes back to where it was on one and looks for the line there on the spot, 60
-    degrees to either side; where the light changes, it does so to learn what floor and line read there. What
-    reads the same for 5 cm, and not half an edge, is moved by 3 mm to see whether it is one.
+    none yet) the robot stops, goes back to where it was on one and looks for the line there on the spot, the
+    sensor 90 degrees to either side; where the light changes, it does so to learn what floor and line read
+    there. What reads the same for 5 cm, and not half an edge, is moved by 3 mm to see whether it is one.
     Raises CalibrationError without a calibration, ConfigError for a sensor that is not ahead of the axis,
     MotionTimeout where it finds no line.
     """
@@ -148,7 +151,7 @@ class _Search:
         # Black is on the right of the left edge: a sensor on it has gone too far right.
         first = self._side if self._line.to_black else -self._side
         for way in (first, -first):
-            if (yield from self._turn(way, SEARCH_ANGLE)) or self._sensor.black:
+            if (yield from self._turn(way)) or self._sensor.black:
                 return
         yield from self._learn_and_return(first)
 
@@ -162,16 +165,16 @@ class _Search:
             yield
         self._velocity = speed
         yield from self._stop()
-        aside = min(ASIDE / sensor.config.forward, SEARCH_ANGLE)
+        aside = ASIDE / sensor.config.forward
         yield from self._turn(self._side, aside, to_edge=False)
         yield from self._turn(-self._side, aside, to_edge=False)
         if not sensor.relearn(self._white, self._black):
-            yield from self._turn(-self._side, SEARCH_ANGLE, to_edge=False)
+            yield from self._turn(-self._side, to_edge=False)
         yield from self._learn_and_return(self._side)
 
     def _learn_and_return(self, way: float) -> Steps[None]:
         learnt = self._sensor.relearn(self._white, self._black)
-        if not learnt or not (yield from self._turn(way, SEARCH_ANGLE)):
+        if not learnt or not (yield from self._turn(way)):
             raise MotionTimeout(_lost(self._sensor.name))
 
     def _stop(self) -> Steps[None]:
@@ -201,22 +204,29 @@ class _Search:
             yield
         yield from self._stop()
 
-    def _turn(self, way: float, angle: float, *, to_edge: bool = True) -> Steps[bool]:
-        """Turn until `angle` rad beside the line's direction or to its edge; whether it came to that.
+    def _turn(self, way: float, angle: float = math.inf, *, to_edge: bool = True) -> Steps[bool]:
+        """Turn until `angle` rad beside the line's direction, at the most as far as a line is looked for, or
+        to its edge; whether it came to that.
 
         way: 1 to the left, -1 to the right.
         """
         robot, sensor, motion = self._robot, self._sensor, self._robot.config.motion
+        angle = min(angle, SEARCH_ANGLE - way * math.atan2(sensor.config.left, sensor.config.forward))
         wanted = min(motion.turn_rate, SEARCH_SPEED / sensor.config.forward)
         top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
         rate = silent = 0.0
+        wanted_to_black = way * self._side < 0.0
+        across = wanted_to_black  # who comes from the border of black may leave it there: by another edge
         sensor.forget_edge()
         while way * (robot.estimate.heading - self._heading) < angle:
             self._read()
             # To the left of the left edge and to the right of the right one is white.
             edge = sensor.edge
-            if to_edge and edge is not None and edge.to_black is (way * self._side < 0.0):
+            if to_edge and across and edge is not None and edge.to_black is wanted_to_black:
                 return True
+            if not across and (sensor.coverage or 0.0) > ON_BLACK:
+                across = True
+                sensor.forget_edge()
             wrong = robot.drive.wheels.stalled or robot.odometry.wiring.suspects
             silent = silent + robot.dt if wrong else 0.0
             if silent > STALL_PATIENCE or robot.time > self._end:

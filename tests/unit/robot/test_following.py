@@ -128,10 +128,16 @@ def test_a_robot_beside_the_line_that_steers_away_from_it_finds_it(
 
 
 @pytest.mark.parametrize("speed", [0.05, 0.1, 0.2])
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("angle", [-90, -60, 75, 90])
+@pytest.mark.parametrize(
+    ("side", "angle"),
+    [
+        *((side, angle) for side in ("left", "right") for angle in (-110, -90, -60, 75, 90, 110, 135)),
+        ("left", -135),
+    ],
+)
 def test_a_line_is_followed_around_a_sharp_corner(angle: float, side: str, speed: float) -> None:
-    """It was looked for where it was missed, up to 20 cm behind the corner, and from there out of reach."""
+    """It was looked for where it was missed, up to 20 cm behind the corner, and from there out of reach; and
+    less far to the right than to the left, because the sensor sits to the left."""
     cosine, sine = math.cos(deg(angle)), math.sin(deg(angle))
     world = World(lines=(Line(((-0.5, 0.0), (0.4, 0.0), (0.4 + 2.0 * cosine, 2.0 * sine))),))
     _, port = follow(world, side, way=0.8, speed=speed)
@@ -161,11 +167,11 @@ def test_a_line_that_ends_is_said_and_the_robot_stands() -> None:
             sensor.calibrate(calibration(0.0))
         robot.run(wait(0.5))
         begin = robot.time
-        with pytest.raises(MotionTimeout, match=r"left lost the line: .* 60 degrees to either side"):
+        with pytest.raises(MotionTimeout, match=r"left lost the line: .* 90 degrees to either side"):
             robot.run(follow_line("left", "left", 0.1))
         assert robot.time - begin < 2.0 * SEARCH_TIME
         robot.run(wait(0.2))
         assert port._robot.state.speed_left == pytest.approx(0.0, abs=0.01)
     x, _, heading = port._robot.pose
     assert x < 0.4
-    assert abs(heading) < deg(65)
+    assert abs(heading) < deg(110)  # the sensor sits 15 degrees to the left
