@@ -8,7 +8,7 @@ the wheels' filtered readings show it, and within a swing that looks like other 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,10 +107,12 @@ class Features:
         )
 
     @classmethod
-    @lru_cache(maxsize=4)
     def kept(cls, log: Log, width: float) -> Features:
-        """The same, made once for whoever asks: a diagnosis does so under each of a controller's habits."""
-        return cls.of(log, width)
+        """The same, made once while the log lives: a diagnosis asks under each of a controller's habits."""
+        made = _MADE.setdefault(log, {})
+        if width not in made:
+            made[width] = cls.of(log, width)
+        return made[width]
 
     @property
     def event(self) -> int:
@@ -123,3 +125,7 @@ class Features:
         for index, bins in enumerate(self.maps):
             binned[..., index] = (bins @ channels[:, index].T).T
         return binned
+
+
+_MADE: WeakKeyDictionary[Log, dict[float, Features]] = WeakKeyDictionary()
+"""By log and width; they hold nothing of the log, so they go with it."""

@@ -48,7 +48,7 @@ class Channel:
     floor: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Log:
     """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from itertools import pairwise
 
 import numpy as np
@@ -58,3 +60,15 @@ def test_bins_are_means_and_lines_over_what_is_missing() -> None:
     np.testing.assert_allclose(features.measured[:, 0], expected, atol=1e-12)
     lanes = np.stack([np.nan_to_num(values), 2.0 * np.nan_to_num(values)])[:, None]
     np.testing.assert_allclose(features.simulated(lanes)[:, :, 0], [expected, 2.0 * expected], atol=1e-12)
+
+
+def test_what_is_kept_of_a_log_goes_with_it() -> None:
+    """Four logs and their bins stayed in memory after a diagnosis."""
+    log = Log(TIME, np.zeros((len(TIME), 2)), (Channel("battery.voltage", "battery", "V", TIME, 0.004),))
+    kept = Features.kept(log, BIN)
+    assert Features.kept(log, BIN) is kept
+    assert Features.kept(log, 2.0 * BIN) is not kept
+    alive = weakref.ref(log), weakref.ref(kept.measured)
+    del log, kept
+    gc.collect()
+    assert [each() for each in alive] == [None, None]
