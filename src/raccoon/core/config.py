@@ -167,16 +167,21 @@ def _quoted(text: str, error: str) -> str:
     return f": {shown(line)}{hint}"
 
 
+_SINGLE: Mapping[str, type[Any]] = {
+    "controller": ControllerConfig,
+    "battery": BatteryConfig,
+    "drive": DriveConfig,
+    "body": BodyConfig,
+    "motion": MotionConfig,
+}
+"""Sections of which there is one, by their names, which are those of RobotConfig's fields."""
+_SEVERAL = ("motor", "tophat", "servo", "mechanism")
+"""Those that stand in groups, `[GROUP.NAME]`."""
+
+
 def _refuse_homeless(table: Mapping[str, Any], known: tuple[str, ...]) -> None:
     """Raise ConfigError for a key of a section that stands above all of them, naming the section."""
-    kinds = {
-        "controller": ControllerConfig,
-        "battery": BatteryConfig,
-        "drive": DriveConfig,
-        "body": BodyConfig,
-        "motor.N": MotorConfig,
-        "motion": MotionConfig,
-    }
+    kinds = {**_SINGLE, "motor.N": MotorConfig}
     for key in table:
         homes = [f"[{name}]" for name, kind in kinds.items() if key in {each.name for each in fields(kind)}]
         if homes and key not in known:
@@ -188,19 +193,7 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
 
     Raises ConfigError naming key, value and what is allowed.
     """
-    known = (
-        "name",
-        "controller",
-        "battery",
-        "drive",
-        "body",
-        "motor",
-        "tophat",
-        "servo",
-        "mechanism",
-        "motion",
-        "model",
-    )
+    known = ("name", *_SINGLE, *_SEVERAL, "model")
     _refuse_homeless(table, known)
     refuse_unknown(table, known, "")
     name = table.get("name", "robot")
@@ -211,10 +204,7 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
     mechanisms = _named(table, "mechanism", MechanismConfig, "motor")
     return RobotConfig(
         name=name,
-        controller=section(ControllerConfig, table.get("controller", {}), "controller"),
-        battery=section(BatteryConfig, table.get("battery", {}), "battery"),
-        drive=section(DriveConfig, table.get("drive", {}), "drive"),
-        body=section(BodyConfig, table.get("body", {}), "body"),
+        **{key: section(kind, table.get(key, {}), key) for key, kind in _SINGLE.items()},
         motors={
             _motor_port(key): section(MotorConfig, entry, f"motor.{key}")
             for key, entry in subtable(table, "motor", "").items()
@@ -222,7 +212,6 @@ def parse_robot(table: Mapping[str, Any]) -> RobotConfig:
         tophats=tophats,
         servos=servos,
         mechanisms=mechanisms,
-        motion=section(MotionConfig, table.get("motion", {}), "motion"),
         model=parse_model(subtable(table, "model", "")),
     )
 

@@ -14,7 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.sample_clock import SampleClock
-from raccoon.trace.recording import mistaken_time
+from raccoon.trace.recording import mistaken_step, usual_step
 
 Array = NDArray[np.float64]
 
@@ -166,9 +166,9 @@ def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
         raise TraceError(
             f"t goes from {time[row - 1]:.6g} s to {time[row]:.6g} s at row {row}: it must advance"
         )
-    step = float(np.median(steps)) if len(steps) else 0.0
+    step = usual_step(time)
     if step > slowest:
-        told = mistaken_time(time) or f"t advances by {step:.3g} s a sample"
+        told = mistaken_step(step) or f"t advances by {step:.3g} s a sample"
         raise TraceError(f"{told}; at most {slowest:g} s are allowed")
 
 

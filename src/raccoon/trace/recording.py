@@ -79,9 +79,14 @@ class Recording:
         return Recording(columns, events, self.device, list(self.problems))
 
 
-def mistaken_time(time: Column) -> str:
-    """What unit a time seems to be in that should be in s, for a message; "" where it may well be in s."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+def usual_step(time: Column) -> float:
+    """S by which a time usually advances a sample, 0 of a single one."""
+    return float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+
+
+def mistaken_step(step: float) -> str:
+    """What unit a time seems to be in that should be in s and advances by `step` a sample, for a message; ""
+    where it may well be in s."""
     unit = next((name for least, name in TIME_UNITS if step >= least), None)
     return "" if unit is None else f"t advances by {step:.3g} s a sample: it looks like {unit}, not seconds"
 

@@ -16,7 +16,7 @@ from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run
 from raccoon.trace.pose_error import PoseError, pose_error
-from raccoon.trace.recording import Column, mistaken_time
+from raccoon.trace.recording import Column, mistaken_step, usual_step
 
 COLUMNS = ("x", "y", "heading", "x_std", "y_std", "heading_std")
 RECORDED = {"x": 0, "y": 1, "heading": 2}
@@ -55,7 +55,7 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
         )
     if len(run.recording):  # one that was ended before its first cycle holds nothing to miss
         _check_wheels(run, config)
-    if mistaken := mistaken_time(run.recording["t"]):
+    if mistaken := mistaken_step(usual_step(run.recording["t"])):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
     if strange := strange_units(run.recording.columns, config):
         notes.append(f"{strange}; the odometry took it as it is")
