@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
 
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.conditions import JOIN, Condition
-from raccoon.robot.limits import check_function, check_kind, check_number, check_positive
+from raccoon.robot.limits import check_function, check_kind, check_number, check_positive, check_wait
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -109,6 +109,14 @@ class Action(Generic[T_co]):
 
     def __bool__(self) -> bool:
         raise TypeError(f"action '{self.name}' is neither true nor false: it is done with robot.run(...)")
+
+    if not TYPE_CHECKING:  # a type checker knows that there is nothing to go through
+
+        def __iter__(self):
+            raise TypeError(
+                f"action '{self.name}' is nothing to go through: in steps of your own write "
+                "yield from action.start(robot), elsewhere seq(...) and robot.run(...)"
+            )
 
     def __repr__(self) -> str:
         return f"<Action {self.name}>"
@@ -256,9 +264,7 @@ def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Acti
 
 def wait(seconds: float) -> Action[None]:
     """Let `seconds` s pass. The robot goes on reading meanwhile, which `time.sleep` would keep it from."""
-    check_number("seconds", seconds, "from 0")
-    if not 0.0 <= seconds < float("inf"):
-        raise ValueError(f"seconds is {seconds}: allowed are numbers from 0")
+    check_wait(seconds)
 
     def steps(robot: Robot) -> Steps[None]:
         start = robot.time

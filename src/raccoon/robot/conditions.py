@@ -18,8 +18,8 @@ from raccoon.robot.limits import (
     check_counts,
     check_function,
     check_kind,
-    check_number,
     check_port,
+    check_wait,
     check_way,
 )
 
@@ -96,9 +96,7 @@ def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
 
 def after_time(seconds: float) -> Condition:
     """`seconds` s after the start of the action."""
-    check_number("seconds", seconds, "from 0")
-    if not 0.0 <= seconds < float("inf"):
-        raise ValueError(f"seconds is {seconds}: allowed are numbers from 0")
+    check_wait(seconds)
 
     def start(robot: Robot) -> Test:
         begin = robot.time

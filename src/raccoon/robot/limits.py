@@ -19,6 +19,8 @@ MOST_TURNS = 4.0
 """Full turns of a heading, which counts those that were made; more is an angle in degrees."""
 ROUNDING = 1e-9
 """Share by which a sum of degrees may miss a full turn."""
+LONGEST_WAIT = 600.0
+"""s, five matches: more are milliseconds."""
 FASTEST_TURN = RATE.high
 """rad/s, of robot.toml and of arguments."""
 
@@ -37,6 +39,14 @@ def check_positive(name: str, value: float, hint: str = "") -> None:
     check_number(name, value, "above 0")
     if not 0.0 < value < math.inf:
         raise ValueError(f"{name} is {value}: it must be above 0" + (f" ({hint})" if hint else ""))
+
+
+def check_wait(seconds: float) -> None:
+    """Raise ValueError for what is no time in s to let pass, TypeError for what is no number."""
+    allowed = f"from 0 to {LONGEST_WAIT:g} s (500 ms are 0.5)"
+    check_number("seconds", seconds, allowed)
+    if not 0.0 <= seconds <= LONGEST_WAIT:
+        _refuse("seconds", seconds, allowed)
 
 
 def check_way(**ways: float) -> None:
@@ -128,6 +138,14 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
         return
     name = getattr(value, "__name__", None)
     what = f"the function {name}" if callable(value) and name else repr(value)
+    if inspect.isgenerator(value):
+        what = f"what the function {name} yields"
+        hint = f"{hint}: give the function itself, Action('{name}', {name}), or write seq() instead of yield"
+    elif kind.__name__ == "Action" and type(value).__name__ == "MotionResult":
+        what, hint = (
+            "the result of one",
+            f"{hint}: run() did it already; give the action itself, without run()",
+        )
     called = f": call it, {name}(...)" if callable(value) and name and name != "<lambda>" else ""
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
     raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")

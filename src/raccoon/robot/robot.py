@@ -31,6 +31,8 @@ T = TypeVar("T")
 
 # S between two readings that are a pause: longer than anything that delays a tick, and two cycles at least.
 PAUSE = 0.1
+ACTIONS = ("actions", "driving", "following", "lines", "mechanisms", "motions", "paths", "servos")
+"""Modules whose public functions make actions."""
 LATE = 5.0  # cycles that one takes, from which on the wheels' loop rings
 LATE_TICKS = 20  # in a row, before it is said
 
@@ -70,6 +72,13 @@ class Robot(Knowledge):
         here = self.estimate
         place = f"x {here.x:z.3f} m, y {here.y:z.3f} m, heading {math.degrees(here.heading):z.1f} deg"
         return f"<Robot {self.config.name}: {place}, {here.status}>"
+
+    if not TYPE_CHECKING:  # a type checker knows that it has nothing else
+
+        def __getattr__(self, name: str) -> object:
+            if hasattr(type(self), name):  # there is one, and it failed: with its own error
+                return object.__getattribute__(self, name)
+            raise AttributeError(f"a robot has no {name}{_instead(name)}")
 
     # -- the loop -----------------------------------------------------------------------------------------
 
@@ -269,3 +278,12 @@ def _numbers(estimate: DriveEstimate) -> tuple[float, ...]:
         estimate.y_std,
         estimate.heading_std,
     )
+
+
+def _instead(name: str) -> str:
+    """What to write instead of an attribute that a robot does not have; "" where nothing is like it."""
+    from raccoon import _HOME_OF
+
+    if _HOME_OF.get(name, "").removeprefix("raccoon.robot.") in ACTIONS:
+        return f": write robot.run({name}(...))"
+    return f": write robot.pose.{name}" if name in ("x", "y", "heading") else ""

@@ -175,7 +175,7 @@ def test_an_action_can_be_run_twice() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: wait(-1.0), "seconds is -1.0"),
+        (lambda: wait(-1.0), "seconds is -1: "),
         (lambda: wait(float("nan")), "seconds is nan"),
         (lambda: wait(1.0).timeout(0.0), "seconds is 0.0"),
         (lambda: repeat(wait(1.0), -1), "times is -1"),

@@ -122,7 +122,7 @@ def loose(value: object) -> Any:
         (lambda: align_on_wall(heading=90), r"heading is 90: .*write deg\(90\)"),
         (lambda: after_angle(90), r"angle is 90: .*deg\(90\)"),
         (lambda: after_distance(50), "distance is 50: .*30 cm are 0.30"),
-        (lambda: after_time(-1.0), "seconds is -1.0: allowed are numbers from 0"),
+        (lambda: after_time(-1.0), "seconds is -1: allowed are numbers from 0"),
         (lambda: analog_above(6, 1000), "analog port 6: there are 0 to 5"),
         (lambda: analog_below(-1, 1000), "analog port -1: there are 0 to 5"),
         (
@@ -443,3 +443,42 @@ def test_one_that_drives_beside_others_that_do_not_is_allowed() -> None:
     beside = parallel(straight(0.1), wait(0.5), repeat(do(lambda _: None)).until(after_time(0.3)))
     results, _, _ = run(seq(beside, race(straight(0.5), wait(0.3)), straight(0.05)))
     assert results[2].along == pytest.approx(0.0, abs=0.002)
+
+
+def test_what_beginners_write_is_answered_with_what_they_meant() -> None:
+    def steps(robot: Robot) -> Any:
+        yield from loose(straight(0.1))
+
+    with open_robot(CONFIG, port=simulated()) as robot:
+        for name, said in (
+            ("straight", r"write robot\.run\(straight\("),
+            ("heading", r"write robot\.pose\.heading"),
+        ):
+            with pytest.raises(AttributeError, match=said):
+                getattr(robot, name)
+        with pytest.raises(AttributeError, match=r"a robot has no left_motor$"):
+            loose(robot).left_motor  # noqa: B018
+        with pytest.raises(TypeError, match=r"yield from action\.start\(robot\)"):
+            robot.run(Action("mine", steps))
+        with pytest.raises(TypeError, match=r"not what the function steps yields.* Action\('steps', steps\)"):
+            robot.run(steps(robot))
+        with pytest.raises(TypeError, match=r"not the result of one: run\(\) did it already"):
+            seq(wait(0.1), loose(robot.run(straight(0.02))))
+        assert robot.outputs.duty[:2] == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("make", [wait, after_time])
+def test_a_wait_in_milliseconds_is_refused(make: Callable[[float], object]) -> None:
+    """The robot would stand for the whole match."""
+    with pytest.raises(ValueError, match=r"seconds is 1000: .* from 0 to 600 s \(500 ms are 0\.5\)"):
+        make(1000)
+
+
+def test_a_property_of_the_robot_that_fails_fails_with_its_own_error() -> None:
+    class Broken(Robot):
+        @property
+        def broken(self) -> float:
+            return float(loose(None).nothing_like_it)
+
+    with Broken(simulated(), CONFIG) as robot, pytest.raises(AttributeError, match="nothing_like_it"):
+        robot.broken  # noqa: B018
