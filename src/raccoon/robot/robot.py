@@ -6,8 +6,10 @@ recording. Nothing here reads a clock, a file or a random number: time comes wit
 
 from __future__ import annotations
 
+import inspect
 import math
 from contextlib import ExitStack
+from importlib import import_module
 from threading import get_ident
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar
@@ -282,8 +284,8 @@ def _numbers(estimate: DriveEstimate) -> tuple[float, ...]:
 
 def _instead(name: str) -> str:
     """What to write instead of an attribute that a robot does not have; "" where nothing is like it."""
-    from raccoon import _HOME_OF
-
-    if _HOME_OF.get(name, "").removeprefix("raccoon.robot.") in ACTIONS:
-        return f": write robot.run({name}(...))"
+    for module in ACTIONS:
+        found = getattr(import_module(f"{__package__}.{module}"), name, None)
+        if inspect.isfunction(found) and found.__module__.endswith(module):
+            return f": write robot.run({name}(...))"
     return f": write robot.pose.{name}" if name in ("x", "y", "heading") else ""
