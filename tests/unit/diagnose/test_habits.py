@@ -453,6 +453,17 @@ def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | No
     assert said.startswith("the battery's reading follows with a filter of 0.2 s")
 
 
+def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_wheels() -> None:
+    chain = Chain(median=True, battery_time_constant=0.02)
+    weak: Effects = {("motor.armature_resistance", "left"): {"factor": 1.2}}
+    slow = Habits(replace(chain, battery_time_constant=0.05), brake=False)
+    columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING] | weak, chain), 8.0)
+    search, under = standing(columns, slow, {"motor.armature_resistance@left": 0.8})
+    search, habits = with_a_slow_battery(search, slow, under)
+    assert habits.chain == chain
+    assert list(search.fit.point.active) == ["motor.armature_resistance@left"]
+
+
 def test_commands_from_their_rows_on_are_taken_so() -> None:
     columns = make(4, [draw("actuation.latency", np.random.default_rng(3))], seconds=6.0).columns
     search, under = standing(columns, FIRMWARE, {"actuation.latency": 0.4})

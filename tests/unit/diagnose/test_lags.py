@@ -17,6 +17,7 @@ from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
     SLIP,
     as_lags_of_the_robot,
+    or_a_smooth_gyro,
     starts_with_a_chip,
     with_readings_that_lag,
 )
@@ -115,3 +116,24 @@ def test_a_controller_with_a_clock_of_its_own_keeps_it_beside_many_causes() -> N
     own = Hidden("unknown", None, {}, {"own_cycle": 0.0053, "gyro_smooth": 0.0039, "imu_latency": 0.0025})
     search, habits, under = smoothed(own, FREE_RUNNING, OTHERS)
     assert as_lags_of_the_robot(search, habits, under) == (search, habits)
+
+
+def test_a_lag_that_a_chip_is_clearly_ahead_of_is_the_chip_s() -> None:
+    """Beside three causes a slip of 3 ms was named with a probability of 0.00 against the chip."""
+    motor, *more = [draw(each, np.random.default_rng(8)) for each in (STRENGTH, *OTHERS)]
+    chip = Hidden("unknown", None, {}, CHIP)
+    named = {motor.name: np.sign(motor.values["factor"] - 1.0), **{each.name: 1.0 for each in more}}
+    columns = make(8, [chip, motor, *more], seconds=16.0).columns
+    search, under = standing(columns, FIRMWARE, {**named, SLIP: 0.1})
+    found, habits = or_a_smooth_gyro(search, FIRMWARE, under)
+    assert habits == replace(FIRMWARE, low_pass=True)
+    assert found.fit.point.active.keys() == named.keys()
+
+
+def test_a_lag_that_is_no_chip_s_stays_and_has_it_as_a_rival() -> None:
+    slip = Hidden(SLIP, None, {"time": 0.012}, {"slip": 0.012})
+    search, under = standing(make(8, [slip], seconds=10.0).columns, FIRMWARE, {SLIP: 0.5})
+    assert or_a_smooth_gyro(search, FIRMWARE, under) == (search, FIRMWARE)
+    (rival,) = search.rivals[SLIP]
+    assert rival.name == "imu.low_pass"
+    assert rival.lead > 0.0

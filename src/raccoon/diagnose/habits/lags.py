@@ -181,18 +181,28 @@ def _open_instead(search: Search, name: str) -> Point | None:
     return None
 
 
-def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> None:
-    """Note beside a lag of the gyro that a chip which smooths may be all of it."""
+def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+    """The search, with a note beside a lag of the gyro that a chip which smooths may be all of it; or the
+    search with such a chip, where it is clearly ahead of the lag that was named."""
     late = [] if habits.low_pass else [each for each in _late(search) if each in OF_THE_GYRO]
     if not late or "gyro" not in search.problem.features.roles:
-        return
-    problem = under(replace(habits, low_pass=True))
+        return search, habits
+    smooth = replace(habits, low_pass=True)
+    problem = under(smooth)
     problem = replace(problem, neutral={**problem.neutral, **search.problem.neutral})
     for name in late:
         fit = best_of(search, problem, [search.fit.point.without_cause(name)])
+        lacks = lead(problem, search.fit, fit)
+        if lacks < -DOUBT and habits.firmware is None:
+            tell("going on with a gyro that smooths")
+            probes = probes_for(problem)
+            found = gone_on(look_around(problem, probes, fit.point, search.whitener, search.unknown))
+            if explains_more(found, search) > -SMOOTH:
+                return found, smooth
         rivals = search.rivals.setdefault(name, [])
-        rivals.append(Rival(SMOOTHS, lead(problem, search.fit, fit)))
+        rivals.append(Rival(SMOOTHS, lacks))
         rivals.sort(key=lambda each: each.lead)
+    return search, habits
 
 
 def _late(search: Search) -> list[str]:

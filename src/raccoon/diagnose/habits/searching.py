@@ -51,7 +51,7 @@ from raccoon.diagnose.open_numbers import LOW_PASS
 from raccoon.diagnose.quality import swing
 from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.select.refits import lag_as
+from raccoon.diagnose.select.refits import SCALE, lag_as
 from raccoon.diagnose.select.search import begun, gone_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.watch import tell
@@ -102,7 +102,7 @@ def searched(
     search, habits = as_lags_of_the_robot(search, habits, under)
     search, habits = _with_the_slip_that_fits(search, habits, under)
     search = left_to_the_firmware(search, habits)
-    or_a_smooth_gyro(search, habits, under)
+    search, habits = or_a_smooth_gyro(search, habits, under)
     return search, habits, restored
 
 
@@ -134,7 +134,8 @@ def _under_another_filter(
 
     Where nothing is named nobody asks: what a floor does to a robot whose loops answer it, many a filter with
     another time constant explains a little better. The firmware's may be the right one where a latency or a
-    lag stands in for it, and need not be ahead before it has been searched under. A late gyro may be all that
+    lag stands in for it, or for its pause a resistance or what has its scale, and need not be ahead before it
+    has been searched under. A late gyro may be all that
     is commanded, under a filter that delays by as much less, and a latency of a sample the gyro alone under a
     median.
     """
@@ -143,7 +144,8 @@ def _under_another_filter(
     chains = other_chains(habits.chain)
     for other in under.new(search, habits, (replace(habits, chain=each) for each in chains)):
         firmware = usual_chain(other.chain) == Chain.firmware()
-        imitated = firmware and any(name.startswith(LIKE_A_FILTER) for name in search.fit.point.active)
+        like = LIKE_A_FILTER if habits.chain.coast_share else (*LIKE_A_FILTER, *SCALE)
+        imitated = firmware and any(name.startswith(like) for name in search.fit.point.active)
         late, gyro = lags_instead(search, LATE_GYRO, (LATE,)), lags_instead(search, LATE, (LATE_GYRO, SLIP))
         starts = [search.fit.point, *late, *gyro]
         far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
