@@ -38,10 +38,13 @@ DEPENDS_ON = "changes of speed"
 LOOSE = "hold the robot and turn its wheels to and fro"
 
 
-def bursting(roles: Sequence[str], measured: Array, residual: Array, regimes: Regimes) -> tuple[str, ...]:
+def bursting(
+    roles: Sequence[str], measured: Array, residual: Array, regimes: Regimes, play: bool = False
+) -> tuple[str, ...]:
     """What is said of each channel whose error comes in bursts.
 
-    roles: of the channels. measured, residual: (bins, channels). regimes: of the bins.
+    roles: of the channels. measured, residual: (bins, channels). regimes: of the bins. play: whether play of
+    a wheel was named, which makes its gyro turn otherwise than the wheels, by more than its equations say.
     """
     changing, steady = regimes == CHANGING, regimes == STEADY
     if min(changing.sum(), steady.sum()) < LEAST:
@@ -63,7 +66,9 @@ def bursting(roles: Sequence[str], measured: Array, residual: Array, regimes: Re
                 f"there, {elsewhere[index]:.2g} in steady driving; something is loose, twists or jumps as no "
                 f"cause of the catalogue does: {LOOSE}"
             )
-    return tuple(said) or _of_the_gyro_alone(roles, residual, regimes)
+    if said or play:
+        return tuple(said)
+    return _of_the_gyro_alone(roles, residual, regimes)
 
 
 def _of_the_gyro_alone(roles: Sequence[str], residual: Array, regimes: Regimes) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from raccoon.diagnose.bursts import DEPENDS_ON, bursting
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.firmware import Firmware
+from raccoon.diagnose.fit_scan import play_of
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.notes import notes_of
@@ -233,7 +234,8 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     features, rest = search.problem.features, search.linear.residual
-    bursts = bursting(features.roles, features.measured, rest, search.whitener.noise.regimes)
+    regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
+    bursts = bursting(features.roles, features.measured, rest, regimes, play=bool(play))
     depends_on += (DEPENDS_ON,) if bursts else ()
     left = judged.left if judged.is_far else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)

@@ -25,6 +25,11 @@ SCANNED = 3
 SCANS = 4
 
 
+def play_of(point: Point) -> list[str]:
+    """The play that is on, of either wheel or both."""
+    return [each for each in point.active if each.partition("@")[0] == STAIRS]
+
+
 def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit) -> Fit:
     """`fit_point`; where gears have play, again from the best places around, until none is better.
 
@@ -32,7 +37,7 @@ def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit) -> Fi
     or after a sample of the gyro, and a fit stops on a stair.
     """
     fit = fit_point(problem, whitener, start)
-    for name in (each for each in fit.point.active if each.startswith(STAIRS)):
+    for name in play_of(fit.point):
         for _ in range(SCANS):
             around = _best_around(problem, whitener, fit, name)
             found = min(fit_afresh(problem, whitener, around, 8), key=lambda each: each.cost)

@@ -41,7 +41,7 @@ def test_bursts_are_told_with_their_size() -> None:
     assert said.startswith("what is left of the left wheel comes")
 
 
-def beside_wheels(pushes: float, body: float, gyro: float = 0.008) -> tuple[str, ...]:
+def beside_wheels(pushes: float, body: float, gyro: float = 0.008, play: bool = False) -> tuple[str, ...]:
     """Of a robot whose wheels are pushed by so many counts where speeds change, which its gyro sees a bin
     sooner than a filtered reading, whose body turns by as much more, and whose gyro has noise."""
     random = np.random.default_rng(1)
@@ -50,12 +50,13 @@ def beside_wheels(pushes: float, body: float, gyro: float = 0.008) -> tuple[str,
     pushed = changes * pushes * random.standard_normal((600, 2))
     turned = 6.6e-4 * (pushed[:, 1] - pushed[:, 0]) + changes[:, 0] * body * random.standard_normal(600)
     left = np.column_stack([np.roll(pushed, 1, axis=0), turned + gyro * random.standard_normal(600)])
-    return bursting(("bemf_left", "bemf_right", "gyro"), np.full((600, 3), 1500.0), left, regimes)
+    return bursting(("bemf_left", "bemf_right", "gyro"), np.full((600, 3), 1500.0), left, regimes, play)
 
 
 def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
     (said,) = beside_wheels(pushes=25.0, body=0.06)
     assert said.startswith("where wheels speed up or brake the gyro says 0.061 rad/s that no wheel's")
+    assert beside_wheels(pushes=25.0, body=0.06, play=True) == ()
     assert beside_wheels(pushes=70.0, body=0.0) == ()
     assert beside_wheels(pushes=25.0, body=0.0, gyro=0.06) == ()
 

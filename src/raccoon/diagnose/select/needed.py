@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.fit_scan import STAIRS
+from raccoon.diagnose.fit_scan import play_of
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.moves import BETTER_TOGETHER, accepted_without, settled_fit
@@ -37,7 +37,7 @@ def only_needed(search: Search) -> Search:
 def _spare(search: Search) -> tuple[str, Fit] | None:
     """The cause that lacks most of what it must have, if any does, and the fit without it."""
     point, problem, whitener = search.fit.point, search.problem, search.whitener
-    if not any(name.partition("@")[0] == STAIRS for name in point.active):
+    if not play_of(point):
         return None
     needs = {each: required_evidence(search, each, len(point.active) == 1) for each in point.active}
     asked = [name for name, needed in needs.items() if search.gains.get(name, needed) - needed < DOUBT]
