@@ -26,14 +26,14 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
         cost = sum(each for name, each in WORTH.items() if name in names and name not in start.active)
         return SimpleNamespace(point=start, cost=cost - (WORTH[spare] - 7.0 if elsewhere and spare else 0.0))
 
-    def without(search: Any, name: str, fit: SimpleNamespace) -> SimpleNamespace:
+    def without(search: Any, name: str, why: str, fit: SimpleNamespace) -> SimpleNamespace:
         return SimpleNamespace(**{**vars(search), "fit": SimpleNamespace(point=fit.point)})
 
     for name, stand_in in (
         ("fit_point", fitted),
         ("settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
         ("lead", lambda _, one, other: other.cost - one.cost),
-        ("accepted_without", without),
+        ("pruned", without),
         ("estimated", lambda search: search),
     ):
         monkeypatch.setattr(needed, name, stand_in)

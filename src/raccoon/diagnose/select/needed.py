@@ -8,9 +8,9 @@ from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.fit_scan import play_of
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.select.moves import BETTER_TOGETHER, accepted_without, settled_fit
+from raccoon.diagnose.select.moves import BETTER_TOGETHER, settled_fit
 from raccoon.diagnose.select.outlook import Search, estimated, lead
-from raccoon.diagnose.select.search import required_evidence
+from raccoon.diagnose.select.search import pruned, required_evidence
 
 DOUBT = 25.0
 """Log evidence beyond what it must have up to which a cause is asked again."""
@@ -30,8 +30,7 @@ def only_needed(search: Search) -> Search:
         if gone is None:
             return search
         name, fit = gone
-        search.failed[name] = BETTER_TOGETHER
-        search = estimated(accepted_without(search, name, fit))
+        search = estimated(pruned(search, name, BETTER_TOGETHER, fit))
 
 
 def _spare(search: Search) -> tuple[str, Fit] | None:

@@ -183,11 +183,11 @@ def _dropped(search: Search, settled: Fit, name: str) -> Fit:
     return again if again.cost < dropped.cost else dropped
 
 
-def pruned(search: Search, name: str, why: str) -> Search:
-    """The search without a cause that does not stand after all."""
-    less = search.fit.point.without_cause(name)
+def pruned(search: Search, name: str, why: str, fit: Fit | None = None) -> Search:
+    """The search without a cause that does not stand after all. fit: the one without it, if it is known."""
     search.failed[name] = why
-    fit = fit_point(search.problem, search.whitener, less)
+    if fit is None:
+        fit = fit_point(search.problem, search.whitener, search.fit.point.without_cause(name))
     following = accepted_without(search, name, fit)
     following, _ = backward(following)
     return following
