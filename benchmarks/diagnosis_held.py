@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 import diagnosis_cases  # puts tests/blind on the path
 from blind.generator import Noise, make
 from blind.hidden import Hidden, draw, draw_unknown
+from diagnosis_trial import shown
 from raccoon.cli import main as raccoon
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
@@ -127,13 +128,12 @@ def _blind(
 def _tabled(name: str, key: str, seed: int) -> Held:
     """A recording of the table of benchmarks/diagnosis.py."""
     case = diagnosis_cases.Case.of(key)
-    blind = diagnosis_cases.drawn(case, seed)
+    hidden = diagnosis_cases.hidden_of(case, case.rng(seed))
 
     def columns() -> Columns:
-        kept = blind.columns["t"] < diagnosis_cases.ROWS[case.row].seconds
-        return {name: column[kept] for name, column in blind.columns.items()}
+        return dict(shown(case, diagnosis_cases.drawn(case, seed)))
 
-    return Held(name, columns, frozenset(each.name for each in blind.hidden))
+    return Held(name, columns, frozenset(each.name for each in hidden))
 
 
 def _unknown(name: str, kind: str, depends_on: str) -> Held:

@@ -35,7 +35,8 @@ NEIGHBOURS = 2
 LEAST = 25
 """Bins of either kind from which they are compared."""
 DEPENDS_ON = "changes of speed"
-LOOSE = "hold the robot and turn its wheels to and fro"
+HOLD = "hold the robot and turn its wheels to and fro"
+LOOSE = f"is loose, twists or jumps as no cause of the catalogue does: {HOLD}"
 
 
 def bursting(
@@ -63,8 +64,7 @@ def bursting(
         if there[index] > max(least, TIMES * elsewhere[index]):
             said.append(
                 f"what is left of {name} comes where wheels speed up or brake: {there[index]:.2g} {unit} "
-                f"there, {elsewhere[index]:.2g} in steady driving; something is loose, twists or jumps as no "
-                f"cause of the catalogue does: {LOOSE}"
+                f"there, {elsewhere[index]:.2g} in steady driving; something {LOOSE}"
             )
     if said or play:
         return tuple(said)
@@ -90,6 +90,5 @@ def _of_the_gyro_alone(roles: Sequence[str], residual: Array, regimes: Regimes) 
         return ()
     return (
         f"where wheels speed up or brake the gyro says {there:.2g} rad/s that no wheel's reading does, at "
-        f"rest {at_rest:.2g}; something between wheels and body is loose, twists or jumps as no cause of the "
-        f"catalogue does: {LOOSE}",
+        f"rest {at_rest:.2g}; something between wheels and body {LOOSE}",
     )

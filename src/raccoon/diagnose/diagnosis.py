@@ -16,16 +16,16 @@ from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.extend import extended
 from raccoon.diagnose.firmware import Firmware
 from raccoon.diagnose.fit_scan import play_of
-from raccoon.diagnose.gain import HeldOut, held_out
+from raccoon.diagnose.gain import HeldOut
 from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
-from raccoon.diagnose.naming import deviations, named_causes, parameters, rejections, suggestions
+from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
 from raccoon.diagnose.order import check_order
-from raccoon.diagnose.problem import Problem
+from raccoon.diagnose.proving import proven
 from raccoon.diagnose.quality import check_units, moves
 from raccoon.diagnose.result import (
     LARGE_REST,
@@ -37,14 +37,11 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.select.needed import only_needed
-from raccoon.diagnose.select.outlook import Search, estimated
-from raccoon.diagnose.select.search import pruned
+from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.shapes import shapes_of
 from raccoon.diagnose.silence import asked_for
 from raccoon.diagnose.spread import Spread
 from raccoon.diagnose.unknown import PREFIX
-from raccoon.diagnose.watch import tell
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -57,16 +54,6 @@ UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
 """Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
 of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
 ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
-CLEAR = 25.0
-"""Log evidence from which a cause stands whatever its error on another recording: a battery, a floor and what
-a robot carries may be others there. So it does in the same one where the error is as large as is expected: a
-friction worth 218 was dropped by 12 s in which a wheel stopped a moment late."""
-
-AWAY = 1.5
-"""Standard deviations by which the number of what is named is away from what was assumed, which is 3 to 1.
-Nearer were a slip of 0 +- 0.8 ms and a resistance of 0.76 +- 0.76, which took up what nothing else did."""
-HARMFUL = "makes the error larger on data it was not fitted on"
-NO_SIZE = "has no number that differs from what was assumed"
 
 
 def diagnose(
@@ -141,7 +128,7 @@ def _searched(
         unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
         other = drive_problem(unseen, robot, causes, habits, model)
         other = replace(other, neutral=search.problem.neutral)
-    search, judged = _proven(search, other)
+    search, judged = proven(search, other)
     found = _diagnosis(log, search, judged, habits, begin)
     if other is None or not found.causes or judged.size_after < judged.size_before:
         return found
@@ -168,38 +155,6 @@ def _lost_count(found: Diagnosis, seconds: float) -> Diagnosis:
         notes=(*found.notes, reason),
         shapes=(),
     )
-
-
-def _proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
-    """The causes that stand on unseen data, and how they do there."""
-    tell("judging on data that was not fitted")
-    search = _sized(only_needed(estimated(search)))
-    judged = held_out(search, other)
-    while True:
-        excused = other is not None or judged.size_after <= judged.foreseen
-        sure = [name for name, gain in search.gains.items() if excused and gain >= CLEAR]
-        errors = {name: error for name, error in judged.without.items() if name not in sure}
-        worst = min(errors, key=lambda name: errors[name], default=None)
-        if worst is None or errors[worst] > judged.harmless:
-            break
-        search = _sized(only_needed(estimated(pruned(search, worst, HARMFUL))))
-        judged = held_out(search, other)
-    return search, judged
-
-
-def _sized(search: Search) -> Search:
-    """Without causes whose own number does not tell them from none."""
-    while search.fit.point.active:
-        spread, causes = Spread.of(search), search.problem.causes
-        away = {
-            name: deviations(causes[name].effect, parameters(search, causes[name], spread))
-            for name in search.fit.point.active
-        }
-        least = min(away, key=lambda name: away[name])
-        if away[least] >= AWAY:
-            break
-        search = only_needed(estimated(pruned(search, least, NO_SIZE)))
-    return search
 
 
 def _worse(judged: HeldOut) -> str:

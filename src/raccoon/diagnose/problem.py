@@ -53,6 +53,10 @@ class Point:
         """Also this cause."""
         return Point(self.base, {**self.active, name: np.asarray(u, float)})
 
+    def nearer(self, base: float, causes: float = 1.0) -> Point:
+        """The same causes, with these parts of what base numbers and causes are off by."""
+        return Point(base * self.base, {name: causes * u for name, u in self.active.items()})
+
     def without_cause(self, name: str) -> Point:
         """All but this cause."""
         return Point(self.base, {key: value for key, value in self.active.items() if key != name})

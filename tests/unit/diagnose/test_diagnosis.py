@@ -11,7 +11,7 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose import diagnosis
+from raccoon.diagnose import proving
 from raccoon.diagnose.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet import common_causes, fleet_report
@@ -190,13 +190,12 @@ def test_what_makes_unseen_data_worse_is_dropped(
         left = {each: without[each] for each in search.gains}
         return SimpleNamespace(harmless=0.9, size_after=1.0, foreseen=expected, without=left)
 
-    for name in ("estimated", "only_needed", "_sized"):
-        monkeypatch.setattr(diagnosis, name, lambda search: search)
-    monkeypatch.setattr(diagnosis, "pruned", pruned)
-    monkeypatch.setattr(diagnosis, "held_out", judged)
+    monkeypatch.setattr(proving, "_standing", lambda search: search)
+    monkeypatch.setattr(proving, "pruned", pruned)
+    monkeypatch.setattr(proving, "held_out", judged)
     start: Any = SimpleNamespace(gains={"imu.latency": 50.0, "friction.stiction": gain})
     another: Any = object() if elsewhere else None
-    search, _ = diagnosis._proven(start, another)
+    search, _ = proving.proven(start, another)
     assert steps == (["friction.stiction"] if dropped else [])
     assert ("friction.stiction" in search.gains) is not dropped
 
@@ -209,7 +208,7 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
         "friction.coulomb": {"torque": ParameterResult(0.156, 0.005, "N m", 0.18)},
     }
 
-    def pruned(search: Any, name: str, why: str) -> SimpleNamespace:
+    def pruned(search: Any, name: str, why: str, _: None) -> SimpleNamespace:
         search.failed[name] = why
         return searching(
             {each: u for each, u in search.fit.point.active.items() if each != name}, search.failed
@@ -220,12 +219,12 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
         fit = SimpleNamespace(point=SimpleNamespace(active=active))
         return SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), failed=failed)
 
-    for name in ("estimated", "only_needed"):
-        monkeypatch.setattr(diagnosis, name, lambda search: search)
-    monkeypatch.setattr(diagnosis, "pruned", pruned)
-    monkeypatch.setattr(diagnosis, "parameters", lambda _, cause, __: numbers[cause.name])
+    monkeypatch.setattr(proving, "estimated", lambda search: search)
+    monkeypatch.setattr(proving, "spare", lambda _: None)
+    monkeypatch.setattr(proving, "pruned", pruned)
+    monkeypatch.setattr(proving, "parameters", lambda _, cause, __: numbers[cause.name])
     monkeypatch.setattr(Spread, "of", lambda _: None)
     start: Any = searching(dict.fromkeys(numbers, 1.0), {})
-    found = diagnosis._sized(start)
+    found = proving._standing(start)
     assert set(found.fit.point.active) == {"motor.armature_resistance", "friction.coulomb"}
     assert set(found.failed) == {"drive.wheel_slip"}

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from raccoon.diagnose import proving
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select import needed
 from raccoon.diagnose.select.gates import gate
@@ -29,14 +30,15 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
     def without(search: Any, name: str, why: str, fit: SimpleNamespace) -> SimpleNamespace:
         return SimpleNamespace(**{**vars(search), "fit": SimpleNamespace(point=fit.point)})
 
-    for name, stand_in in (
-        ("fit_point", fitted),
-        ("settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
-        ("lead", lambda _, one, other: other.cost - one.cost),
-        ("pruned", without),
-        ("estimated", lambda search: search),
+    for module, name, stand_in in (
+        (needed, "fit_point", fitted),
+        (needed, "settled_fit", lambda search: SimpleNamespace(point=search.fit.point, cost=0.0)),
+        (needed, "lead", lambda _, one, other: other.cost - one.cost),
+        (proving, "pruned", without),
+        (proving, "estimated", lambda search: search),
+        (proving, "_sizeless", lambda _: None),
     ):
-        monkeypatch.setattr(needed, name, stand_in)
+        monkeypatch.setattr(module, name, stand_in)
     point = Point(np.array([1.0]), {name: np.array([1.0]) for name in names})
     search: Any = SimpleNamespace(
         fit=SimpleNamespace(point=point),
@@ -46,7 +48,7 @@ def asked_again(names: list[str], monkeypatch: pytest.MonkeyPatch, spare: str = 
         unknown={},
         failed={},
     )
-    found: Search = needed.only_needed(search)
+    found: Search = proving._standing(search)
     return set(found.fit.point.active), len(fits)
 
 

@@ -98,8 +98,7 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
     fit = best_of(search, problem, _with_lags_instead(search, problem))
     if lead(problem, search.fit, fit) < (-DOUBT if clock else DOUBT):
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
-        probes = probes_for(problem)
-        found = gone_on(look_around(problem, probes, fit.point, search.whitener, search.unknown))
+        found = gone_on(_seen_from(search, problem, fit.point))
         if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:
             return found, other
     return search, habits
@@ -162,8 +161,7 @@ def left_to_the_firmware(search: Search, habits: Habits) -> Search:
         fit = fit_point(search.problem, search.whitener, start)
         if lead(search.problem, search.fit, fit) < gate(name):
             search.failed[name] = "no later than the firmware itself may be"
-            problem = search.problem
-            found = look_around(problem, probes_for(problem), fit.point, search.whitener, search.unknown)
+            found = _seen_from(search, search.problem, fit.point)
             found.failed.update(search.failed)
             return gone_on(found)
     return search
@@ -195,14 +193,18 @@ def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Sear
         lacks = lead(problem, search.fit, fit)
         if lacks < -DOUBT and habits.firmware is None:
             tell("going on with a gyro that smooths")
-            probes = probes_for(problem)
-            found = gone_on(look_around(problem, probes, fit.point, search.whitener, search.unknown))
+            found = gone_on(_seen_from(search, problem, fit.point))
             if explains_more(found, search) > -SMOOTH:
                 return found, smooth
         rivals = search.rivals.setdefault(name, [])
         rivals.append(Rival(SMOOTHS, lacks))
         rivals.sort(key=lambda each: each.lead)
     return search, habits
+
+
+def _seen_from(search: Search, problem: Problem, point: Point) -> Search:
+    """Where a search goes on from a point, in this problem; what it called unknown stays so."""
+    return look_around(problem, probes_for(problem), point, search.whitener, search.unknown)
 
 
 def _late(search: Search) -> list[str]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,8 +80,7 @@ def compared(search: Search) -> Fit | None:
 def _from_elsewhere(search: Search, fit: Fit) -> Iterator[Fit]:
     """The same causes, fitted from where base numbers are nearer to robot.toml's."""
     for part in ELSEWHERE:
-        start = replace(fit.point, base=part * fit.point.base)
-        yield fit_point(search.problem, search.whitener, start)
+        yield fit_point(search.problem, search.whitener, fit.point.nearer(part))
 
 
 def _same_drives(search: Search, settled: Fit) -> list[Fit]:
