@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 CYCLE = 0.005
 LEAD_IN = 1.0
 COAST_SHARE = 0.1
+TICKS = 1500
+"""Of an encoder, a turn."""
 BASE_SPREAD = {
     "voc": 0.03, "rint": 0.005, "resistance_l": 0.03, "resistance_r": 0.03, "ke_l": 0.005, "ke_r": 0.005,
     "coulomb": 0.005, "viscous": 0.0005, "inertia_straight": 0.0006, "inertia_turn": 0.0005,
@@ -96,8 +98,12 @@ def make(
     seconds: float = 40.0,
     noise: Noise | None = None,
     imu_rate: float | None = None,
+    encoders: bool = False,
 ) -> Blind:
-    """Draw one robot and one drive and record it. drive: a name in `drives`, or duty (n, 2) at 200 Hz."""
+    """Draw one robot and one drive and record it. drive: a name in `drives`, or duty (n, 2) at 200 Hz.
+
+    encoders: whether the wheels are read by these, so that no motor need coast for a back-EMF.
+    """
     rng = np.random.default_rng(seed)
     noise = Noise() if noise is None else noise
     commands = getattr(drives, drive)(rng, seconds) if isinstance(drive, str) else drive
@@ -116,11 +122,18 @@ def make(
         _ou(rng, n, noise.torque * levels[0], 0.15),
         _ou(rng, n, noise.floor * levels[1], 4.0),
         rng.standard_normal((n, 2)) * noise.bemf_counts * levels[2],
-        COAST_SHARE,
+        0.0 if encoders else COAST_SHARE,
     )
     rate = imu_rate or float(rng.choice([50.0, 190.0]))
     sensed = (noise.gyro * levels[3], noise.battery * levels[4], rate)
     columns = _record(rng, cycles, duty, state, sensed, len(lead), noise.drop_share)
+    if encoders:
+        ticks = np.rint(state[:, 9:11] * TICKS / (2.0 * np.pi)) * 2.0 * np.pi / TICKS
+        speed = np.gradient(ticks, cycles, axis=0)
+        row = np.searchsorted(cycles, columns["t"] - 0.5 * CYCLE)
+        back_emf = [each for each in columns if each.endswith(("bemf", "position"))]
+        columns = {each: column for each, column in columns.items() if each not in back_emf}
+        columns |= {f"motor.{side}.speed": speed[row, side] for side in (0, 1)}
     return Blind(columns, tuple(hidden), robot, seed)
 
 

@@ -146,7 +146,7 @@ def simulate(
     ecc, ecc_phase = (ecc_l, ecc_r), (ecc_pl, ecc_pr)
     offset, scale = (off_l, off_r), (scale_l, scale_r)
     n = cycle_times.shape[0]
-    out = np.zeros((n, 9))
+    out = np.zeros((n, 11))
     w, z, angle = np.zeros(2), np.zeros(2), np.zeros(2)
     heat_fast, heat_slow = np.zeros(2), np.zeros(2)
     roll, load, load_angle = np.zeros(2), np.zeros(2), np.zeros(2)
@@ -178,6 +178,7 @@ def simulate(
         speed = 0.5 * (roll[0] + roll[1]) * 0.0345
         out[k, 5] = gyro_scale * rate + gyro_bias + gyro_drift * cycle_times[k] + gyro_speed * abs(speed)
         out[k, 6], out[k, 7], out[k, 8] = x, y, heading
+        out[k, 9], out[k, 10] = angle[0], angle[1]
         steps = max(int((cycle_times[k + 1] - cycle_times[k]) / STEP + 0.5), 1)
         dt = (cycle_times[k + 1] - cycle_times[k]) / steps
         follows = 1.0 - np.exp(-dt / max(slip, 1e-9))  # creep: a tyre pushes as much as it turns too fast

@@ -137,6 +137,15 @@ def test_a_robot_whose_gyro_smooths_has_nothing_wrong_for_that() -> None:
     assert "imu.low_pass" in slip
 
 
+@pytest.mark.parametrize("cause", [None, "drive.turn_scrub"])
+def test_motors_that_are_read_by_encoders_need_not_coast(cause: str | None) -> None:
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
+    seed = 3 if cause is None else 8
+    said = diagnose(make(seed, hidden, seconds=12.0, encoders=True).columns, RobotConfig())
+    assert [each.name for each in said.causes] == [each.name for each in hidden]
+    assert not any("pause" in each or "standard deviations off" in each for each in said.notes)
+
+
 FREE_RUNNING = Hidden(
     "unknown", None, {}, {"own_cycle": 0.0053, "gyro_smooth": 0.0039, "imu_latency": 0.0025}
 )

@@ -105,7 +105,8 @@ ROLES = {
     "battery": ("battery.voltage", "V", 0.004),
 }
 """What the model can predict: column, unit, smallest believable noise."""
-WHEELS = ("bemf_left", "bemf_right", "speed_left", "speed_right")
+BEMF = ("bemf_left", "bemf_right")
+WHEELS = (*BEMF, "speed_left", "speed_right")
 
 
 def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:

@@ -6,6 +6,7 @@ from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.gain import HeldOut, held_out
 from raccoon.diagnose.naming import deviations, parameters
 from raccoon.diagnose.problem import Problem
+from raccoon.diagnose.select.missed import with_missed
 from raccoon.diagnose.select.moves import BETTER_TOGETHER
 from raccoon.diagnose.select.needed import spare
 from raccoon.diagnose.select.outlook import Search, estimated
@@ -28,6 +29,8 @@ NO_SIZE = "has no number that differs from what was assumed"
 def proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The causes that stand on unseen data, and how they do there."""
     tell("judging on data that was not fitted")
+    while (more := with_missed(estimated(search))) is not None:
+        search = more
     search = _standing(search)
     judged = held_out(search, other)
     while True:

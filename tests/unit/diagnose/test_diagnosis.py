@@ -191,6 +191,8 @@ def test_what_makes_unseen_data_worse_is_dropped(
         return SimpleNamespace(harmless=0.9, size_after=1.0, foreseen=expected, without=left)
 
     monkeypatch.setattr(proving, "_standing", lambda search: search)
+    monkeypatch.setattr(proving, "estimated", lambda search: search)
+    monkeypatch.setattr(proving, "with_missed", lambda _: None)
     monkeypatch.setattr(proving, "pruned", pruned)
     monkeypatch.setattr(proving, "held_out", judged)
     start: Any = SimpleNamespace(gains={"imu.latency": 50.0, "friction.stiction": gain})

@@ -18,13 +18,14 @@ from raccoon.diagnose.habits.lags import (
     SLIP,
     as_lags_of_the_robot,
     or_a_smooth_gyro,
+    or_another,
     starts_with_a_chip,
     with_readings_that_lag,
 )
 from raccoon.diagnose.habits.others import Under
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.rollout import Habits
-from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.sim.chain import Chain
 from unit.diagnose.searches import standing
 
@@ -137,3 +138,11 @@ def test_a_lag_that_is_no_chip_s_stays_and_has_it_as_a_rival() -> None:
     (rival,) = search.rivals[SLIP]
     assert rival.name == "imu.low_pass"
     assert rival.lead > 0.0
+
+
+def test_of_two_forms_of_a_rival_the_nearer_one_counts() -> None:
+    search = cast(Search, SimpleNamespace(rivals={LATE_GYRO: [Rival("a", 3.0), Rival(SLIP, 40.0)]}))
+    or_another(search, LATE_GYRO, SLIP, 1.0)
+    assert search.rivals[LATE_GYRO] == [Rival(SLIP, 1.0), Rival("a", 3.0)]
+    or_another(search, LATE_GYRO, SLIP, 30.0)
+    assert search.rivals[LATE_GYRO] == [Rival(SLIP, 1.0), Rival("a", 3.0)]

@@ -19,7 +19,7 @@ from raccoon.diagnose.firmware import Firmware
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses import Cause, Settings, neutral_settings
-from raccoon.diagnose.log import WHEELS, Log
+from raccoon.diagnose.log import BEMF, WHEELS, Log
 from raccoon.diagnose.open_numbers import Wheels, base_coordinates
 from raccoon.diagnose.problem import Creep, Point, Problem
 from raccoon.diagnose.quality import brakes
@@ -121,7 +121,9 @@ def controller_of(
     what the wheels were driven with. firmware: of which nothing needs to be found out.
     """
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
-    usual, other = USUAL_CHAINS
+    # Whoever reads no back-EMF need not let motors coast for it: with encoders a sound robot had a resistance
+    # that was 10 % low.
+    usual, other = USUAL_CHAINS if any(each.role in BEMF for each in log.channels) else USUAL_CHAINS[::-1]
     first = Habits(usual, False)
     if firmware is not None:
         first = Habits(firmware.chain, False, low_pass=firmware.smooths, firmware=firmware)

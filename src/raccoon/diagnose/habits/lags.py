@@ -196,10 +196,18 @@ def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Sear
             found = gone_on(_seen_from(search, problem, fit.point))
             if explains_more(found, search) > -SMOOTH:
                 return found, smooth
-        rivals = search.rivals.setdefault(name, [])
-        rivals.append(Rival(SMOOTHS, lacks))
-        rivals.sort(key=lambda each: each.lead)
+        or_another(search, name, SMOOTHS, lacks)
     return search, habits
+
+
+def or_another(search: Search, name: str, other: str, lacks: float) -> None:
+    """Note that another may be in a cause's place, in a form that lacks as much log evidence."""
+    known = search.rivals.get(name, [])
+    found = [Rival(other, lacks), *(each for each in known if each.name == other)]
+    best = min(found, key=lambda each: each.lead)
+    search.rivals[name] = sorted(
+        [*(each for each in known if each.name != other), best], key=lambda each: each.lead
+    )
 
 
 def _seen_from(search: Search, problem: Problem, point: Point) -> Search:

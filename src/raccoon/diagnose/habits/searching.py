@@ -28,6 +28,7 @@ from raccoon.diagnose.habits.lags import (
     lags_instead,
     left_to_the_firmware,
     or_a_smooth_gyro,
+    or_another,
     with_readings_that_lag,
 )
 from raccoon.diagnose.habits.others import (
@@ -189,7 +190,10 @@ def _with_the_slip_that_fits(search: Search, habits: Habits, under: Under) -> tu
             continue
         problem = under(other)
         problem = replace(problem, neutral=problem.neutral | at_once)
-        if leads(search, problem, [less.with_cause(SLIP, size)]) < DOUBT:
+        ahead = leads(search, problem, [less.with_cause(SLIP, size)])
+        if ahead < DOUBT:
+            if late == [LATE_GYRO] and other is habits:
+                or_another(search, LATE_GYRO, SLIP, -ahead)
             continue
         second = again(search, problem)
         if second is not None and SLIP in second.fit.point.active:

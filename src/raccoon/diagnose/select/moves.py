@@ -37,6 +37,8 @@ def moved(search: Search, fit: Fit, rivals: dict[str, list[Rival]]) -> Search:
     """The search from a fit's point on; what failed before is remembered."""
     following = look_around(search.problem, search.probes, fit.point, search.whitener, search.unknown)
     following.rivals, following.failed = rivals, search.failed
+    for now, before in ((following.gains, search.gains), (following.held_out, search.held_out)):
+        now.update({name: each for name, each in before.items() if name in fit.point.active})
     return following
 
 

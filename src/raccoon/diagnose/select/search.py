@@ -9,6 +9,7 @@ from raccoon.diagnose.fit import fit_many, fit_point
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
+from raccoon.diagnose.select.missed import MANY
 from raccoon.diagnose.select.moves import (
     BETTER_TOGETHER,
     accepted,
@@ -184,13 +185,15 @@ def _dropped(search: Search, settled: Fit, name: str) -> Fit:
 
 
 def pruned(search: Search, name: str, why: str, fit: Fit | None = None) -> Search:
-    """The search without a cause that does not stand after all. fit: the one without it, if it is known."""
+    """The search without a cause that does not stand after all. fit: the one without it, if it is known.
+
+    Among many the others stay: what was found under the noise of a last fit has less under that of a search.
+    """
     search.failed[name] = why
     if fit is None:
         fit = fit_point(search.problem, search.whitener, search.fit.point.without_cause(name))
     following = accepted_without(search, name, fit)
-    following, _ = backward(following)
-    return following
+    return following if len(following.fit.point.active) >= MANY else backward(following)[0]
 
 
 def grown(search: Search, most: int = MOST_CAUSES) -> Search:

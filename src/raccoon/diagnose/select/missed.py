@@ -1,0 +1,54 @@
+"""What a search has missed among many causes, asked for under the noise of its last fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.linear import tabulate
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, WHEEL_GATE, gate
+from raccoon.diagnose.select.moves import accepted
+from raccoon.diagnose.select.outlook import Rival, Search, lead
+from raccoon.diagnose.select.refits import ranking, refit_candidates, refits_afresh
+
+MANY = 4
+"""Causes from which others may have been missed."""
+CROWD, SHORT = 7, 2.0
+"""Of fewer than so many each that is lacking makes another less likely, by so much log evidence. Beside four
+large causes a scrub that was not there got 12.9, since no form is quite right; beside more got nothing that
+was not there more than 9."""
+ITERATIONS = 4
+"""Of what the present causes are fitted on, as far as every other fit is."""
+
+
+def with_missed(search: Search) -> Search | None:
+    """An estimated search with the cause that has most beyond what it needs; None where none has.
+
+    While a search goes on, a little of every effect that is off is noise, so that no cause stands for what
+    the form of another has wrong. The more is named, the more is noise, and where much is wrong it hides what
+    is there: a deadband worth 84 had 7. Friction of one wheel is not asked for: it is what the form of
+    friction on both leaves.
+    """
+    if search.unknown or len(search.fit.point.active) < MANY:
+        return None
+    problem = search.problem
+    extra = search.probes(search.linear)
+    table, plain = tabulate(search.linear, extra, search.whitener, len(problem.base))
+    seen = replace(search, table=table, plain=plain)
+    settled = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
+    refits = refits_afresh(seen, refit_candidates(seen))
+    ranked = ranking(problem, refits, settled)
+    further = SHORT * max(CROWD - len(search.fit.point.active), 0)
+    enough = [each for each in ranked if gate(each[0]) + further <= each[2] and gate(each[0]) < WHEEL_GATE]
+    if not enough:
+        return None
+    name, fit, gain = max(enough, key=lambda each: each[2] - gate(each[0]))
+    rivals = [
+        Rival(other, lead(problem, fit, each))
+        for other, each, its in ranked
+        if other != name and its > EVIDENCE_GATE
+    ]
+    following = accepted(search, name, fit, rivals)
+    following.gains[name] = gain
+    following.failed.pop(name, None)
+    return following
