@@ -113,6 +113,14 @@ def acting(responses: Mapping[str, Array], noise: NoiseModel) -> float:
     return math.sqrt(sum(weight**2 * power for weight, power in zip(weights, powers, strict=True)))
 
 
+def inexact(strength: float, width: float = 1.0) -> float:
+    """Error of form, in units of the noise, in the direction of any effect, of causes that do so much.
+
+    strength: see `acting`. width: of a bin, in 20 ms, for which all errors are given.
+    """
+    return FORM_SHARE * math.sqrt(max(strength**2 / width - SPARED**2, 0.0))
+
+
 def faint_parts(
     names: Sequence[str], base: Array, columns: Array, strength: float = 0.0, width: float = 1.0
 ) -> Array:
@@ -122,8 +130,7 @@ def faint_parts(
     under their unit priors. strength: how much the causes that are on do; see `acting`.
     width: of a bin, in 20 ms, for which all errors are given.
     """
-    beyond = math.sqrt(max(strength**2 / width - SPARED**2, 0.0))
-    worse = min(math.hypot(1.0, FORM_SHARE * beyond / FAINT), WORST)
+    worse = min(math.hypot(1.0, inexact(strength, width) / FAINT), WORST)
     size = int(np.prod(columns.shape[1:]))
     plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
     cross = rows @ plain.T

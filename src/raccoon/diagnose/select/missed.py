@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from raccoon.diagnose.features import BIN
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.linear import tabulate
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, WHEEL_GATE, gate
 from raccoon.diagnose.select.moves import accepted
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import ranking, refit_candidates, refits_afresh
+from raccoon.diagnose.whitening import acting, inexact
 
 MANY = 4
 """Causes from which others may have been missed."""
 CROWD, SHORT = 7, 2.0
 """Of fewer than so many each that is lacking makes another less likely, by so much log evidence. Beside four
-large causes a scrub that was not there got 12.9, since no form is quite right; beside more got nothing that
-was not there more than 9."""
+causes a scrub that was not there got 12.9."""
 ITERATIONS = 4
 """Of what the present causes are fitted on, as far as every other fit is."""
 
@@ -38,7 +39,7 @@ def with_missed(search: Search) -> Search | None:
     settled = fit_point(problem, search.whitener, search.fit.point, ITERATIONS)
     refits = refits_afresh(seen, refit_candidates(seen))
     ranked = ranking(problem, refits, settled)
-    further = SHORT * max(CROWD - len(search.fit.point.active), 0)
+    further = _further(search)
     enough = [each for each in ranked if gate(each[0]) + further <= each[2] and gate(each[0]) < WHEEL_GATE]
     if not enough:
         return None
@@ -52,3 +53,13 @@ def with_missed(search: Search) -> Search | None:
     following.gains[name] = gain
     following.failed.pop(name, None)
     return following
+
+
+def _further(search: Search) -> float:
+    """Log evidence beyond its gate that a cause must have: as much as is lacking to a crowd, and twice what
+    the form of what is named makes of any other. A limit of the current that did 9 times the noise had a gear
+    that loses torque beside it with 39, and a filter with 16."""
+    problem, named = search.problem, len(search.fit.point.active)
+    strength = acting(search.linear.acting, search.whitener.noise)
+    wrong = inexact(strength, problem.features.width / BIN)
+    return SHORT * max(CROWD - named, 0) + problem.features.measured.size * wrong**2
