@@ -28,9 +28,9 @@ NO_SIZE = "has no number that differs from what was assumed"
 
 def proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The causes that stand on unseen data, and how they do there."""
-    tell("judging on data that was not fitted")
     while (more := with_missed(estimated(search))) is not None:
         search = more
+    tell("judging on data that was not fitted")
     search = _standing(search)
     judged = held_out(search, other)
     while True:

@@ -11,6 +11,7 @@ from raccoon.diagnose.select.gates import EVIDENCE_GATE, WHEEL_GATE, gate
 from raccoon.diagnose.select.moves import accepted
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import ranking, refit_candidates, refits_afresh
+from raccoon.diagnose.watch import tell
 from raccoon.diagnose.whitening import acting, inexact
 
 MANY = 4
@@ -32,6 +33,7 @@ def with_missed(search: Search) -> Search | None:
     """
     if search.unknown or len(search.fit.point.active) < MANY:
         return None
+    tell(f"asking what was missed beside {', '.join(search.fit.point.active)}")
     problem = search.problem
     extra = search.probes(search.linear)
     table, plain = tabulate(search.linear, extra, search.whitener, len(problem.base))
