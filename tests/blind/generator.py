@@ -128,13 +128,17 @@ def make(
     sensed = (noise.gyro * levels[3], noise.battery * levels[4], rate)
     columns = _record(rng, cycles, duty, state, sensed, len(lead), noise.drop_share)
     if encoders:
-        ticks = np.rint(state[:, 9:11] * TICKS / (2.0 * np.pi)) * 2.0 * np.pi / TICKS
-        speed = np.gradient(ticks, cycles, axis=0)
-        row = np.searchsorted(cycles, columns["t"] - 0.5 * CYCLE)
-        back_emf = [each for each in columns if each.endswith(("bemf", "position"))]
-        columns = {each: column for each, column in columns.items() if each not in back_emf}
-        columns |= {f"motor.{side}.speed": speed[row, side] for side in (0, 1)}
+        columns = _by_encoders(columns, cycles, state)
     return Blind(columns, tuple(hidden), robot, seed)
+
+
+def _by_encoders(columns: Mapping[str, Array], cycles: Array, state: Array) -> dict[str, Array]:
+    """The recording with the speeds that encoders count, in the place of back-EMF and its counters."""
+    tick = 2.0 * np.pi / TICKS
+    speed = np.gradient(np.rint(state[:, 9:11] / tick) * tick, cycles, axis=0)
+    row = np.searchsorted(cycles, columns["t"] - 0.5 * CYCLE)
+    others = {name: each for name, each in columns.items() if not name.endswith(("bemf", "position"))}
+    return others | {f"motor.{side}.speed": speed[row, side] for side in (0, 1)}
 
 
 def _record(

@@ -28,8 +28,9 @@ NO_SIZE = "has no number that differs from what was assumed"
 
 def proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The causes that stand on unseen data, and how they do there."""
-    while (more := with_missed(estimated(search))) is not None:
-        search = more
+    search = estimated(search)
+    while (more := with_missed(search)) is not None:
+        search = estimated(more)
     tell("judging on data that was not fitted")
     search = _standing(search)
     judged = held_out(search, other)
@@ -40,14 +41,14 @@ def proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
         worst = min(errors, key=lambda name: errors[name], default=None)
         if worst is None or errors[worst] > judged.harmless:
             break
-        search = _standing(pruned(search, worst, HARMFUL))
+        search = _standing(estimated(pruned(search, worst, HARMFUL)))
         judged = held_out(search, other)
     return search, judged
 
 
 def _standing(search: Search) -> Search:
-    """Estimated, without causes that others can do without or whose own number does not tell from none."""
-    search = estimated(search)
+    """An estimated search without causes that others can do without or whose own number does not tell from
+    none."""
     while gone := _not_standing(search):
         search = estimated(pruned(search, *gone))
     return search

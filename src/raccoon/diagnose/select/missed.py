@@ -7,9 +7,9 @@ from dataclasses import replace
 from raccoon.diagnose.features import BIN
 from raccoon.diagnose.fit import fit_point
 from raccoon.diagnose.linear import tabulate
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, WHEEL_GATE, gate
+from raccoon.diagnose.select.gates import WHEEL_GATE, gate
 from raccoon.diagnose.select.moves import accepted
-from raccoon.diagnose.select.outlook import Rival, Search, lead
+from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.watch import tell
 from raccoon.diagnose.whitening import acting, inexact
@@ -46,12 +46,7 @@ def with_missed(search: Search) -> Search | None:
     if not enough:
         return None
     name, fit, gain = max(enough, key=lambda each: each[2] - gate(each[0]))
-    rivals = [
-        Rival(other, lead(problem, fit, each))
-        for other, each, its in ranked
-        if other != name and its > EVIDENCE_GATE
-    ]
-    following = accepted(search, name, fit, rivals)
+    following = accepted(search, name, fit, ranked)
     following.gains[name] = gain
     following.failed.pop(name, None)
     return following

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from raccoon.diagnose.fit import fit_many
 from raccoon.diagnose.fit_scan import fit_scanned
 from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.select.outlook import Rival, Search, look_around
+from raccoon.diagnose.select.gates import EVIDENCE_GATE
+from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around
 
 BETTER_TOGETHER = "others explain it better together"
 """Why a cause is not named that would be without them."""
 
 
-def accepted(search: Search, name: str, fit: Fit, rivals: list[Rival]) -> Search:
-    """A cause taken, and all fitted on. rivals: what was tried in its place.
+def accepted(search: Search, name: str, fit: Fit, ranked: Sequence[tuple[str, Fit, float]] = ()) -> Search:
+    """A cause taken, and all fitted on. ranked: what was tried in its place, of which those are its rivals
+    that explain enough to be named.
 
     With a scan of play: on a stair that was a tenth too wide four other causes were named, and one was not.
     """
+    rivals = [
+        Rival(other, lead(search.problem, fit, each))
+        for other, each, gain in ranked
+        if other != name and gain > EVIDENCE_GATE
+    ]
     again = fit_scanned(search.problem, search.whitener, fit.point)
     return moved(search, again, {**search.rivals, name: rivals})
 

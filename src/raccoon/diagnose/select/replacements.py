@@ -74,7 +74,7 @@ def simplified(search: Search) -> tuple[Search, bool]:
         return search, False
     name = next(iter(best.point.active))
     search.failed.update(dict.fromkeys(active, f"{name} alone explains as much"))
-    return accepted(search, name, best, []), True
+    return accepted(search, name, best), True
 
 
 def rearranged(search: Search) -> tuple[Search, bool]:

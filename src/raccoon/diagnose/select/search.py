@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from raccoon.diagnose.fit import fit_many, fit_point
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, gate
+from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.missed import MANY
 from raccoon.diagnose.select.moves import (
     BETTER_TOGETHER,
@@ -21,7 +21,6 @@ from raccoon.diagnose.select.moves import (
 from raccoon.diagnose.select.outlook import (
     Foretold,
     Probed,
-    Rival,
     Search,
     best_probe,
     held_out_lead,
@@ -106,12 +105,7 @@ def _first_that_passes(
         if _fails_held_out(gain, needed, held_out):
             search.failed[name] = f"does not help on data it was not fitted on ({held_out:+.1f})"
             continue
-        rivals = [
-            Rival(other, lead(search.problem, fit, each))
-            for other, each, its in ranked
-            if other != name and its > EVIDENCE_GATE
-        ]
-        return accepted(search, name, fit, rivals)
+        return accepted(search, name, fit, ranked)
     return None
 
 
