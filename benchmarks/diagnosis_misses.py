@@ -9,9 +9,10 @@ values, under the same noise and by the same measure that the search goes by:
 * form: each of them is worth its gate, and yet what was said is ahead. The robot is not what this package's
   equations say, or chance made something else fit better.
 
-Where everything is off at once, the question is how many of the causes could be named: all that act are
-fitted from their true values, and those that are not worth their gate beside the others are dropped, least
-worth first. Of the practically relevant ones, those that are left could be named.
+Where fifteen causes or all are off at once, the question is how many of them could be named: all that act are
+fitted from their true values, under the noise that a last fit has there, and those that are not worth their
+gate beside the others are dropped, least worth first. Of the practically relevant ones, those that are left
+could be named by whoever found the way there.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.outlook import Search, lead, start_search
+from raccoon.diagnose.select.outlook import Search, estimated, lead, look_around, start_search
 from raccoon.diagnose.select.rivals import BETTER, net_lead
 from raccoon.diagnose.select.search import whole
 from raccoon.diagnose.unknown import probes_for
@@ -56,7 +57,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()
 ASKED = ("single", "two", "several", "small", "contest", "loop", "short")
-MANY = "everything"
+MANY = ("fifteen", "everything")
 ACTING = 0.03
 """Change of the recording, in units of the noise, from which a cause takes part in the fit of all."""
 STARTS = 24
@@ -82,13 +83,13 @@ def main() -> None:
             counts[(key.partition("/")[0], why)] += 1
             print(f"{key:42s} {why:9s} {told}", flush=True)
         _print(counts, Counter(each["row"] for each in asked))
-        many = [each for each in lines if each.get("row") == MANY]
-        found = list(pool.map(_worth_naming, many, [seed] * len(many)))
-    relevant, could = sum(each[0] for each in found), sum(each[1] for each in found)
-    if relevant:
-        print(
-            f"\n{MANY}: of {relevant} relevant causes {could} ({100 * could / relevant:.1f} %) could be named"
-        )
+        for row in MANY:
+            many = [each for each in lines if each.get("row") == row]
+            found = list(pool.map(_worth_naming, many, [seed] * len(many)))
+            relevant, could, named = (sum(each) for each in zip(*found, strict=True)) if found else (0, 0, 0)
+            if relevant:
+                share = f"{could} ({100 * could / relevant:.1f} %) could be named, {named} were"
+                print(f"{row}: of {relevant} relevant causes {share}", flush=True)
 
 
 def _why(key: str, seed: int) -> tuple[str, str]:
@@ -111,10 +112,15 @@ def _why(key: str, seed: int) -> tuple[str, str]:
 
 def _searched(key: str, seed: int) -> tuple[Blind, Search]:
     """A recording, and what the search makes of it."""
+    blind, search = _started(key, seed)
+    return blind, whole(search)
+
+
+def _started(key: str, seed: int) -> tuple[Blind, Search]:
     case = Case.of(key)
     blind = drawn(case, seed)
     problem, _ = problem_of(log_from_columns(shown(case, blind), ROBOT), ROBOT, drive_causes())
-    return blind, whole(start_search(problem, probes_for(problem)))
+    return blind, start_search(problem, probes_for(problem))
 
 
 def _weakest(search: Search, fit: Fit, iterations: int) -> tuple[str, float, Fit]:
@@ -127,9 +133,10 @@ def _weakest(search: Search, fit: Fit, iterations: int) -> tuple[str, float, Fit
     return min(found, key=lambda each: each[1])
 
 
-def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int]:
-    """How many causes of a recording are relevant, and how many of them are worth their gate at the truth."""
-    blind, search = _searched(result["key"], seed)
+def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int, int]:
+    """How many causes of a recording are relevant, how many of them are worth their gate at the truth, and
+    how many were named."""
+    blind, search = _started(result["key"], seed)
     problem = search.problem
     acting = [
         name
@@ -138,14 +145,17 @@ def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int]:
     ]
     bare = Point(search.fit.point.base)
     starts = _true_points(problem, acting, true_settings(blind.robot), bare)[:2]
-    fit = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
+    near = min(fit_afresh(problem, search.whitener, starts, ITERATIONS), key=lambda fit: fit.cost)
+    search = estimated(look_around(problem, search.probes, near.point, search.whitener))
+    fit = search.fit
     while fit.point.active:
         _, spare, less = _weakest(search, fit, PRUNING)
         if spare >= 0.0:
             break
         fit = less
-    relevant = [name for name, size in result["alone"].items() if size > RELEVANT]
-    return len(relevant), len(set(relevant) & set(fit.point.active))
+    relevant = {name for name, size in result["alone"].items() if size > RELEVANT}
+    named = {name for each in result["causes"] for name in (each["name"], *each["class"])}
+    return len(relevant), len(relevant & set(fit.point.active)), len(relevant & named)
 
 
 def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: Point) -> list[Point]:
