@@ -22,7 +22,7 @@ _SHARES = {
     "drive.wheel_radius": 0.1, "motor.current_limit": 0.1,
 }  # fmt: skip
 _USUAL_LEAST = 0.004
-_LEAST = {"bemf.dead_zone": 0.015}
+_LEAST = {"bemf.dead_zone": 0.015, "actuation.deadband": 0.01, "drive.backlash": 0.0025}
 _FACTORS = {
     "friction.direction_dependent": 2.0, "drive.slope": 2.0, "battery.": 0.5, "imu.gyro_": 0.5,
     "bemf.offset": 0.5, "drive.wheel_eccentricity": 0.5, "drive.track_width": 0.5,
@@ -44,7 +44,9 @@ def form_error(id_: str) -> float:
 
 def least_error(id_: str, causes: int = 1) -> float:
     """Part of a cause's width by which its number is off, however small it is. Of a dead zone that is 0.3
-    counts, as readings are whole ones and say no more of where it ends.
+    counts, as readings are whole ones and say no more of where it ends. Beside others a deadband was off by
+    0.0014 of the duty (31 robots), whatever its size: friction near standstill does much the same. Play of a
+    hundredth of a radian and less was off by 0.0005.
 
     causes: how many are named. What is inexact of each adds to the error of the others, in squares.
     """

@@ -31,7 +31,7 @@ from raccoon.diagnose.rollout import Habits
 from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, FAR, compared
-from raccoon.diagnose.spread import LEARNT, Spread
+from raccoon.diagnose.spread import Spread
 from raccoon.diagnose.unknown import PREFIX, probes_for
 from raccoon.sim.chain import Chain
 from raccoon.sim.effects import effect
@@ -158,33 +158,6 @@ def test_a_lag_that_is_told_from_the_filter_is_not_said_to_be_in_part_it(
     other = next(iter(set(both) - {cause}))
     said = _told(lagging, both[cause], values, (other,))
     assert ("sum" in said) is (other == "actuation.latency")  # of the filter base numbers know a part already
-
-
-def test_numbers_of_a_short_drive_are_less_sure(problem: Problem) -> None:
-    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
-    search = searched(problem, late, late)
-    features, key = problem.features, ("imu.latency", None, "seconds")
-    longer = replace(problem, features=replace(features, time=10.0 * features.time))
-    stds = [Spread.of(each).std(key) for each in (search, replace(search, problem=longer))]
-    span = float(features.time[-1] - features.time[0])
-    assert (stds[0] / stds[1]) ** 2 == pytest.approx((1.0 + LEARNT / span) / (1.0 + 0.1 * LEARNT / span))
-
-
-def test_beside_another_cause_a_number_is_less_sure(
-    problem: Problem, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """By what is not named and looks like it, and by what is inexact of the other."""
-    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
-    both = late.with_cause("imu.gyro_bias", np.array([1.0]))
-    cause, stds = CAUSES["imu.latency"], {}
-    for point, unnamed in ((late, 0.0), (late, 0.05), (both, 0.0), (both, 0.05)):
-        monkeypatch.setattr("raccoon.diagnose.spread.UNNAMED", unnamed)
-        search = searched(problem, point, point)
-        stds[len(point.active), unnamed] = parameters(search, cause, Spread.of(search))["seconds"].std
-    assert stds[1, 0.0] == stds[1, 0.05]
-    assert stds[1, 0.0] < stds[2, 0.0] < stds[2, 0.05]
-    slip = CAUSES["drive.wheel_slip"].coordinates[0].value(1.0)  # s: a little of it bends the latency as much
-    assert stds[2, 0.05] < 0.05 * slip
 
 
 def asking_for_twins(search: Search) -> Search:
