@@ -41,6 +41,17 @@ def test_a_single_hidden_cause_is_named_first(cause: str) -> None:
         assert said.causes[0].change > said.causes[0].unabsorbed > 1.0
 
 
+@pytest.mark.parametrize("seed", [2, 13, 15])
+def test_play_is_named_though_a_drive_seldom_reverses(seed: int) -> None:
+    """12 s as a team's program drives: the columns of no play lead nowhere near it, and what it does where
+    speeds change was called noise, or unknown."""
+    hidden = draw("drive.backlash", np.random.default_rng(seed))
+    said = diagnose(make(seed, [hidden], drive="contest", seconds=12.0).columns, RobotConfig())
+    assert [each.name for each in said.causes] == ["drive.backlash"]
+    assert said.causes[0].parameters["angle"].value == pytest.approx(hidden.values["angle"], rel=0.1)
+    assert not said.unexplained.depends_on
+
+
 def names_of(said: Diagnosis) -> set[str]:
     return {name for each in said.causes for name in (each.name, *each.confounded_with)}
 

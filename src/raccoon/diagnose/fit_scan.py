@@ -3,12 +3,14 @@ staircase."""
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.descent import SETTLED
-from raccoon.diagnose.fit import fit_afresh, fit_point
-from raccoon.diagnose.fitted import Fit
+from raccoon.diagnose.fit import fit_afresh, fit_point, whitened
+from raccoon.diagnose.fitted import Fit, cost_of
 from raccoon.diagnose.problem import Point, Problem, Whitening
 
 Array = NDArray[np.float64]
@@ -20,6 +22,13 @@ SCAN_SHAPES = (-0.6, -0.4, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.2, 0.4, 0.6)
 """By how much it changes the second."""
 LEAST_SCANNED = 0.05
 """Size of the first coordinate below which changes grow no smaller."""
+WIDE_SIZES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.2, 1.5)
+WIDE_SHAPES = (-0.6, 0.0, 0.6)
+"""Where play is looked for that is not on."""
+HELPS = 10.0
+"""Half of the cost that such a place must save as it is, with nothing fitted. Of clean robots none saves
+anything, and of 0.07 rad of play in a drive that seldom reverses the best saved 265, where those a quarter
+larger or smaller cost 20 and 90 more than none."""
 SCANNED = 3
 """Best places of a scan from which everything is fitted."""
 SCANS = 4
@@ -47,6 +56,15 @@ def fit_scanned(problem: Problem, whitener: Whitening, start: Point | Fit) -> Fi
     return fit
 
 
+def places_of_play(problem: Problem, whitener: Whitening, fit: Fit) -> list[Point]:
+    """The best few places of play of both wheels, where it is off, that explain more than its absence with
+    all else held. The valley is narrow, and the columns of no play do not lead into it."""
+    starts = [fit.point.with_cause(STAIRS, np.array(each)) for each in product(WIDE_SIZES, WIDE_SHAPES)]
+    found = _costs(problem, whitener, starts)
+    best = np.argsort(found)[:SCANNED]
+    return [starts[each] for each in best if found[each] < fit.cost - 2.0 * HELPS]
+
+
 def _best_around(problem: Problem, whitener: Whitening, fit: Fit, name: str) -> list[Point]:
     """The best few of a grid over both coordinates of a cause around a fit, all others held."""
     vector, first = fit.point.vector(), fit.point.spans()[name].start
@@ -56,6 +74,9 @@ def _best_around(problem: Problem, whitener: Whitening, fit: Fit, name: str) -> 
     grid[:, first + 1] += np.tile(SCAN_SHAPES, len(SCAN_SIZES))
     grid = np.clip(grid, *problem.limits(fit.point))
     points = [fit.point.moved(each) for each in grid]
-    white = whitener(problem.features.measured - problem.predict(points))
-    costs = (white**2).sum(axis=1) + (grid**2).sum(axis=1)
-    return [points[each] for each in np.argsort(costs)[:SCANNED]]
+    return [points[each] for each in np.argsort(_costs(problem, whitener, points))[:SCANNED]]
+
+
+def _costs(problem: Problem, whitener: Whitening, points: list[Point]) -> Array:
+    whites = whitened(problem, whitener, points)
+    return np.array([cost_of(point, white) for point, white in zip(points, whites, strict=True)])

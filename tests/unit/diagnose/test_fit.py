@@ -16,7 +16,7 @@ from scipy.optimize import lsq_linear
 from raccoon.diagnose import descent
 from raccoon.diagnose.descent import ROUGH, _bent, _step
 from raccoon.diagnose.fit import fit_afresh, fit_at, fit_point
-from raccoon.diagnose.fit_scan import fit_scanned
+from raccoon.diagnose.fit_scan import fit_scanned, places_of_play
 from raccoon.diagnose.fitted import Fit, cost_of
 from raccoon.diagnose.hypotheses import Settings
 from raccoon.diagnose.problem import Point, Problem
@@ -196,6 +196,25 @@ def test_without_play_nothing_is_scanned(problem: Problem) -> None:
 
     start = problem.nominal().with_cause("friction.viscous", np.array([0.3]))
     assert fit_scanned(problem, white, start).cost == fit_point(problem, white, start).cost
+
+
+@pytest.mark.parametrize("size", [0.0, 0.35, 0.75, 1.3])
+def test_play_is_looked_for_where_it_explains_more_than_none(problem: Problem, size: float) -> None:
+    """And nowhere where there is none; from there a fit finds it."""
+    none = problem.nominal()
+    true = none.with_cause("drive.backlash", np.array([size, 0.2])) if size else none
+    noise = problem.features.floors * np.random.default_rng(3).standard_normal(
+        problem.features.measured.shape
+    )
+    measured = problem.predict([true])[0] + noise
+    problem = replace(problem, features=replace(problem.features, measured=measured))
+    whitener = plain_whitener(problem)
+    fit = fit_point(problem, whitener, none)
+    places = places_of_play(problem, whitener, fit)
+    assert bool(places) == (size > 0.0)
+    if places:
+        best = min(fit_afresh(problem, whitener, places, 8), key=lambda each: each.cost)
+        assert best.point.active["drive.backlash"][0] == pytest.approx(size, rel=0.1)
 
 
 def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:

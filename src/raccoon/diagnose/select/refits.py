@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit import fit_afresh, fit_many
+from raccoon.diagnose.fit_scan import STAIRS, places_of_play
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point, Problem
@@ -54,6 +55,8 @@ wheels that coast as far as usual, and adds 76 from where they coast half as far
 ASTRAY = 5.0
 """Log evidence that a refit lost beside what is there without its cause: it went astray, since next to none
 of the cause costs less."""
+PLAY_LOOKS = 8
+"""Of a fit of play from there, whose misfit is a staircase."""
 CLOSE_ENOUGH = 0.35
 """Part of the best one's, from which a refit may still become the best."""
 
@@ -111,11 +114,22 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     named.extend(shared_lags(search))
     if search.fit.point.active:  # before, everything is bent by the cause that is looked for
         named.extend(relieved(search.problem, search.fit.point, FAR_BENT))
-    if not named:
+    starts, play = [start for _, start in named], _fits_of_play(search)
+    if not (starts or play):
         return []
-    starts = [start for _, start in named]
-    fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4)
-    return _most_evidence_first(_polished(search, _best_of([name for name, _ in named], fits)))
+    fits = [*fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4), *play]
+    names = [*(name for name, _ in named), *(STAIRS for _ in play)]
+    return _most_evidence_first(_polished(search, _best_of(names, fits)))
+
+
+def _fits_of_play(search: Search) -> list[Fit]:
+    """Of play that is off, from where it already explains more."""
+    problem = search.problem
+    if STAIRS not in problem.causes or not apart(STAIRS, search.fit.point.active):
+        return []
+    return fit_afresh(
+        problem, search.whitener, places_of_play(problem, search.whitener, search.fit), PLAY_LOOKS
+    )
 
 
 def _best_of(names: Sequence[str], fits: Sequence[Fit]) -> dict[str, Fit]:
