@@ -219,7 +219,8 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
     def searching(active: dict[str, float], failed: dict[str, str]) -> SimpleNamespace:
         causes = {name: SimpleNamespace(name=name, effect=effects.effect(name)) for name in numbers}
         fit = SimpleNamespace(point=SimpleNamespace(active=active))
-        return SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), failed=failed)
+        problem = SimpleNamespace(causes=causes)
+        return SimpleNamespace(fit=fit, problem=problem, failed=failed, gains={})
 
     monkeypatch.setattr(proving, "estimated", lambda search: search)
     monkeypatch.setattr(proving, "spare", lambda _: None)
@@ -230,3 +231,17 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
     found = proving._standing(start)
     assert set(found.fit.point.active) == {"motor.armature_resistance", "friction.coulomb"}
     assert set(found.failed) == {"drive.wheel_slip"}
+
+
+@pytest.mark.parametrize(("gain", "stands"), [(47.0, True), (20.0, False)])
+def test_a_lone_cause_that_is_clear_stands_however_flat_the_misfit_is_there(
+    monkeypatch: pytest.MonkeyPatch, gain: float, stands: bool
+) -> None:
+    """Play of 0.15 +- 0.12 rad, where nothing else is named."""
+    play = "drive.backlash"
+    monkeypatch.setattr(proving, "parameters", lambda *_: {"angle": ParameterResult(0.15, 0.12, "rad", 0.0)})
+    monkeypatch.setattr(Spread, "of", lambda _: None)
+    causes = {play: SimpleNamespace(name=play, effect=effects.effect(play))}
+    fit = SimpleNamespace(point=SimpleNamespace(active={play: 1.5}))
+    search: Any = SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), gains={play: gain})
+    assert (proving._sizeless(search) is None) == stands
