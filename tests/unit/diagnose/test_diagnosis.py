@@ -203,10 +203,10 @@ def test_what_makes_unseen_data_worse_is_dropped(
 
 
 def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Slip of 0.5 +- 0.8 ms beside a friction; a resistance that is off by 1.6 of its deviations may be."""
+    """Slip of 0.5 +- 0.8 ms beside a friction; a resistance that is off by 1.8 of its deviations may be."""
     numbers = {
         "drive.wheel_slip": {"time": ParameterResult(0.0005, 0.0008, "s", 0.0)},
-        "motor.armature_resistance": {"factor": ParameterResult(0.92, 0.05, "", 1.0)},
+        "motor.armature_resistance": {"factor": ParameterResult(0.91, 0.05, "", 1.0)},
         "friction.coulomb": {"torque": ParameterResult(0.156, 0.005, "N m", 0.18)},
     }
 
