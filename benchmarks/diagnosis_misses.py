@@ -35,8 +35,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis_cases import Case, drawn
-from diagnosis_table import exactly
-from diagnosis_trial import RELEVANT, shown, true_coordinate, true_settings
+from diagnosis_table import exactly, found_of, relevant_of
+from diagnosis_trial import shown, true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.fit import fit_afresh, fit_point
@@ -153,9 +153,8 @@ def _worth_naming(result: dict[str, Any], seed: int) -> tuple[int, int, int]:
         if spare >= 0.0:
             break
         fit = less
-    relevant = {name for name, size in result["alone"].items() if size > RELEVANT}
-    named = {name for each in result["causes"] for name in (each["name"], *each["class"])}
-    return len(relevant), len(relevant & set(fit.point.active)), len(relevant & named)
+    relevant = set(relevant_of(result))
+    return len(relevant), len(relevant & set(fit.point.active)), len(relevant & found_of(result))
 
 
 def _true_points(problem: Problem, names: Sequence[str], truth: Settings, said: Point) -> list[Point]:

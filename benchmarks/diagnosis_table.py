@@ -109,7 +109,7 @@ def _single(results: Sequence[Result]) -> str:
     first, wrong = percent(map(first_right, results)), percent(map(_wrong, results))
     missed = [each for each in results if not first_right(each) and not each["causes"]]
     said = f"first {first}, wrong {wrong}, exactly {percent(map(exactly, results))}"
-    acting = [first_right(each) for each in results if _relevant(each)]
+    acting = [first_right(each) for each in results if relevant_of(each)]
     said = f"{said}; of those that act: first {percent(acting)}"
     rivals = percent(bool(each["causes"][0]["class"]) for each in results if each["causes"])
     said = f"{said}; named with others that it is not told from {rivals}"
@@ -177,26 +177,28 @@ def _clean(results: Sequence[Result]) -> str:
 
 
 def _two(results: Sequence[Result]) -> str:
-    both = percent(set(_names(each)) <= _found(each) for each in results)
+    both = percent(set(_names(each)) <= found_of(each) for each in results)
     spurious = percent(not hit(c, _names(each)) for each in results for c in each["causes"])
     first = percent(map(first_right, results))
     exact = percent(map(exactly, results))
     return f"both {both}, exactly {exact}, first right {first}, spurious names {spurious}"
 
 
-def _found(result: Result) -> set[str]:
+def found_of(result: Result) -> set[str]:
+    """The hidden causes that were named, each by itself or in a class."""
     names = _names(result)
     said = [{c["name"], *c["class"]} for c in result["causes"] if hit(c, names)]
     return {name for name in names if any(name in each for each in said)}
 
 
-def _relevant(result: Result, kind: str = "alone") -> list[str]:
+def relevant_of(result: Result, kind: str = "alone") -> list[str]:
+    """The hidden causes that matter. kind: alone, or beside what the others can imitate."""
     return [name for name, size in result.get(kind, {}).items() if size > RELEVANT]
 
 
 def _many(results: Sequence[Result]) -> str:
     recall, beside = (
-        percent(name in _found(each) for each in results for name in _relevant(each, kind))
+        percent(name in found_of(each) for each in results for name in relevant_of(each, kind))
         for kind in ("alone", "beside")
     )
     spurious = percent(not hit(c, _names(each)) for each in results for c in each["causes"])

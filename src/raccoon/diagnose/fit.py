@@ -71,6 +71,12 @@ def whitened(problem: Problem, whitener: Whitening, points: Sequence[Point]) -> 
         yield from whitener(problem.features.measured - np.stack(some))
 
 
+def costs_at(problem: Problem, whitener: Whitening, points: Sequence[Point]) -> Array:
+    """What each point costs as it is, (points,)."""
+    whites = whitened(problem, whitener, points)
+    return np.array([cost_of(point, white) for point, white in zip(points, whites, strict=True)])
+
+
 def _turning(
     problem: Problem, whitener: Whitening, tracks: Sequence[Track], lost: Lost | None
 ) -> list[Track]:

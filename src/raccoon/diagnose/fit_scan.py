@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.descent import SETTLED
-from raccoon.diagnose.fit import fit_afresh, fit_point, whitened
-from raccoon.diagnose.fitted import Fit, cost_of
+from raccoon.diagnose.fit import costs_at, fit_afresh, fit_point
+from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point, Problem, Whitening
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def places_of_play(problem: Problem, whitener: Whitening, fit: Fit) -> list[Poin
     """The best few places of play of both wheels, where it is off, that explain more than its absence with
     all else held. The valley is narrow, and the columns of no play do not lead into it."""
     starts = [fit.point.with_cause(STAIRS, np.array(each)) for each in product(WIDE_SIZES, WIDE_SHAPES)]
-    found = _costs(problem, whitener, starts)
+    found = costs_at(problem, whitener, starts)
     best = np.argsort(found)[:SCANNED]
     return [starts[each] for each in best if found[each] < fit.cost - 2.0 * HELPS]
 
@@ -74,9 +74,4 @@ def _best_around(problem: Problem, whitener: Whitening, fit: Fit, name: str) -> 
     grid[:, first + 1] += np.tile(SCAN_SHAPES, len(SCAN_SIZES))
     grid = np.clip(grid, *problem.limits(fit.point))
     points = [fit.point.moved(each) for each in grid]
-    return [points[each] for each in np.argsort(_costs(problem, whitener, points))[:SCANNED]]
-
-
-def _costs(problem: Problem, whitener: Whitening, points: list[Point]) -> Array:
-    whites = whitened(problem, whitener, points)
-    return np.array([cost_of(point, white) for point, white in zip(points, whites, strict=True)])
+    return [points[each] for each in np.argsort(costs_at(problem, whitener, points))[:SCANNED]]

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.evidence import Gram
+from raccoon.diagnose.fit import costs_at
 from raccoon.diagnose.floor import without_the_floor
 from raccoon.diagnose.hypotheses import Setting, Settings
 from raccoon.diagnose.select.outlook import Search, blocks_of
@@ -78,8 +80,9 @@ def coordinate_covariance(search: Search) -> Array:
     across = unnamed @ columns.T
     known = hessian - across.T @ np.linalg.solve(np.eye(len(unnamed)) + unnamed @ unnamed.T, across)
     free = np.flatnonzero(fit.free)
-    mean, _, _ = _total(search).solve()
-    scores = np.stack([each.projection - each.matrix @ mean for each in blocks_of(fit)])
+    blocks = blocks_of(fit)
+    mean, _, _ = reduce(add, blocks).solve()
+    scores = np.stack([each.projection - each.matrix @ mean for each in blocks])
     inner = np.linalg.inv(hessian[np.ix_(free, free)])
     spread = inner @ (scores.T @ scores) @ inner
     ratio = float(np.mean(np.diag(spread) / np.diag(inner)))
@@ -118,21 +121,11 @@ def _from_afar(search: Search) -> Array:
             moved = np.repeat(vector[None], len(AWAY), axis=0)
             moved[:, index] += sign * np.array(AWAY)
             moved = np.clip(moved, *problem.limits(fit.point))
-            white = search.whitener(
-                problem.features.measured - problem.predict([fit.point.moved(each) for each in moved])
-            )
-            rise = (white**2).sum(axis=1) + (moved**2).sum(axis=1) - fit.cost
+            points = [fit.point.moved(each) for each in moved]
+            rise = costs_at(problem, search.whitener, points) - fit.cost
             ways.append(next((away for away, each in zip(AWAY, rise, strict=True) if each > 1.0), AWAY[-1]))
         curvature[index] = max(1.0 / float(np.mean(ways)) ** 2 - norms[index] ** 2, 0.0)
     return curvature
-
-
-def _total(search: Search) -> Gram:
-    blocks = blocks_of(search.fit)
-    total = blocks[0]
-    for each in blocks[1:]:
-        total = total + each
-    return total
 
 
 def _number(settings: Settings, key: Setting) -> float:

@@ -114,12 +114,11 @@ def refit_candidates(search: Search) -> list[tuple[str, Fit]]:
     named.extend(shared_lags(search))
     if search.fit.point.active:  # before, everything is bent by the cause that is looked for
         named.extend(relieved(search.problem, search.fit.point, FAR_BENT))
-    starts, play = [start for _, start in named], _fits_of_play(search)
-    if not (starts or play):
-        return []
-    fits = [*fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4), *play]
+    starts = [start for _, start in named]
+    fits = fit_many(search.problem, search.whitener, starts, search.fit.jacobian, 4)
+    play = _fits_of_play(search)
     names = [*(name for name, _ in named), *(STAIRS for _ in play)]
-    return _most_evidence_first(_polished(search, _best_of(names, fits)))
+    return _most_evidence_first(_polished(search, _best_of(names, [*fits, *play])))
 
 
 def _fits_of_play(search: Search) -> list[Fit]:
@@ -127,9 +126,8 @@ def _fits_of_play(search: Search) -> list[Fit]:
     problem = search.problem
     if STAIRS not in problem.causes or not apart(STAIRS, search.fit.point.active):
         return []
-    return fit_afresh(
-        problem, search.whitener, places_of_play(problem, search.whitener, search.fit), PLAY_LOOKS
-    )
+    places = places_of_play(problem, search.whitener, search.fit)
+    return fit_afresh(problem, search.whitener, places, PLAY_LOOKS)
 
 
 def _best_of(names: Sequence[str], fits: Sequence[Fit]) -> dict[str, Fit]:
