@@ -110,6 +110,7 @@ ROWS: Mapping[str, Row] = {
     "loop": Row(_ALL, 0.5, drive="contest", seconds=30.0, loop=True),
     "short": Row(_ALL, 0.5, seconds=12.0),
     "worst": Row(_ALL, 0.5, size=0.5, drive="contest", seconds=30.0, noise=2.0),
+    "unmeasured": Row(("unmeasured",), 6.0, tail=TAIL),
     "unknown": Row(tuple(UNKNOWN), 2.0),
     "twins": Row(tuple(TWINS), 1.0),
     "advised": Row(_ALL, 0.5, seconds=10.0),
@@ -138,6 +139,8 @@ def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:
         return [draw_unknown(case.cause, rng)]
     if case.row == "twins":
         return [_twin(case.cause, rng)]
+    if case.row == "unmeasured":
+        return _all_off(rng)
     if case.row == "two":
         return _different(rng, 2)
     if case.row == "several":
@@ -163,6 +166,37 @@ def _twin(cause: str, rng: np.random.Generator) -> Hidden:
         2.0 if cause.startswith("motor") else 1.0
     )
     return Hidden(cause, None, {"factor": factor}, {each: NEUTRAL[each] * factor for each in TWINS[cause][0]})
+
+
+UNMEASURED: Mapping[str, tuple[tuple[str, ...], float, float]] = {
+    "drive.wheel_radius": (("radius_l", "radius_r"), 0.9, 1.1),
+    "drive.track_width": (("track",), 0.85, 1.2),
+    "drive.inertia": (("inertia_straight", "inertia_turn"), 0.6, 1.6),
+    "friction.coulomb": (("coulomb",), 0.7, 1.4),
+    "motor.back_emf_constant@left": (("ke_l",), 0.95, 1.04),
+    "motor.back_emf_constant@right": (("ke_r",), 0.95, 1.04),
+    "motor.armature_resistance@left": (("resistance_l",), 0.92, 1.12),
+    "motor.armature_resistance@right": (("resistance_r",), 0.92, 1.12),
+    "battery.open_circuit_voltage": (("voc",), 0.93, 1.045),
+}
+"""Of a robot whose team has written nothing into its robot.toml: each cause, the plant's numbers, and between
+which parts of what is assumed they are. Motors and battery as far apart as measured ones."""
+OFFSET, BIAS = 40.0, 0.005
+"""Counts and rad/s that its readings may have at rest."""
+
+
+def _all_off(rng: np.random.Generator) -> list[Hidden]:
+    found = []
+    for name, (plant, low, high) in UNMEASURED.items():
+        id_, _, where = name.partition("@")
+        factor = float(rng.uniform(low, high))
+        values = {each: NEUTRAL[each] * factor for each in plant}
+        found.append(Hidden(id_, where or None, {"factor": factor}, values))
+    for side in ("left", "right"):
+        counts = float(rng.uniform(-OFFSET, OFFSET))
+        found.append(Hidden("bemf.offset", side, {"counts": counts}, {f"bemf_offset_{side[0]}": counts}))
+    rate = float(rng.uniform(-BIAS, BIAS))
+    return [*found, Hidden("imu.gyro_bias", None, {"rate": rate}, {"gyro_bias": rate})]
 
 
 def _shuffled(rng: np.random.Generator, causes: tuple[str, ...] = _ALL) -> list[str]:

@@ -52,7 +52,7 @@ def print_table(results: Sequence[Result]) -> None:
     numbers = {name: [each for it in rows[name] for each in _numbers(it, it["causes"])] for name in _NUMBERED}
     covered = [f"{name} {_cover(each)}" for name, each in numbers.items() if each]
     _line("95 % intervals of all that is named, other rows", "", ", ".join(covered))
-    for name in ("single", "two", "several", "fifteen", "everything"):
+    for name in ("single", "two", "several", "fifteen", "everything", "unmeasured"):
         _line(f"gain, {name}", "median >= 0.98, p10 >= 0.95, never < 0", _gain(rows[name]))
     _line("CPU time, single", "median <= 4 s, p90 <= 12 s", _times(single))
     _line("CPU time, 40 s, all rows", "", _times([each for name in _WHOLE for each in rows[name]]))
@@ -277,6 +277,17 @@ def _main_acts_most(result: Result) -> bool:
     return bool(sizes[main] > RELEVANT and sizes[main] >= max(sizes.values()))
 
 
+def _unmeasured(results: Sequence[Result]) -> str:
+    """What is said of a robot of which every number is off: whether those that are said alone, and so for
+    sure, are."""
+    said = [(each, cause) for each in results for cause in each["causes"]]
+    sure = [each for result, cause in said if not cause["class"] for each in _numbers(result, [cause])]
+    side = percent((value - nominal) * (true - nominal) > 0.0 for value, _, true, nominal in sure)
+    alone = percent(not cause["class"] for _, cause in said)
+    right = f"on the right side of robot.toml {side}, intervals hold {_cover(sure)}"
+    return f"named alone {alone}; of these {right}"
+
+
 def _unknown(results: Sequence[Result]) -> str:
     flagged = percent(bool(each["depends_on"]) for each in results)
     right = percent(any(UNKNOWN_NAMES[each["cause"]] in it for it in each["depends_on"]) for each in results)
@@ -404,7 +415,7 @@ _DRIVEN = ("small", "contest", "loop", "short")
 """Rows of one cause that is smaller or shows less."""
 _NUMBERED = ("two", "several", "fifteen", "everything", *_DRIVEN, "worst", "advised")
 """Rows whose causes have true numbers, but that of single causes."""
-_WHOLE = ("single", "clean", "two", "several", "fifteen", "everything", "unknown")
+_WHOLE = ("single", "clean", "two", "several", "fifteen", "everything", "unmeasured", "unknown")
 """Rows of 40 s."""
 _FULL = ("single", "clean", "two", "several", *_DRIVEN, "advised")
 """Rows in which all that is off is hidden on purpose."""
@@ -427,6 +438,7 @@ _ROWS = {
     "loop": ("contest driving with wheel loops, 30 s", "first >= 94 %, every miss announced", _single),
     "short": ("12 s only", "first >= 87 %, every miss announced", _single),
     "worst": ("contest, half size, twice the noise, background", ">= 82 %, wrong <= 5 %", _worst),
+    "unmeasured": ("a robot that nobody has measured: all numbers of robot.toml are off", "", _unmeasured),
     "unknown": ("unknown cause", "flagged >= 97 %, right dependence >= 92 %, blamed <= 2 %", _unknown),
     "twins": ("structural twins", "reported as a class, always", _twins),
     "advised": ("after the advised drive of 10 s, predicted evidence >= 30", ">= 95 %", _advised),

@@ -300,10 +300,13 @@ def run(case: Case, seed: int) -> dict[str, Any]:
     begin = time.process_time()
     said = diagnose(columns, RobotConfig())
     seconds = time.process_time() - begin
+    asked = [each.name for each in hidden if each.id != "unknown"]
+    if case.row == "unmeasured":  # every number is off, whichever names it is given
+        asked = list(dict.fromkeys([*asked, *(each.name for each in said.causes)]))
     result: dict[str, Any] = {
         "key": case.key, "row": case.row, "cause": case.cause, "seed": blind.seed,
         "hidden": {each.name: dict(each.values) for each in blind.hidden},
-        "true": _true(blind, blind.robot), "nominal": _true(blind, NEUTRAL),
+        "true": _true(asked, blind.robot), "nominal": _true(asked, NEUTRAL),
         "seconds": seconds, "predicted": predicted, **said_of(said),
     }  # fmt: skip
     if row.tail:
@@ -319,20 +322,20 @@ def _advised(name: str, hidden: list[Hidden], rng: np.random.Generator) -> Blind
     return make(int(rng.integers(2**31)), hidden, drive=manoeuvre(name))
 
 
-def _true(blind: Blind, robot: Mapping[str, float]) -> dict[str, dict[str, float]]:
-    """The values of the hidden causes' parameters in a robot, with its own deviation in them."""
+def _true(names: Sequence[str], robot: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """The values of these causes' parameters in a robot, with its own deviation in them; of one that both
+    wheels share their mean."""
     settings = true_settings(robot)
     found = {}
-    for each in blind.hidden:
-        if each.id == "unknown":
-            continue
-        place = next(key[1] for key in settings if key[0] == each.id and each.where in (None, key[1]))
-        names = [p.name for p in effect(each.id).parameters if p.name in LEADING]
-        values = {name: settings[(each.id, place, name)] for name in names}
-        if each.id == "drive.inertia":
+    for name in names:
+        id_, _, where = name.partition("@")
+        places = [key[1] for key in settings if key[0] == id_ and where in ("", key[1])]
+        parameters = [each.name for each in effect(id_).parameters if each.name in LEADING]
+        values = {each: float(np.mean([settings[(id_, at, each)] for at in places])) for each in parameters}
+        if id_ == "drive.inertia":
             kinds = [settings[("inertia", None, kind)] for kind in ("straight", "turn")]
             values = {"factor": float(np.mean(kinds))}
-        found[each.name] = {name: value for name, value in values.items() if math.isfinite(value)}
+        found[name] = {parameter: value for parameter, value in values.items() if math.isfinite(value)}
     return found
 
 

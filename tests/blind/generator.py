@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,7 +56,8 @@ class Noise:
 class Blind:
     """A recording and what is hidden in it. columns: names of the CSV format, NaN where nothing is new.
 
-    robot: the plant's parameters, base draw and hidden causes together.
+    robot: the plant's parameters, base draw and hidden causes together. Where the robot moved before the
+    first row, a slope's direction and an eccentric wheel's phase are those from there, in both.
     """
 
     columns: Mapping[str, Array]
@@ -129,7 +130,38 @@ def make(
     columns = _record(rng, cycles, duty, state, sensed, len(lead), noise.drop_share)
     if encoders:
         columns = _by_encoders(columns, cycles, state)
-    return Blind(columns, tuple(hidden), robot, seed)
+    moved = _Moved(*(float(each) for each in state[len(lead), 8:11]))
+    seen = (replace(each, values=moved.values(each), plant=moved.plant(each.plant)) for each in hidden)
+    return Blind(columns, tuple(seen), moved.plant(robot), seed)
+
+
+@dataclass(frozen=True)
+class _Moved:
+    """How far robot and wheels had turned at the first row, from which a diagnosis counts; rad."""
+
+    heading: float
+    left: float
+    right: float
+
+    def plant(self, numbers: Mapping[str, float]) -> dict[str, float]:
+        """The plant's numbers from there."""
+        seen = dict(numbers)
+        if "slope_x" in seen:
+            along = complex(seen["slope_x"], seen["slope_y"]) * np.exp(-1j * self.heading)
+            seen |= {"slope_x": float(along.real), "slope_y": float(along.imag)}
+        for name, turned in (("ecc_phase_l", self.left), ("ecc_phase_r", self.right)):
+            if name in seen:
+                seen[name] = float(np.angle(np.exp(1j * (seen[name] + turned))))
+        return seen
+
+    def values(self, hidden: Hidden) -> dict[str, float]:
+        """A cause's values from there."""
+        seen, values = self.plant(hidden.plant), dict(hidden.values)
+        if hidden.id == "drive.slope":
+            return {"along_x": seen["slope_x"], "along_y": seen["slope_y"]}
+        if hidden.id == "drive.wheel_eccentricity":
+            values["phase"] = next(value for name, value in seen.items() if "phase" in name)
+        return values
 
 
 def _by_encoders(columns: Mapping[str, Array], cycles: Array, state: Array) -> dict[str, Array]:

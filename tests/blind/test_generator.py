@@ -8,7 +8,7 @@ import pytest
 
 from blind.generator import Noise, make
 from blind.hidden import CAUSES, draw
-from blind.plant import NEUTRAL, parameters, simulate
+from blind.plant import COUNTS_PER_VOLT, NEUTRAL, parameters, simulate
 
 QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -66,3 +66,26 @@ def test_a_wheel_with_play_slips_as_well() -> None:
     alone, both = (make(2, hidden, noise=QUIET, seconds=8.0) for hidden in ([play], [play, slip]))
     gyro = [np.nan_to_num(each.columns["imu.gyro.z"]) for each in (alone, both)]
     assert np.abs(gyro[1] - gyro[0]).max() > 0.1
+
+
+def test_directions_are_counted_from_the_first_row() -> None:
+    """A diagnosis sees nothing of what the robot did before; its position counters have it."""
+    drawn = [draw(each, np.random.default_rng(4)) for each in ("drive.slope", "drive.wheel_eccentricity")]
+    for seed, moves in ((2, True), (3, False)):
+        blind = make(seed, drawn, noise=QUIET, seconds=2.0)
+        turned = [
+            blind.columns[f"motor.{port}.position"][0] / (NEUTRAL["ke_l"] * COUNTS_PER_VOLT)
+            for port in (0, 1)
+        ]
+        assert (abs(turned[0]) > 0.5) == moves
+        heading = NEUTRAL["radius_l"] * (turned[1] - turned[0]) / NEUTRAL["track"]
+        slope, wheel = ({**before.values} for before in drawn)
+        seen = {each.id: each.values for each in blind.hidden}
+        before = complex(slope["along_x"], slope["along_y"])
+        after = complex(seen["drive.slope"]["along_x"], seen["drive.slope"]["along_y"])
+        assert abs(after) == pytest.approx(abs(before))
+        assert np.angle(before / after) == pytest.approx(heading, abs=0.05)
+        by = seen["drive.wheel_eccentricity"]["phase"] - wheel["phase"] - turned[drawn[1].where == "right"]
+        assert np.sin(by) == pytest.approx(0.0, abs=0.15)
+        assert np.cos(by) > 0.9
+        assert blind.robot["slope_x"] == seen["drive.slope"]["along_x"]
