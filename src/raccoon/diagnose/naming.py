@@ -10,6 +10,7 @@ from raccoon.diagnose.bent import bent_numbers
 from raccoon.diagnose.forms import form_error, least_error
 from raccoon.diagnose.gain import HeldOut, contributions
 from raccoon.diagnose.hypotheses import FORMS, WIDTH_FACTOR, Cause
+from raccoon.diagnose.known_together import together_told
 from raccoon.diagnose.log import Log
 from raccoon.diagnose.problem import Problem
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
@@ -28,8 +29,6 @@ TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /
 b."""
 
-TURN_READS = {"imu.gyro_scale": 1.0, "drive.wheel_radius": 1.0, "drive.track_width": -1.0}
-"""Power with which the gyro's reading follows each of them."""
 ONE_CLASS = (*TWINS, frozenset(SCALE))
 """Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
 same as less inertia and friction together."""
@@ -62,8 +61,7 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         values = parameters(search, cause, spread)
         gain = Gain(judged.without[name], judged.size_after, judged.share(name))
         rivals = confounded(search, cause)
-        told = _told(search.problem, cause, values, rivals) + product_told(search, cause, spread)
-        told += together_told(search, cause)
+        told = _told(search.problem, cause, values, rivals) + together_told(search, cause, spread)
         found.append(
             CauseResult(
                 cause.id, cause.where, 0, values, gain, probability(search, name, rivals, values), rivals,
@@ -90,33 +88,6 @@ def _told(problem: Problem, cause: Cause, values: dict[str, ParameterResult], ri
 def _has_number(problem: Problem, name: str) -> bool:
     """Whether robot.toml has a number, which it leaves open, of what a cause moves."""
     return any(problem.neutral[problem.base[each].settings[0]] for each in problem.left_open(name))
-
-
-def product_told(search: Search, cause: Cause, spread: Spread) -> str:
-    """What is known of twins where more than one was named: how they share it is a guess."""
-    active = [each for each in TURN_READS if each in search.fit.point.active]
-    if cause.name not in active or len(active) < 2:
-        return ""
-    factors = {}
-    for each in active:
-        key = (each, search.problem.causes[each].places[0], "factor")
-        factors[each] = spread.number(key) / search.problem.neutral[key]
-    together = math.prod(factors[each] ** TURN_READS[each] for each in active)
-    others = " and ".join(each for each in active if each != cause.name)
-    return (
-        f" With {others} beside it only what they do together is known: the gyro reads {together:.3f} times "
-        "what is assumed."
-    )
-
-
-def together_told(search: Search, cause: Cause) -> str:
-    """What explains a drive as well in the place of a cause, but only together."""
-    tried = search.rivals.get(cause.name, [])
-    sets = [(each.name, *each.together) for each in tried if each.together]
-    if not sets:
-        return ""
-    *most, last = sorted(sets[0])
-    return f" {', '.join(most)} and {last} together would look the same."
 
 
 def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, ParameterResult]:

@@ -9,7 +9,7 @@ import pytest
 
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select import missed
-from raccoon.diagnose.select.gates import WHEEL_GATE, gate
+from raccoon.diagnose.select.gates import WHEEL_GATE, gate, lacking_to_a_crowd
 from raccoon.diagnose.select.missed import with_missed
 from raccoon.diagnose.select.outlook import estimated
 from raccoon.diagnose.select.search import forward, pruned
@@ -41,7 +41,7 @@ def test_a_small_cause_that_the_noise_of_a_search_hides_is_found_under_that_of_t
     more = with_missed(estimated(search))
     assert more is not None
     assert set(more.fit.point.active) == {*LARGE, SMALL}
-    assert more.gains[SMALL] >= gate(SMALL) + missed.SHORT * (missed.CROWD - len(LARGE))
+    assert more.gains[SMALL] >= gate(SMALL) + lacking_to_a_crowd(len(LARGE))
     assert SMALL not in more.failed
     assert with_missed(estimated(more)) is None
 

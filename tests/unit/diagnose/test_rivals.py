@@ -14,6 +14,7 @@ from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.habits.others import Under
 from raccoon.diagnose.habits.searching import _with_the_slip_that_fits
 from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.known_together import product_told
 from raccoon.diagnose.linear import coulomb_response, linearise
 from raccoon.diagnose.naming import (
     TWINS,
@@ -23,7 +24,6 @@ from raccoon.diagnose.naming import (
     deviations,
     parameters,
     probability,
-    product_told,
 )
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.result import ParameterResult

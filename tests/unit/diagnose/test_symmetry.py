@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.naming import confounded, probability, together_told
+from raccoon.diagnose.known_together import others_told, scale_told
+from raccoon.diagnose.naming import confounded, probability
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.rivals import compared
 from raccoon.diagnose.select.symmetry import LINES, along, likely_twins, relieved, same_drives
+from raccoon.diagnose.spread import Spread
 from unit.diagnose.searches import searched
 
 BACK_EMF, RESISTANCE, WHEELS = LINES
@@ -131,6 +133,9 @@ FEW = ("motor.back_emf_constant", "drive.inertia", "drive.track_width", "drive.w
        "friction.coulomb", "friction.load_dependent", "imu.gyro_scale")  # fmt: skip
 
 
+BOTH = {"motor_back_emf_constant__left": -0.8, "motor_back_emf_constant__right": -1.7}
+
+
 def among_few(problem: Problem) -> Problem:
     """The problem with a few causes alone, which is quicker."""
     return replace(problem, causes={name: each for name, each in problem.causes.items() if each.id in FEW})
@@ -156,11 +161,58 @@ def test_a_set_that_is_nearly_as_likely_is_said_with_the_cause_whose_place_it_ta
     )
     search = replace(search, fit=fit_point(search.problem, search.whitener, named))
     compared(search)
-    told = together_told(search, cause)
+    told = others_told(search, cause)
     assert told == " drive.track_width and drive.wheel_radius@left together would look the same."
     assert {"drive.wheel_radius@left", "drive.track_width"} <= set(confounded(search, cause))
     assert probability(search, name, confounded(search, cause), {}) < 0.8
     clear = searched(among_few(problem), at(problem, drive_wheel_radius__right=-1.4), named, seed=3)
     compared(clear)
-    assert together_told(clear, cause) == ""
+    assert others_told(clear, cause) == ""
     assert "drive.track_width" not in confounded(clear, cause)
+
+
+def test_in_a_crowd_a_set_of_one_cause_more_is_said_too(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The misfit is the same, and where much is wrong one more is no wonder."""
+    names = ("motor.back_emf_constant@left", "motor.back_emf_constant@right")
+    named = at(problem, **BOTH, friction_coulomb=0.4)
+    search = searched(among_few(problem), named, named, seed=3)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, named))
+
+    def together() -> list[set[str]]:
+        compared(search)
+        found = (each for name in names for each in search.rivals[name] if each.together)
+        return [{each.name, *each.together} for each in found]
+
+    assert together() == []
+    monkeypatch.setattr("raccoon.diagnose.select.rivals.lacking_to_a_crowd", lambda _: 0.0)
+    assert {"drive.inertia", "drive.track_width"} in together()
+
+
+def test_of_both_back_emf_constants_it_is_said_what_they_rest_on(problem: Problem) -> None:
+    point = at(problem, drive_inertia=0.5, **BOTH)
+    search, here = searched(problem, point, point), problem.settings(point)
+    search.fit = replace(search.fit, point=point)
+    keys = [("motor.back_emf_constant", side, "factor") for side in ("left", "right")]
+    off = float(np.sqrt(np.prod([here[key] for key in keys])))
+    other = along(problem, point, BACK_EMF, 1.0 / off)
+    assert other is not None
+    assert apart_by(problem, point, other) < 0.2
+    there = problem.settings(other)
+
+    def told(name: str) -> str:
+        return scale_told(search, problem.causes[name], Spread(here, (), np.zeros((0, 0))))
+
+    def changed(*keys: tuple[str, str | None, str]) -> str:
+        factor = float(np.prod([there[key] / here[key] for key in keys]))
+        return f"{100.0 * abs(factor - 1.0):.0f} % {'more' if factor > 1.0 else 'less'}"
+
+    said = told("motor.back_emf_constant@left")
+    turn = ("inertia", None, "turn"), ("drive.inertia", None, "factor")
+    assert f"inertia {changed(*turn)}" in said
+    assert f"dry friction {changed(('friction.coulomb', 'left', 'torque'))}" in said
+    assert f"the track {changed(('drive.track_width', None, 'factor'))}" in said
+    assert told("motor.back_emf_constant@right") == told("drive.inertia") == ""
+    search.fit = replace(search.fit, point=point.without_cause("drive.inertia"))
+    assert told("motor.back_emf_constant@left") == ""

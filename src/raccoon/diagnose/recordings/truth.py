@@ -10,7 +10,7 @@ import numpy as np
 
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.extend import named_origin, rebased
-from raccoon.diagnose.naming import TURN_READS
+from raccoon.diagnose.known_together import TURN_READS
 from raccoon.diagnose.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference import Factor, Reference
 from raccoon.diagnose.recordings.reference_start import GYRO, RADIUS, READING, TRACK, Start, assumed

@@ -11,7 +11,7 @@ from raccoon.diagnose.fit import cost_with_last_held, fit_afresh, fit_many, fit_
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates, lacking_to_a_crowd
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
@@ -85,10 +85,17 @@ def _from_elsewhere(search: Search, fit: Fit) -> Iterator[Fit]:
 
 def _same_drives(search: Search, settled: Fit) -> list[Fit]:
     """The sets that are the same drive in other numbers, fitted. What is new in one stands, all together, in
-    the place of the cause that it does without, as far as it is as likely; what it needs more counts."""
+    the place of the cause that it does without, as far as it is as likely; what it needs more counts.
+
+    Its misfit is the same, so a cause more counts by how likely one is, which is the likelier the more is
+    wrong, and no more than what chance makes of a drive.
+    """
     twins, now = fitted_twins(search), search.fit.point.active
     for name, fit in twins:
-        new, lacking = [each for each in fit.point.active if each not in now], -net_lead(search, fit, settled)
+        more = max(len(fit.point.active) - len(now), 0)
+        spared = more * max(EVIDENCE_GATE - lacking_to_a_crowd(len(now)), 0.0)
+        new = [each for each in fit.point.active if each not in now]
+        lacking = -net_lead(search, fit, settled) - spared
         for each in new if lacking < CLOSE else []:
             others = tuple(other for other in new if other != each)
             search.rivals[name] = [rival for rival in search.rivals[name] if rival.name != each]
