@@ -25,6 +25,9 @@ WORST_BACKGROUND = 0.1
 LOOP = (0.0002, 0.0008)
 """Duty with which a program's wheel loop answers each count that a wheel is too slow, drawn between these."""
 
+PROGRAM = "program"
+"""Id of what is no fault, and so not hidden."""
+
 
 @dataclass(frozen=True)
 class Case:
@@ -214,7 +217,7 @@ def _different(rng: np.random.Generator, count: int) -> list[Hidden]:
 def recording(case: Case, hidden: list[Hidden], rng: np.random.Generator) -> Blind:
     """The blind robot's drive: the recording and the tail behind it."""
     row = ROWS[case.row]
-    program = [Hidden("program", None, {}, {"speed_loop": float(rng.uniform(*LOOP))})] if row.loop else []
+    program = [Hidden(PROGRAM, None, {}, {"speed_loop": float(rng.uniform(*LOOP))})] if row.loop else []
     blind = make(
         int(rng.integers(2**31)),
         [*hidden, *program],
@@ -222,4 +225,4 @@ def recording(case: Case, hidden: list[Hidden], rng: np.random.Generator) -> Bli
         seconds=row.seconds + row.tail,
         noise=Noise().times(row.noise),
     )
-    return replace(blind, hidden=tuple(hidden))
+    return replace(blind, hidden=tuple(each for each in blind.hidden if each.id != PROGRAM))
