@@ -111,8 +111,10 @@ class _Reader:
             else:
                 row[name] = self._value(name, cell)
         if not row["t"] >= last:
-            self._backward += row["t"] < last
-            self._report(f"column t: {cells[names.index('t')]!r}: {NOT_BACK}")
+            time = cells[names.index("t")]
+            if not (time and math.isnan(row["t"])):  # what is no number was reported with its cell
+                self._backward += row["t"] < last
+                self._report(f"column t: {time!r}: {NOT_BACK}")
             return None
         if text:
             self._events.append(Event(self._count, text))
@@ -123,7 +125,8 @@ class _Reader:
             return math.nan
         value, allowed = _parse(name, self._with_point(cell) if self._commas else cell)
         if value is None:
-            self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed} and blank")
+            blank = "" if name == "t" else " and blank"
+            self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed}{blank}")
             return math.nan
         return value
 
