@@ -21,6 +21,7 @@ from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.known_together import unmeasured_note
 from raccoon.diagnose.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.noise import whiteness
@@ -209,6 +210,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
             *bursts,
             *notes_of(habits, causes, spread),
             *bent_notes(search),
+            *unmeasured_note(search),
             *_not_in_model(search),
         ),
         curves=_curves(log, judged),

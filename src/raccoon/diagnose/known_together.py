@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
+from raccoon.core.config import NominalModel
 from raccoon.diagnose.hypotheses import Cause
+from raccoon.diagnose.select.missed import MANY
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.spread import Spread
 from raccoon.sim.parameters import SIDES
@@ -21,6 +23,18 @@ MEASURED = {
 """Of which robot.toml has a number that also decides how large K_E is said to be."""
 SMALL = 0.02
 """Part by which both K_E are off from which that is worth a word."""
+
+NOT_MEASURED = (
+    "robot.toml's [model] is that of the documentation's robot: of another one that nobody has measured many "
+    "numbers are off, and the fewest that explain its drive are named. Measure wheels and track (raccoon "
+    "calibrate drive), write them and what is said here into robot.toml, and diagnose again"
+)
+
+
+def unmeasured_note(search: Search) -> tuple[str, ...]:
+    """What the causes rest on, where many are named of a robot whose numbers are all the default's."""
+    default = search.problem.robot.model == NominalModel()
+    return (NOT_MEASURED,) if default and len(search.fit.point.active) >= MANY else ()
 
 
 def together_told(search: Search, cause: Cause, spread: Spread) -> str:

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from raccoon.core.config import BatteryModel, Measured
 from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.known_together import others_told, scale_told
+from raccoon.diagnose.known_together import NOT_MEASURED, others_told, scale_told, unmeasured_note
 from raccoon.diagnose.naming import confounded, probability
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.joint import better_set
@@ -216,3 +217,16 @@ def test_of_both_back_emf_constants_it_is_said_what_they_rest_on(problem: Proble
     assert told("motor.back_emf_constant@right") == told("drive.inertia") == ""
     search.fit = replace(search.fit, point=point.without_cause("drive.inertia"))
     assert told("motor.back_emf_constant@left") == ""
+
+
+def test_many_causes_of_the_documentations_robot_say_that_it_may_not_have_been_measured(
+    problem: Problem,
+) -> None:
+    few, many = at(problem, drive_inertia=0.5), at(problem, **EVERYWHERE)
+    search = searched(problem, few, few)
+    for point, note in ((few, ()), (many, (NOT_MEASURED,))):
+        search.fit = replace(search.fit, point=point)
+        assert unmeasured_note(search) == note
+    model = replace(problem.robot.model, battery=BatteryModel(open_circuit_voltage=Measured(7.0, 0.03)))
+    measured = replace(search.problem, robot=replace(problem.robot, model=model))
+    assert unmeasured_note(replace(search, problem=measured)) == ()
