@@ -6,7 +6,7 @@ import math
 
 from raccoon.core.config import NominalModel
 from raccoon.diagnose.hypotheses import Cause
-from raccoon.diagnose.select.missed import MANY
+from raccoon.diagnose.select.gates import MANY
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.spread import Spread
 from raccoon.sim.parameters import SIDES

@@ -9,7 +9,7 @@ import pytest
 
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select import missed
-from raccoon.diagnose.select.gates import WHEEL_GATE, gate, lacking_to_a_crowd
+from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
 from raccoon.diagnose.select.missed import with_missed
 from raccoon.diagnose.select.outlook import estimated
 from raccoon.diagnose.select.search import forward, pruned
@@ -41,7 +41,7 @@ def test_a_small_cause_that_the_noise_of_a_search_hides_is_found_under_that_of_t
     more = with_missed(estimated(search))
     assert more is not None
     assert set(more.fit.point.active) == {*LARGE, SMALL}
-    assert more.gains[SMALL] >= gate(SMALL) + lacking_to_a_crowd(len(LARGE))
+    assert more.gains[SMALL] >= gate(SMALL) + missed.SHORT * (missed.CROWD - len(LARGE))
     assert SMALL not in more.failed
     assert with_missed(estimated(more)) is None
 
@@ -69,7 +69,7 @@ def test_friction_of_one_wheel_is_not_asked_for(problem: Problem) -> None:
 
 def test_beside_few_causes_nothing_is_asked(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
     few = named(problem).without_cause("battery.discharge")
-    assert len(few.active) == missed.MANY - 1
+    assert len(few.active) == MANY - 1
     search = searched(problem, few.with_cause(SMALL, np.array([HOW_MUCH])), few)
     monkeypatch.setattr(missed, "refit_candidates", lambda _: pytest.fail("asked"))
     assert with_missed(estimated(search)) is None

@@ -187,7 +187,7 @@ def test_in_a_crowd_a_set_of_one_cause_more_is_said_too(
         return [{each.name, *each.together} for each in found]
 
     assert together() == []
-    monkeypatch.setattr("raccoon.diagnose.select.rivals.lacking_to_a_crowd", lambda _: 0.0)
+    monkeypatch.setattr("raccoon.diagnose.select.rivals.MANY", 3)
     assert {"drive.inertia", "drive.track_width"} in together()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from functools import cache
 
@@ -21,9 +22,8 @@ SLOPE_GATE = 11.0
 """A floor imitates it less well than it does those: the robot turns on it."""
 SCALE_GATE = 11.0
 """One reading's scale differs from the other's as wheels and motors do that are far out in robot.toml."""
-CROWD, SHORT = 7, 2.0
-"""Of fewer causes than so many each that is lacking makes another less likely, by so much log evidence.
-Beside four causes a scrub that was not there got 12.9."""
+MANY = 4
+"""Causes from which others may have been missed, and one more is no wonder."""
 _IMITATED = ("friction.", "drive.turn_scrub", "bemf.")
 """What else the noise of floor and readings gets 6 and more for."""
 _ONE_WHEEL = ("friction.", "actuation.deadband")
@@ -51,6 +51,7 @@ def gates(names: Collection[str]) -> float:
     return sum(gate(each, alone=len(names) == 1) for each in names)
 
 
-def lacking_to_a_crowd(named: int) -> float:
-    """Log evidence by which one more is less likely beside so many causes than beside a crowd."""
-    return SHORT * max(CROWD - named, 0)
+def rarity(named: int, asked: int) -> float:
+    """Log odds against one cause more, where so many of those that are asked for are named: Laplace's rule of
+    succession."""
+    return math.log((asked - named + 1) / (named + 1))

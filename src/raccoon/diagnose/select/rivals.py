@@ -11,7 +11,7 @@ from raccoon.diagnose.fit import cost_with_last_held, fit_afresh, fit_many, fit_
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.linear import Group
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, gates, lacking_to_a_crowd
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, MANY, gates, rarity
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
@@ -87,15 +87,16 @@ def _same_drives(search: Search, settled: Fit) -> list[Fit]:
     """The sets that are the same drive in other numbers, fitted. What is new in one stands, all together, in
     the place of the cause that it does without, as far as it is as likely; what it needs more counts.
 
-    Its misfit is the same, so a cause more counts by how likely one is, which is the likelier the more is
-    wrong, and no more than what chance makes of a drive.
+    Its misfit is the same, so where many are named a cause more counts by how rare causes are, instead of by
+    what chance makes of a drive.
     """
     twins, now = fitted_twins(search), search.fit.point.active
+    asked = len({each.id for each in search.problem.causes.values()})
+    spared = EVIDENCE_GATE - rarity(len(now), asked) if len(now) >= MANY else 0.0
     for name, fit in twins:
-        more = max(len(fit.point.active) - len(now), 0)
-        spared = more * max(EVIDENCE_GATE - lacking_to_a_crowd(len(now)), 0.0)
         new = [each for each in fit.point.active if each not in now]
-        lacking = -net_lead(search, fit, settled) - spared
+        more = max(len(fit.point.active) - len(now), 0)
+        lacking = -net_lead(search, fit, settled) - more * spared
         for each in new if lacking < CLOSE else []:
             others = tuple(other for other in new if other != each)
             search.rivals[name] = [rival for rival in search.rivals[name] if rival.name != each]

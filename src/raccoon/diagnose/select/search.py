@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from raccoon.diagnose.fit import fit_many, fit_point
 from raccoon.diagnose.fitted import Fit
 from raccoon.diagnose.problem import Point
-from raccoon.diagnose.select.gates import gate
-from raccoon.diagnose.select.missed import MANY
+from raccoon.diagnose.select.gates import MANY, gate
 from raccoon.diagnose.select.moves import (
     BETTER_TOGETHER,
     accepted,
