@@ -15,7 +15,8 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -104,12 +105,14 @@ def _run(wanted: list[Case], seed: int, processes: int, until: float) -> Iterabl
             yield run(case, seed)
         return
     spawn = multiprocessing.get_context("spawn")
+    waiting = iter(wanted)
     with ProcessPoolExecutor(processes, mp_context=spawn) as pool:
-        for start in range(0, len(wanted), 2 * processes):
-            if time.monotonic() > until:
-                return
-            some = wanted[start : start + 2 * processes]
-            yield from pool.map(run, some, [seed] * len(some))
+        running = {pool.submit(run, case, seed) for case in islice(waiting, processes)}
+        while running:
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            if time.monotonic() < until:
+                running |= {pool.submit(run, case, seed) for case in islice(waiting, len(done))}
+            yield from (each.result() for each in done)
 
 
 def _draw(key: str, seed: int, path: Path) -> None:
