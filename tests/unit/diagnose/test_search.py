@@ -272,6 +272,7 @@ def test_what_another_outdoes_that_is_no_cause_itself_is_none_either(
             "drive.wheel_radius@left": [Rival("friction.viscous@left", lead)],
         },
         failed={},
+        fit=_with_causes("friction.stiction", "drive.wheel_radius@left"),
     )
 
     def without(search: SimpleNamespace, name: str, fit: object) -> SimpleNamespace:
@@ -289,20 +290,47 @@ def test_what_another_outdoes_that_is_no_cause_itself_is_none_either(
     assert len(found.failed) == (not kept)
 
 
-@pytest.mark.parametrize("again", ["bemf.scale@left", "friction.viscous@left"])
+SCALED, HELD_BACK = "bemf.scale@left", "friction.viscous@left"
+
+
+@pytest.mark.parametrize(
+    ("again", "taken"),
+    [
+        ([SCALED], False),
+        ([SCALED, "drive.slope"], False),
+        ([HELD_BACK], True),
+        ([HELD_BACK, SCALED], True),
+    ],
+)
 def test_what_outdoes_a_cause_takes_its_place_where_it_may_be_named(
-    again: str, monkeypatch: pytest.MonkeyPatch
+    again: list[str], taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not the cause itself, which was outdone. A friction of one wheel was lost for a scale 5 behind it."""
+    """Not the cause itself, which was outdone, but beside what outdid it. A friction of one wheel was lost
+    for a scale 5 behind it, and six causes of eight for a lag that was half of two."""
     module = "raccoon.diagnose.select.search"
-    rivals = {"bemf.scale@left": [Rival("friction.viscous@left", -6.0)]}
-    start: Any = SimpleNamespace(rivals=rivals, failed={}, fit=_with_causes("bemf.scale@left"))
+    start: Any = SimpleNamespace(
+        rivals={SCALED: [Rival(HELD_BACK, -6.0)]}, failed={}, fit=_with_causes(SCALED)
+    )
     less = SimpleNamespace(rivals={}, failed={}, fit=_with_causes())
-    filled = SimpleNamespace(rivals={}, failed={}, fit=_with_causes(again))
+    filled = SimpleNamespace(rivals={}, failed={}, fit=_with_causes(*again))
     for name in ("settled_fit", "_dropped", "compared"):
         monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
     monkeypatch.setattr(f"{module}.accepted_without", lambda *_: less)
     monkeypatch.setattr(f"{module}.grown", lambda _: filled)
     monkeypatch.setattr(f"{module}._stable", lambda search: search)
     found: Any = _credible(start)
-    assert found is (less if again == "bemf.scale@left" else filled)
+    assert found is (filled if taken else less)
+
+
+def test_a_set_that_comes_back_is_not_gone_through_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = "raccoon.diagnose.select.search"
+    one: Any = SimpleNamespace(rivals={"a": [Rival("b", -9.0)]}, failed={}, fit=_with_causes("a", "c"))
+    both = SimpleNamespace(rivals={"b": [Rival("a", -9.0)]}, failed={}, fit=_with_causes("a", "b", "c"))
+    none: Any = SimpleNamespace(rivals={}, failed={}, fit=_with_causes("c"))
+    less = {"a": none, "b": one}
+    for name in ("settled_fit", "_dropped", "compared"):
+        monkeypatch.setattr(f"{module}.{name}", lambda *_: None)
+    monkeypatch.setattr(f"{module}.accepted_without", lambda _, name, __: less[name])
+    monkeypatch.setattr(f"{module}.grown", lambda _: both)
+    monkeypatch.setattr(f"{module}._stable", lambda search: search)
+    assert _credible(one) is none

@@ -264,16 +264,24 @@ def _listed(search: Search) -> str:
 def _credible(search: Search) -> Search:
     """Without a cause whose place something else would fill better: what needs more to be named, as friction
     of one wheel does, which a floor imitates. It is nearer to what is there than the cause, named or not.
+
+    Where that something is named once the place is free, and the cause beside it again, both are there: a
+    fit beside a late gyro had not found the slip that goes with it, and the gyro went for it, then play, and
+    so six causes of eight.
     """
+    seen = set()
     while True:
-        best = {name: min(each.lead for each in its) for name, its in search.rivals.items() if its}
-        worst = min(best, key=lambda name: best[name], default=None)
-        if worst is None or best[worst] > -OUTDONE:
+        seen.add(frozenset(search.fit.point.active))
+        best = {name: min(its, key=lambda each: each.lead) for name, its in search.rivals.items() if its}
+        worst = min(best, key=lambda name: best[name].lead, default=None)
+        if worst is None or best[worst].lead > -OUTDONE:
             return search
         search.failed[worst] = "something that explains too little itself explains it better"
         less = accepted_without(search, worst, _dropped(search, settled_fit(search), worst))
         filled = grown(less)
-        search = _stable(less if worst in filled.fit.point.active else filled)
+        named = frozenset(filled.fit.point.active)
+        both = best[worst].name in named and named not in seen
+        search = _stable(filled if both or worst not in named else less)
         compared(search)
 
 
