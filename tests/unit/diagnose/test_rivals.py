@@ -160,6 +160,19 @@ def test_a_lag_that_is_told_from_the_filter_is_not_said_to_be_in_part_it(
     assert ("sum" in said) is (other == "actuation.latency")  # of the filter base numbers know a part already
 
 
+def test_a_lag_that_is_two_is_found_to_be_two(problem: Problem) -> None:
+    """From the sum in one of them no step by single causes need lead to both."""
+    lags = {each.name: each for each in drive_causes() if each.name in ("imu.latency", "drive.wheel_slip")}
+    lagging = replace(problem, causes=lags)
+    one = problem.nominal().with_cause("imu.latency", np.array([0.5]))
+    both = one.with_cause("drive.wheel_slip", np.array([0.4]))
+    for truth, found in ((both, set(lags)), (one, None)):
+        search = searched(lagging, truth, one)
+        search = replace(search, fit=fit_point(search.problem, search.whitener, one))
+        better = compared(search)
+        assert (better and set(better.point.active)) == found
+
+
 def asking_for_twins(search: Search) -> Search:
     asked = {each.name: each for each in drive_causes() if each.name in TWINS[0]}
     return replace(search, problem=replace(search.problem, causes={**search.problem.causes, **asked}))

@@ -261,15 +261,19 @@ def _with_causes(*names: str) -> SimpleNamespace:
     return SimpleNamespace(point=SimpleNamespace(active=dict.fromkeys(names)))
 
 
-@pytest.mark.parametrize(("lead", "kept"), [(-17.0, False), (-3.0, True), (4.0, True)])
+@pytest.mark.parametrize(
+    ("lead", "beside", "kept"),
+    [(-17.0, False, False), (-17.0, True, True), (-3.0, False, True), (4.0, False, True)],
+)
 def test_what_another_outdoes_that_is_no_cause_itself_is_none_either(
-    lead: float, kept: bool, monkeypatch: pytest.MonkeyPatch
+    lead: float, beside: bool, kept: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """But with what goes beside it: a lag that was half of two took six causes of eight with it."""
     module = "raccoon.diagnose.select.search"
     start: Any = SimpleNamespace(
         rivals={
             "friction.stiction": [Rival("friction.coulomb", 60.0)],
-            "drive.wheel_radius@left": [Rival("friction.viscous@left", lead)],
+            "drive.wheel_radius@left": [Rival("friction.viscous@left", lead, beside)],
         },
         failed={},
         fit=_with_causes("friction.stiction", "drive.wheel_radius@left"),
@@ -306,7 +310,7 @@ def test_what_outdoes_a_cause_takes_its_place_where_it_may_be_named(
     again: list[str], taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Not the cause itself, which was outdone, but beside what outdid it. A friction of one wheel was lost
-    for a scale 5 behind it, and six causes of eight for a lag that was half of two."""
+    for a scale 5 behind it."""
     module = "raccoon.diagnose.select.search"
     start: Any = SimpleNamespace(
         rivals={SCALED: [Rival(HELD_BACK, -6.0)]}, failed={}, fit=_with_causes(SCALED)

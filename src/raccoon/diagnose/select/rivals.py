@@ -48,7 +48,7 @@ ELSEWHERE = (0.5, 0.0)
 
 def compared(search: Search) -> Fit | None:
     """Note the rivals of each cause, truly fitted in its place, all else refitted. Returned is one that after
-    all explains more; None where there is none."""
+    all explains more, a lag as the sum of two among them; None where there is none."""
     problem, whitener = search.problem, search.whitener
     search.rivals = {name: [] for name in search.fit.point.active}
     tried = list(_exchanged(search))
@@ -68,8 +68,10 @@ def compared(search: Search) -> Fit | None:
             fits[index] = min(fit, *_from_elsewhere(search, fit), key=lacks)
     for (name, rival, _), fit in zip(tried, fits, strict=True):
         search.rivals[name].append(Rival(rival, lacks(fit)))
-    for name, other, lacking in _sums(search, settled):
+    for name, other, start, lacking in _sums(search, settled):
         search.rivals[name].append(Rival(other, lacking, beside=True))
+        if lacking < 0.0:  # the lag may be two
+            fits.append(fit_point(problem, whitener, start))
     fits.extend(_same_drives(search, settled))
     for each in search.rivals.values():
         each.sort(key=lambda rival: rival.lead)
@@ -104,8 +106,9 @@ def _same_drives(search: Search, settled: Fit) -> list[Fit]:
     return [fit for _, fit in twins]
 
 
-def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:
-    """Each lag of which another may be a good part, that other, and the log evidence that this lacks.
+def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, Point, float]]:
+    """Each lag of which another may be a good part, that other, where both are on, and the log evidence that
+    this lacks.
 
     What robot.toml leaves open of that other stays: it would take back what the lag gives away, and the lag
     would be said to be the sum of both, where it is told from the other well.
@@ -116,7 +119,7 @@ def _sums(search: Search, settled: Fit) -> Iterator[tuple[str, str, float]]:
         held = problem.left_open(other)
         lacks = 0.5 * (cost_with_last_held(problem, whitener, settled, start, held) - settled.cost)
         if lacks < 0.5 * DEVIATIONS**2:
-            yield name, other, lacks
+            yield name, other, start, lacks
 
 
 def net_lead(search: Search, fit: Fit, settled: Fit) -> float:

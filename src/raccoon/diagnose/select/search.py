@@ -265,14 +265,13 @@ def _credible(search: Search) -> Search:
     """Without a cause whose place something else would fill better: what needs more to be named, as friction
     of one wheel does, which a floor imitates. It is nearer to what is there than the cause, named or not.
 
-    Where that something is named once the place is free, and the cause beside it again, both are there: a
-    fit beside a late gyro had not found the slip that goes with it, and the gyro went for it, then play, and
-    so six causes of eight.
+    Where that something is named once the place is free, and the cause beside it again, both are there.
     """
     seen = set()
     while True:
         seen.add(frozenset(search.fit.point.active))
-        best = {name: min(its, key=lambda each: each.lead) for name, its in search.rivals.items() if its}
+        places = {name: [each for each in its if not each.beside] for name, its in search.rivals.items()}
+        best = {name: min(its, key=lambda each: each.lead) for name, its in places.items() if its}
         worst = min(best, key=lambda name: best[name].lead, default=None)
         if worst is None or best[worst].lead > -OUTDONE:
             return search
