@@ -23,7 +23,7 @@ from raccoon.diagnose.linear import linearise, tabulate
 from raccoon.diagnose.log import log_from_columns
 from raccoon.diagnose.noise import EVENT, white_noise
 from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, gate, gates
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, LONE_WHEEL_GATE, gate, gates
 from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
@@ -72,6 +72,7 @@ def test_a_floor_must_be_beaten_by_more() -> None:
         assert gate(name) == gate(name, alone=True) == uneven
     assert usual < gate("bemf.scale@right") < gate("bemf.scale")
     assert gate("imu.gyro_bias", alone=True) == gates(["imu.gyro_bias"]) == LONE_GATE < EVIDENCE_GATE
+    assert LONE_GATE < gate("drive.wheel_radius@left", alone=True) == LONE_WHEEL_GATE < EVIDENCE_GATE
     for name in ("friction.viscous", "bemf.dead_zone"):  # chance
         assert gate(name, alone=True) == gates([name]) == EVIDENCE_GATE
     assert gates(["friction.viscous", "imu.gyro_bias"]) == 2.0 * EVIDENCE_GATE
