@@ -189,6 +189,8 @@ def test_in_a_crowd_a_set_of_one_cause_more_is_said_too(
     assert together() == []
     monkeypatch.setattr("raccoon.diagnose.select.rivals.MANY", 3)
     assert {"drive.inertia", "drive.track_width"} in together()
+    leads = [each.lead for name in names for each in search.rivals[name] if each.together]
+    assert all(lead >= 0.0 for lead in leads)  # or the cause would be outdone by what is only spared
 
 
 def test_of_both_back_emf_constants_it_is_said_what_they_rest_on(problem: Problem) -> None:

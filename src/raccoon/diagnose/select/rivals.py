@@ -98,7 +98,8 @@ def _same_drives(search: Search, settled: Fit) -> list[Fit]:
     for name, fit in twins:
         new = [each for each in fit.point.active if each not in now]
         more = max(len(fit.point.active) - len(now), 0)
-        lacking = -net_lead(search, fit, settled) - more * spared
+        behind = -net_lead(search, fit, settled)
+        lacking = max(behind - more * spared, min(behind, 0.0))  # no lead comes of what is spared
         for each in new if lacking < CLOSE else []:
             others = tuple(other for other in new if other != each)
             search.rivals[name] = [rival for rival in search.rivals[name] if rival.name != each]
