@@ -13,7 +13,7 @@ import multiprocessing
 import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -23,21 +23,11 @@ import diagnosis_cases  # puts tests/blind on the path
 from blind.generator import make
 from blind.robots import ROBOTS, fitting, noise_of, other_robot
 from diagnosis_cases import Case
-from diagnosis_table import hit, percent
+from diagnosis_table import exactly, first_right, percent
+from diagnosis_trial import said_of
 from raccoon.diagnose.diagnosis import diagnose
 
 FIRST, CLEAN = 0.99, 0.01
-
-
-@dataclass(frozen=True)
-class Said:
-    """Whether the hidden cause was named first, whether it and nothing else was, and all in words."""
-
-    robot: str
-    hidden: tuple[str, ...]
-    first: bool
-    exactly: bool
-    told: str
 
 
 def main() -> int:
@@ -56,14 +46,16 @@ def main() -> int:
     with ProcessPoolExecutor(args.processes, mp_context=multiprocessing.get_context("spawn")) as pool:
         for each in pool.map(_said, *zip(*wanted, strict=True)):
             said.append(each)
-            if not each.exactly:
-                print(each.told, flush=True)
-    for name in dict.fromkeys(each.robot for each in said):
-        _tell(name, [each for each in said if each.robot == name])
+            if not exactly(each):
+                names = [cause["name"] for cause in each["causes"]] or [each["verdict"]]
+                print(f"{each['robot']} {each['key']}: {', '.join(names)}", flush=True)
+    for name in dict.fromkeys(each["robot"] for each in said):
+        _tell(name, [each for each in said if each["robot"] == name])
     return _tell("all", said)
 
 
-def _said(name: str, case: Case, seed: int) -> Said:
+def _said(name: str, case: Case, seed: int) -> dict[str, Any]:
+    """What is hidden in a robot, and what was said of it."""
     with other_robot(name) as robot:
         number, row = list(ROBOTS).index(name), diagnosis_cases.ROWS[case.row]
         rng = np.random.default_rng([number, *case.rng(seed).integers(2**31, size=2)])
@@ -71,21 +63,16 @@ def _said(name: str, case: Case, seed: int) -> Said:
         noise = noise_of().times(row.noise)
         blind = make(int(rng.integers(2**31)), hidden, row.drive, row.seconds, noise)
         found = diagnose(blind.columns, robot)
-    true = tuple(each.name for each in hidden)
-    causes = [{"name": each.name, "class": list(each.confounded_with)} for each in found.causes]
-    first = bool(causes) and hit(causes[0], true)
-    alone = len(causes) == len(true) and not found.unexplained.depends_on
-    names = [each.name for each in found.causes] or [str(found.verdict)]
-    told = f"{name} {case.key}: {', '.join(names)}"
-    return Said(name, true, first, alone and (first or not true), told)
+    names = {each.name: dict(each.values) for each in hidden}
+    return {"robot": name, "key": case.key, "hidden": names, **said_of(found)}
 
 
-def _tell(name: str, said: list[Said]) -> int:
+def _tell(name: str, said: list[dict[str, Any]]) -> int:
     """A line; returned is 1 where a figure is missed."""
-    hidden, clean = [each for each in said if each.hidden], [each for each in said if not each.hidden]
-    first, named = [each.first for each in hidden], [not each.exactly for each in clean]
-    exactly = percent(each.exactly for each in hidden)
-    print(f"{name:8s} first {percent(first)}, exactly {exactly}; sound ones with a name {percent(named)}")
+    hidden, clean = ([each for each in said if bool(each["hidden"]) is has] for has in (True, False))
+    first, named = [first_right(each) for each in hidden], [not exactly(each) for each in clean]
+    whole = percent(map(exactly, hidden))
+    print(f"{name:8s} first {percent(first)}, exactly {whole}; sound ones with a name {percent(named)}")
     missed = bool(hidden) and float(np.mean(first)) < FIRST
     return int(missed or (bool(clean) and float(np.mean(named)) > CLEAN))
 

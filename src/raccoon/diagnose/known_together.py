@@ -8,14 +8,19 @@ from raccoon.core.config import NominalModel
 from raccoon.diagnose.hypotheses import Cause
 from raccoon.diagnose.select.gates import MANY
 from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.symmetry import BACK_EMF
 from raccoon.diagnose.spread import Spread
 from raccoon.sim.parameters import SIDES
 
 TURN_READS = {"imu.gyro_scale": 1.0, "drive.wheel_radius": 1.0, "drive.track_width": -1.0}
 """Power with which the gyro's reading follows each of them."""
 K_E = "motor.back_emf_constant"
-WITH_K_E = {"inertia": 2.0, "dry friction": 1.0, "the track": -1.0}
-"""Power with which they follow both K_E where the drive stays the same; `symmetry.LINES` has the rest."""
+WITH_K_E = {
+    "inertia": BACK_EMF["inertia", "turn"],
+    "dry friction": BACK_EMF["friction.coulomb", "torque"],
+    "the track": BACK_EMF["drive.track_width", "factor"],
+}
+"""What is said to follow both K_E where the drive stays the same, and the power with which."""
 MEASURED = {
     "drive.inertia", "drive.track_width", "drive.wheel_radius", "friction.coulomb", "friction.viscous",
     "imu.gyro_scale", "motor.armature_resistance",

@@ -14,11 +14,11 @@ from raccoon.diagnose.naming import confounded, probability
 from raccoon.diagnose.problem import Point, Problem
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.rivals import compared
-from raccoon.diagnose.select.symmetry import LINES, along, likely_twins, relieved, same_drives
+from raccoon.diagnose.select.symmetry import BACK_EMF, LINES, along, likely_twins, relieved, same_drives
 from raccoon.diagnose.spread import Spread
 from unit.diagnose.searches import searched
 
-BACK_EMF, RESISTANCE, WHEELS = LINES
+_, RESISTANCE, WHEELS = LINES
 
 
 def at(problem: Problem, **causes: float) -> Point:

@@ -34,27 +34,29 @@ Line = Mapping[tuple[str, str], float]
 
 INERTIA = "drive.inertia"
 """The cause of both numbers that robot.toml has of it."""
+BACK_EMF: Line = {
+    ("motor.back_emf_constant", "factor"): 1.0,
+    ("drive.track_width", "factor"): -1.0,
+    ("inertia", "straight"): 2.0,
+    ("inertia", "turn"): 2.0,
+    ("friction.coulomb", "torque"): 1.0,
+    ("friction.viscous", "coefficient"): 2.0,
+    ("friction.quadratic", "coefficient"): 3.0,
+    ("friction.direction_dependent", "asymmetry"): 1.0,
+    ("friction.direction_dependent", "viscous_asymmetry"): 2.0,
+    ("friction.stiction", "torque"): 1.0,
+    ("friction.stiction", "speed"): -1.0,
+    ("friction.presliding", "compliance"): -2.0,
+    ("friction.presliding", "damping"): 2.0,
+    ("friction.presliding", "creep"): -1.0,
+    ("drive.turn_scrub", "torque"): 1.0,
+    ("drive.slope", "along_x"): 1.0,
+    ("drive.slope", "along_y"): 1.0,
+    ("drive.backlash", "angle"): -1.0,
+}
+"""Along which K_E of both motors changes."""
 LINES: tuple[Line, ...] = (
-    {
-        ("motor.back_emf_constant", "factor"): 1.0,
-        ("drive.track_width", "factor"): -1.0,
-        ("inertia", "straight"): 2.0,
-        ("inertia", "turn"): 2.0,
-        ("friction.coulomb", "torque"): 1.0,
-        ("friction.viscous", "coefficient"): 2.0,
-        ("friction.quadratic", "coefficient"): 3.0,
-        ("friction.direction_dependent", "asymmetry"): 1.0,
-        ("friction.direction_dependent", "viscous_asymmetry"): 2.0,
-        ("friction.stiction", "torque"): 1.0,
-        ("friction.stiction", "speed"): -1.0,
-        ("friction.presliding", "compliance"): -2.0,
-        ("friction.presliding", "damping"): 2.0,
-        ("friction.presliding", "creep"): -1.0,
-        ("drive.turn_scrub", "torque"): 1.0,
-        ("drive.slope", "along_x"): 1.0,
-        ("drive.slope", "along_y"): 1.0,
-        ("drive.backlash", "angle"): -1.0,
-    },
+    BACK_EMF,
     {
         ("motor.armature_resistance", "factor"): 1.0,
         ("battery.internal_resistance", "resistance"): 1.0,
