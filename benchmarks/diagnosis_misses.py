@@ -38,18 +38,18 @@ from diagnosis_cases import Case, drawn
 from diagnosis_table import exactly, found_of, relevant_of
 from diagnosis_trial import shown, true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import fit_afresh, fit_point
-from raccoon.diagnose.fitted import Fit
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.fit.fits import fit_afresh, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import problem_of
-from raccoon.diagnose.hypotheses import Cause, Coordinate, Settings
-from raccoon.diagnose.log import log_from_columns
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search, estimated, lead, look_around, start_search
 from raccoon.diagnose.select.rivals import BETTER, net_lead
 from raccoon.diagnose.select.search import whole
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.unknown.probes import probes_for
 
 if TYPE_CHECKING:
     from blind.generator import Blind

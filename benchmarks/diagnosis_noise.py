@@ -20,15 +20,15 @@ import diagnosis_cases  # noqa: F401  puts tests/blind on the path
 from blind.generator import make
 from diagnosis_trial import true_coordinate, true_settings
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.gain import held_out
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.findings.gain import held_out
 from raccoon.diagnose.habits.controller import problem_of
-from raccoon.diagnose.hypotheses import Settings
-from raccoon.diagnose.log import log_from_columns
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate
 from raccoon.diagnose.select.outlook import Search, best_probe, estimated, lead, start_search
 from raccoon.diagnose.select.refits import refit_candidates
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.unknown.probes import probes_for
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()

@@ -19,7 +19,7 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fleet import common_causes
-from raccoon.diagnose.recordings.geometry import diagnose_geometry
+from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.html import save_html
 from raccoon.diagnose.reports.html_fleet import save_fleet_html

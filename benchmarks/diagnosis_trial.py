@@ -21,15 +21,15 @@ from blind.plant import BRISTLE, BRISTLE_DAMPING, COASTING_RATE, NEUTRAL
 from diagnosis_cases import ROWS, TWINS, Case, hidden_of, recording
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.experiment import advise
-from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
-from raccoon.diagnose.log import Log, log_from_columns
-from raccoon.diagnose.manoeuvres import manoeuvre
-from raccoon.diagnose.noise import EVENT
-from raccoon.diagnose.open_numbers import INSIDE, base_coordinates
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.experiment.advice import advise
+from raccoon.diagnose.experiment.manoeuvres import manoeuvre
+from raccoon.diagnose.fit.noise import EVENT
+from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Coordinate, Settings, neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import INSIDE, base_coordinates
 from raccoon.diagnose.result import Diagnosis
-from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands
 from raccoon.sim.effects import effect

@@ -8,18 +8,18 @@ import pytest
 from blind.generator import make
 from blind.hidden import Hidden, draw, draw_unknown
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.candidates import drive_causes
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.experiment.manoeuvres import manoeuvre
+from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.habits.controller import problem_of
-from raccoon.diagnose.log import log_from_columns
-from raccoon.diagnose.manoeuvres import manoeuvre
+from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.select.outlook import best_probe, estimated, look_around, start_search
 from raccoon.diagnose.select.replacements import rearranged
 from raccoon.diagnose.select.search import PROBE_GATE, _with_unknown
-from raccoon.diagnose.shapes import shapes_of
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.shapes import shapes_of
 
 
 @pytest.mark.parametrize("cause", ["drive.backlash", "actuation.latency"])

@@ -120,7 +120,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     cannot be read."""
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import RaccoonError
-    from raccoon.diagnose.recordings.geometry import diagnose_geometry
+    from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
     from raccoon.trace.loading import load_run
 

@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.numbers import check_seed
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
-    from raccoon.diagnose.manoeuvres import CHECKUP
+    from raccoon.diagnose.experiment.manoeuvres import CHECKUP
     from raccoon.trace.loading import recording_file
 
     check_seed(args.seed)
@@ -88,8 +88,8 @@ def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     """What a manoeuvre needs and, before it is driven, what it would show."""
     from raccoon.cli.slow import check_compiled
     from raccoon.core.errors import ConfigError
-    from raccoon.diagnose.experiment import Plan, reach_of
-    from raccoon.diagnose.manoeuvres import RATE, manoeuvre
+    from raccoon.diagnose.experiment.advice import Plan, reach_of
+    from raccoon.diagnose.experiment.manoeuvres import RATE, manoeuvre
 
     duty = manoeuvre(name)
     reach = reach_of(robot, duty)
@@ -114,7 +114,7 @@ def _look_at(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
 def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
     from raccoon.cli.slow import check_compiled
     from raccoon.core.errors import ConfigError
-    from raccoon.diagnose.experiment import DECIDES, advise
+    from raccoon.diagnose.experiment.advice import DECIDES, advise
 
     check_compiled(
         f"--cause {args.cause}: the best drive for it is found by simulating all of them (with --manoeuvre "
@@ -141,8 +141,8 @@ def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
 def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     from dataclasses import replace
 
-    from raccoon.diagnose.excitation import drive_and_record
-    from raccoon.diagnose.manoeuvres import manoeuvre
+    from raccoon.diagnose.experiment.excitation import drive_and_record
+    from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 
     port = None
     if args.simulate:

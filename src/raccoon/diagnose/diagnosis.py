@@ -10,24 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.bent import bent_notes
-from raccoon.diagnose.bursts import DEPENDS_ON, bursting
-from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.extend import extended
-from raccoon.diagnose.firmware import Firmware
-from raccoon.diagnose.fit_scan import play_of
-from raccoon.diagnose.gain import HeldOut
+from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
+from raccoon.diagnose.drives.order import check_order
+from raccoon.diagnose.drives.quality import check_units, moves
+from raccoon.diagnose.findings.bent import bent_notes
+from raccoon.diagnose.findings.extend import extended
+from raccoon.diagnose.findings.gain import HeldOut
+from raccoon.diagnose.findings.known_together import unmeasured_note
+from raccoon.diagnose.findings.naming import named_causes, rejections, suggestions
+from raccoon.diagnose.findings.proving import proven
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.fit.noise import whiteness
+from raccoon.diagnose.fit.scan import play_of
 from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.searching import searched
-from raccoon.diagnose.hypotheses import Cause
-from raccoon.diagnose.known_together import unmeasured_note
-from raccoon.diagnose.log import WHEELS, Log, log_from_columns
-from raccoon.diagnose.naming import named_causes, rejections, suggestions
-from raccoon.diagnose.noise import whiteness
-from raccoon.diagnose.order import check_order
-from raccoon.diagnose.proving import proven
-from raccoon.diagnose.quality import check_units, moves
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import (
     LARGE_REST,
     ChannelResult,
@@ -37,12 +36,13 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.diagnose.rollout.silence import asked_for
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.shapes import shapes_of
-from raccoon.diagnose.silence import asked_for
-from raccoon.diagnose.spread import Spread
-from raccoon.diagnose.unknown import PREFIX
+from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
+from raccoon.diagnose.unknown.probes import PREFIX
+from raccoon.diagnose.unknown.shapes import shapes_of
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
-from raccoon.diagnose.log import ROLES
+from raccoon.diagnose.drives.log import ROLES
 from raccoon.robot.opening import no_robot_opened
 from raccoon.sim.effects import Effect
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.files import write_atomically
-from raccoon.diagnose.hypotheses import cause_name
+from raccoon.diagnose.hypotheses.coordinates import cause_name
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import pytest
 
 from csv_files import written
 from raccoon.cli.main import main
-from raccoon.diagnose.manoeuvres import MANOEUVRES, manoeuvre
+from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, manoeuvre
 from unit.diagnose.axes import motor
 
 INSTALL = "pip install '.[sim]'"

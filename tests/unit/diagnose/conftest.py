@@ -7,13 +7,13 @@ import pytest
 
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.experiment import planned_log
-from raccoon.diagnose.features import Features
-from raccoon.diagnose.hypotheses import Cause, neutral_settings
-from raccoon.diagnose.open_numbers import base_coordinates
-from raccoon.diagnose.problem import Problem
-from raccoon.diagnose.rollout import Habits, PlantRollout
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.experiment.advice import planned_log
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.sim.chain import Chain
 
 

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.fit import fit_at, fit_point
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.fit.fits import fit_at, fit_point
+from raccoon.diagnose.fit.linear import linearise, tabulate
+from raccoon.diagnose.fit.noise import white_noise
+from raccoon.diagnose.fit.problem import Point, Problem, Whitener
 from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.habits.others import Under, started
-from raccoon.diagnose.linear import linearise, tabulate
-from raccoon.diagnose.log import log_from_columns
-from raccoon.diagnose.noise import white_noise
-from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search, look_around, start_search
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.unknown.probes import probes_for
 
 
 def searched(problem: Problem, truth: Point, named: Point, seed: int = 2) -> Search:

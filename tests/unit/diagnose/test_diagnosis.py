@@ -11,17 +11,17 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose import proving
-from raccoon.diagnose.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.findings import proving
+from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fleet import common_causes, fleet_report
-from raccoon.diagnose.hypotheses import neutral_settings
-from raccoon.diagnose.open_numbers import PRESLIDING, base_coordinates
+from raccoon.diagnose.hypotheses.candidates import NO_CAUSE, drive_causes
+from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import PRESLIDING, base_coordinates
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
-from raccoon.diagnose.rollout import parameters_of
-from raccoon.diagnose.spread import Spread
+from raccoon.diagnose.rollout.variants import parameters_of
 from raccoon.sim import effects
 from raccoon.sim.chain import Chain
 from raccoon.sim.commands import Commands

@@ -11,7 +11,7 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
-from raccoon.diagnose.quality import strange_units
+from raccoon.diagnose.drives.quality import strange_units
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run

@@ -14,17 +14,17 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
-from raccoon.diagnose.features import BIN, Features
-from raccoon.diagnose.firmware import Firmware
+from raccoon.diagnose.drives.features import BIN, Features
+from raccoon.diagnose.drives.log import BEMF, WHEELS, Log
+from raccoon.diagnose.drives.quality import brakes
+from raccoon.diagnose.fit.problem import Creep, Point, Problem
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
-from raccoon.diagnose.hypotheses import Cause, Settings, neutral_settings
-from raccoon.diagnose.log import BEMF, WHEELS, Log
-from raccoon.diagnose.open_numbers import Wheels, base_coordinates
-from raccoon.diagnose.problem import Creep, Point, Problem
-from raccoon.diagnose.quality import brakes
-from raccoon.diagnose.rollout import Habits, PlantRollout
-from raccoon.diagnose.silence import told
+from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
+from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.diagnose.rollout.silence import told
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import Parameters
 

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import fit_point
+from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, USUAL_CHAINS, with_battery
 from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
-from raccoon.diagnose.open_numbers import LOW_PASS
-from raccoon.diagnose.problem import Point, Problem
-from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around
@@ -22,7 +22,7 @@ from raccoon.diagnose.select.refits import SMOOTHS, lag_as
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import gone_on, whole
 from raccoon.diagnose.select.sets import apart
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.watch import tell
 from raccoon.sim.chain import Chain
 from raccoon.sim.parameters import SIDES

@@ -11,13 +11,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import fit_many, fit_point
-from raccoon.diagnose.hypotheses import added, multiplied
-from raccoon.diagnose.log import WHEELS
-from raccoon.diagnose.noise import white_noise
-from raccoon.diagnose.open_numbers import INSIDE, Wheels, base_coordinates
-from raccoon.diagnose.problem import Point, Problem, Whitener, carried, carried_rows
-from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.drives.log import WHEELS
+from raccoon.diagnose.fit.fits import fit_many, fit_point
+from raccoon.diagnose.fit.noise import white_noise
+from raccoon.diagnose.fit.problem import Point, Problem, Whitener, carried, carried_rows
+from raccoon.diagnose.hypotheses.coordinates import added, multiplied
+from raccoon.diagnose.hypotheses.open_numbers import INSIDE, Wheels, base_coordinates
+from raccoon.diagnose.rollout.variants import Habits
 
 Array = NDArray[np.float64]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.log import WHEELS, Log
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.drives.log import WHEELS, Log
+from raccoon.diagnose.fit.problem import Point, Problem
 
 Array = NDArray[np.float64]
 

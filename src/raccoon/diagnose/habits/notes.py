@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.diagnose.firmware import Firmware
+from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.habits.controller import SLOW_BATTERY
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.result import CauseResult
-from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.refits import SMOOTHS
-from raccoon.diagnose.spread import Spread
 
 PAST = (
     "each row's command is taken for what was in force until then, not from then on, as the readings answer"

@@ -12,18 +12,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import fit_at, fit_many, fit_point
-from raccoon.diagnose.fitted import Fit
+from raccoon.diagnose.fit.fits import fit_at, fit_many, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
 from raccoon.diagnose.habits.controller import CHAINS, SLOW_BATTERY, battery_off, with_battery
-from raccoon.diagnose.open_numbers import Wheels
-from raccoon.diagnose.problem import Point, Problem, carried, carried_rows
-from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.hypotheses.open_numbers import Wheels
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, start_search
 from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, gone_on, whole
-from raccoon.diagnose.unknown import probes_for
+from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.watch import tell
 
 Array = NDArray[np.float64]

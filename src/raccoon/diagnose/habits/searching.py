@@ -13,7 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.firmware import Firmware
+from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.habits.controller import (
     controller_of,
     drive_problem,
@@ -46,11 +47,10 @@ from raccoon.diagnose.habits.others import (
     with_a_slow_battery,
     without,
 )
-from raccoon.diagnose.hypotheses import FORMS, Cause
-from raccoon.diagnose.log import Log
-from raccoon.diagnose.open_numbers import LOW_PASS
-from raccoon.diagnose.quality import swing
-from raccoon.diagnose.rollout import Habits
+from raccoon.diagnose.hypotheses.coordinates import FORMS, Cause
+from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
+from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import SCALE, lag_as
 from raccoon.diagnose.select.search import begun, gone_on, whole

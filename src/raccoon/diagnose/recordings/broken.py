@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.log import ROLES
+from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.recordings.partial import absence
-from raccoon.diagnose.recordings.reference_faults import reference_faults
+from raccoon.diagnose.recordings.reference.faults import reference_faults
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from raccoon.core.config import BemfModel, RobotConfig
 from raccoon.core.readings import Device
-from raccoon.diagnose.firmware import firmware_of
+from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.model.bemf import counter_lag
 
 LAG_STD = 0.003

@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.diagnose.candidates import drive_causes, own_cause
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.diagnose.extend import with_causes
-from raccoon.diagnose.firmware import firmware_of
-from raccoon.diagnose.log import check_time
-from raccoon.diagnose.open_numbers import with_usual_stds
+from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.findings.extend import with_causes
+from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
+from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
-from raccoon.diagnose.recordings.geometry import diagnose_geometry
+from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
 from raccoon.diagnose.recordings.outranked import outranked
 from raccoon.diagnose.recordings.partial import (
@@ -31,12 +30,13 @@ from raccoon.diagnose.recordings.partial import (
     with_columns_named,
     without_battery,
 )
-from raccoon.diagnose.recordings.reference_start import start_of
+from raccoon.diagnose.recordings.reference.start import start_of
+from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.repeated import without_repeated
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
-from raccoon.diagnose.recordings.tophats import diagnose_tophats, tophat_ports
-from raccoon.diagnose.recordings.truth import with_reference
+from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
+from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.sim.parameters import Parameters
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.axis import Place, diagnose_axis
-from raccoon.diagnose.recordings.axis_log import EFFORTS, MOTIONS
+from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
+from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import BatteryModel, Measured, RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.candidates import drive_causes
-from raccoon.diagnose.hypotheses import Cause
-from raccoon.diagnose.log import ROLES
+from raccoon.diagnose.drives.log import ROLES
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.readings import ReadingFaults, reading_faults
+from raccoon.diagnose.recordings.readings import ReadingFaults, reading_faults
 from raccoon.diagnose.reports.wording import MANOEUVRES
 from raccoon.diagnose.result import (
     Curve,

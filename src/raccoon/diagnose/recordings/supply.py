@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.axis_log import held_back
+from raccoon.diagnose.recordings.axis.log import held_back
 from raccoon.diagnose.result import CauseResult, ChannelResult, Gain, ParameterResult, Rejected
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection
 from functools import cache
 
-from raccoon.diagnose.hypotheses import by_name
+from raccoon.diagnose.hypotheses.coordinates import by_name
 
 EVIDENCE_GATE = 8.0
 LONE_GATE = 6.0

@@ -14,10 +14,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.fit import fit_afresh, fit_at, fit_many, fit_point
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.fits import fit_afresh, fit_at, fit_many, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.diagnose.fit import fit_many
-from raccoon.diagnose.fit_scan import fit_scanned
-from raccoon.diagnose.fitted import Fit
+from raccoon.diagnose.fit.fits import fit_many
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.scan import fit_scanned
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.outlook import Rival, Search, lead, look_around
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from raccoon.diagnose.fit import fit_point
-from raccoon.diagnose.fit_scan import play_of
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.problem import Point
+from raccoon.diagnose.fit.scan import play_of
 from raccoon.diagnose.select.moves import settled_fit
 from raccoon.diagnose.select.outlook import Search, lead
 from raccoon.diagnose.select.search import required_evidence

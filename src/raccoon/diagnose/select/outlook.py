@@ -8,13 +8,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.evidence import Gram, foreseen, parts_of
-from raccoon.diagnose.fit import fit_at, fit_point
-from raccoon.diagnose.fit_scan import fit_scanned
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.linear import Group, Linear, Table, linearise, slow_friction, tabulate
-from raccoon.diagnose.problem import Point, Problem, Whitener
-from raccoon.diagnose.whitening import FLOOR_SHARES, wandering, whitener_for
+from raccoon.diagnose.fit.evidence import Gram, foreseen, parts_of
+from raccoon.diagnose.fit.fits import fit_at, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.linear import Group, Linear, Table, linearise, slow_friction, tabulate
+from raccoon.diagnose.fit.problem import Point, Problem, Whitener
+from raccoon.diagnose.fit.scan import fit_scanned
+from raccoon.diagnose.fit.whitening import FLOOR_SHARES, wandering, whitener_for
 
 Array = NDArray[np.float64]
 

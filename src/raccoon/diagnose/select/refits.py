@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import fit_afresh, fit_many
-from raccoon.diagnose.fit_scan import STAIRS, places_of_play
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.linear import Group
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.fit.fits import fit_afresh, fit_many
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.scan import STAIRS, places_of_play
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Screened, Search, lead, screen
 from raccoon.diagnose.select.sets import apart

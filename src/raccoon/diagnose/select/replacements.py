@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from raccoon.diagnose.fit import fit_many, fit_point
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.fit.fits import fit_many, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit

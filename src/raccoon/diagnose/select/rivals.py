@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import cost_with_last_held, fit_afresh, fit_many, fit_point
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.linear import Group
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.fit.fits import cost_with_last_held, fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, MANY, gates, rarity
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags

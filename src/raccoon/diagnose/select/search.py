@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from raccoon.diagnose.fit import fit_many, fit_point
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.problem import Point
+from raccoon.diagnose.fit.fits import fit_many, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import MANY, gate
 from raccoon.diagnose.select.moves import (
     BETTER_TOGETHER,

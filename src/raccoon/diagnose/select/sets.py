@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.evidence import Gram
-from raccoon.diagnose.linear import Group
+from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.linear import Group
 from raccoon.diagnose.select.gates import gates
 from raccoon.diagnose.select.outlook import Search
 

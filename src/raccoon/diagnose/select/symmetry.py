@@ -21,10 +21,10 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit import fit_afresh
-from raccoon.diagnose.fitted import Fit
-from raccoon.diagnose.hypotheses import Cause, Coordinate, cause_name
-from raccoon.diagnose.problem import Point, Problem
+from raccoon.diagnose.fit.fits import fit_afresh
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, cause_name
 from raccoon.diagnose.select.gates import gates
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.sets import apart

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from raccoon.diagnose.candidates import HIGHEST_LIMIT
-from raccoon.diagnose.hypotheses import WIDTH_FACTOR
+from raccoon.diagnose.hypotheses.candidates import HIGHEST_LIMIT
+from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
 from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects import Parameter
 

@@ -1,0 +1,1 @@
+"""A recorded drive: its rows and channels, and whether they are a drive at all."""

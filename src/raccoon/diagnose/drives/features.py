@@ -1,0 +1,131 @@
+"""Averages over short bins: what of a recording is compared, and the same of a simulation.
+
+Measured and simulated samples pass the same linear map, so what the map loses is lost on both sides. Where
+commands swing (`quality.swing`) a bin is a whole swing: commands answer what disturbs the robot sooner than
+the wheels' filtered readings show it, and within a swing that looks like other wheels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from raccoon.diagnose.drives.log import Channel, Log
+from raccoon.diagnose.drives.whole_counts import uncut
+
+Array = NDArray[np.float64]
+
+BIN = 0.02
+EVENT_SECONDS = 0.5
+SETTLING = 0.3
+
+
+def half_second(width: float) -> int:
+    """How many bins of that width, s, are half a second, 1 or more."""
+    return max(round(EVENT_SECONDS / width), 1)
+
+
+def _bins(channel: Channel, position: NDArray[np.intp], count: int) -> csr_array:
+    """The map of one channel, (bins, samples): means of the samples in each bin, lines over empty ones."""
+    samples = np.flatnonzero(np.isfinite(channel.values) & (position >= 0) & (position < count))
+    filled, row, sizes = np.unique(position[samples], return_inverse=True, return_counts=True)
+    shape = len(filled), len(channel.values)
+    means = csr_array((1.0 / sizes[row], (row, samples)), shape=shape)
+    grid = np.arange(count)
+    after = np.clip(np.searchsorted(filled, grid), 0, len(filled) - 1)
+    before = np.clip(np.where(filled[after] == grid, after, after - 1), 0, len(filled) - 1)
+    width = np.maximum(filled[after] - filled[before], 1)
+    share = np.clip((grid - filled[before]) / width, 0.0, 1.0)
+    weights = np.concatenate([1.0 - share, share])
+    bridges = csr_array((weights, (np.tile(grid, 2), np.concatenate([before, after]))), (count, len(filled)))
+    whole = csr_array(bridges @ means)
+    whole.eliminate_zeros()
+    return whole
+
+
+def _before_cutting(channel: Channel) -> Array:
+    """A channel's samples, 0 where there is none; back-EMF as it was before it was cut off."""
+    values = np.nan_to_num(channel.values)
+    return uncut(values) if channel.role.startswith("bemf") else values
+
+
+def _within(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
+    """Which times, s, are nearer than reach to what the log has lost."""
+    lost = np.zeros(len(time), bool)
+    for start, end in log.lost:
+        lost |= (time > start - reach) & (time < end + reach)
+    return lost
+
+
+def _known(log: Log) -> tuple[Channel, ...]:
+    """The channels without readings of what is lost: a line from the last one before a gap must not end at
+    one of a robot that has not settled yet."""
+    if not log.lost:
+        return log.channels
+    lost = _within(log, log.time, 0.0)
+    return tuple(replace(each, values=np.where(lost, np.nan, each.values)) for each in log.channels)
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres. width: s
+    of a bin."""
+
+    roles: tuple[str, ...]
+    floors: Array
+    time: Array
+    measured: Array
+    maps: tuple[csr_array, ...]
+    width: float
+
+    @classmethod
+    def of(cls, log: Log, width: float = BIN) -> Features:
+        """Bins of that width, s, from the settling of the unknown start state to the end, less what is
+        lost."""
+        start = log.time[0] + SETTLING
+        count = max(int((log.time[-1] - start) / width), 1)
+        position = np.floor((log.time - start) / width).astype(np.intp)
+        time = start + width * (np.arange(count) + 0.5)
+        maps = tuple(_bins(each, position, count) for each in _known(log))
+        if log.lost:
+            kept = np.flatnonzero(~_within(log, time, width / 2))
+            time, maps = time[kept], tuple(csr_array(each[kept]) for each in maps)
+        measured = np.column_stack(
+            [bins @ _before_cutting(each) for bins, each in zip(maps, log.channels, strict=True)]
+        )
+        return cls(
+            tuple(each.role for each in log.channels),
+            np.array([each.floor for each in log.channels]),
+            time,
+            measured,
+            maps,
+            width,
+        )
+
+    @classmethod
+    def kept(cls, log: Log, width: float) -> Features:
+        """The same, made once while the log lives: a diagnosis asks under each of a controller's habits."""
+        made = _MADE.setdefault(log, {})
+        if width not in made:
+            made[width] = cls.of(log, width)
+        return made[width]
+
+    @property
+    def event(self) -> int:
+        """Bins of half a second."""
+        return half_second(self.width)
+
+    def simulated(self, channels: Array) -> Array:
+        """Simulated samples (lanes, channels, samples) to bins (lanes, bins, channels)."""
+        binned = np.empty((len(channels), len(self.time), len(self.maps)))
+        for index, bins in enumerate(self.maps):
+            binned[..., index] = (bins @ channels[:, index].T).T
+        return binned
+
+
+_MADE: WeakKeyDictionary[Log, dict[float, Features]] = WeakKeyDictionary()
+"""By log and width; they hold nothing of the log, so they go with it."""

@@ -1,0 +1,243 @@
+"""A drive as the diagnosis sees it: time, what was commanded, what was measured; left before right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.sections import CYCLE_RATE
+from raccoon.diagnose.drives.sample_clock import SampleClock
+from raccoon.trace.recording import mistaken_step, usual_step
+
+Array = NDArray[np.float64]
+
+SHORTEST_SECONDS = 2.0
+SLOWEST_STEP = 0.2
+"""S between samples; a wheel settles in less."""
+SLOWEST_ROW = 0.0125
+"""S between rows of a controller that runs faster. A command changes somewhere within a row: of a clean drive
+at 200 Hz every second row is diagnosed as all are, every third makes an inertia 17 % too small of it."""
+OWN_RATE = 1.25
+"""Of the controller's cycle: how long rows may be that are one cycle each."""
+GAP = 0.1
+"""S between rows from which nobody knows what was commanded; what shorter losses hide is found out
+(`habits/lost.py`)."""
+SETTLED = 0.3
+"""S of driving in which a robot forgets the speeds that it had."""
+STOPPED = 1.0
+"""S in which a robot that is not driven has come to rest."""
+GAPS_SAID = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One sensor's samples. name: the recording's column. role: what the model calls it. values: NaN where
+    nothing is new. floor: the smallest noise that is believed (its quantisation)."""
+
+    name: str
+    role: str
+    unit: str
+    values: Array
+    floor: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
+class Log:
+    """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
+
+    lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
+    there. Nothing is compared in them. clocks: of the samples of the left and the right wheel, where they are
+    known; the wheels' readings are then as if each were half a cycle old, and commands wait for them.
+    """
+
+    time: Array
+    duty: Array
+    channels: tuple[Channel, ...]
+    missing: tuple[str, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+    lost: tuple[tuple[float, float], ...] = ()
+    clocks: tuple[SampleClock | None, SampleClock | None] = (None, None)
+
+    @property
+    def seconds(self) -> float:
+        """Length in s."""
+        return float(self.time[-1] - self.time[0])
+
+    def channel(self, role: str) -> Channel | None:
+        """The channel with that role, or None."""
+        return next((each for each in self.channels if each.role == role), None)
+
+    def wheel(self, side: str) -> Channel | None:
+        """What measures the wheel of a side: its back-EMF, an encoder where there is none, or None."""
+        return self.channel(f"bemf_{side}") or self.channel(f"speed_{side}")
+
+    def between(self, start: float, end: float) -> Log:
+        """The part with start <= time < end."""
+        keep = (self.time >= start) & (self.time < end)
+        parts = tuple(
+            Channel(each.name, each.role, each.unit, each.values[keep], each.floor) for each in self.channels
+        )
+        return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts)
+
+    def longest_part(self) -> Log:
+        """The longest part without a gap, all of it where there is none."""
+        after = np.searchsorted(self.time, [start for start, _ in self.lost], side="right")
+        edges = [0, *(int(each) for each in after), len(self.time)]
+        parts = [(self.time[end - 1] - self.time[start], start, end) for start, end in pairwise(edges)]
+        _, start, end = max(parts, key=lambda each: each[0])
+        part = self.between(float(self.time[start]), float(np.nextafter(self.time[end - 1], np.inf)))
+        return replace(part, lost=())
+
+
+ROLES = {
+    "bemf_left": ("motor.{left}.bemf", "counts", 1.0),
+    "bemf_right": ("motor.{right}.bemf", "counts", 1.0),
+    "speed_left": ("motor.{left}.speed", "rad/s", 0.01),
+    "speed_right": ("motor.{right}.speed", "rad/s", 0.01),
+    "gyro": ("imu.gyro.z", "rad/s", 0.001),
+    "battery": ("battery.voltage", "V", 0.004),
+}
+"""What the model can predict: column, unit, smallest believable noise."""
+BEMF = ("bemf_left", "bemf_right")
+WHEELS = (*BEMF, "speed_left", "speed_right")
+
+
+def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
+    """Arrange the columns of a recording (names of the CSV format) for this robot.
+
+    Raises TraceError for a recording without time or commands, with time that does not advance, with rows too
+    far apart, or too short.
+    """
+    time = _time(columns)
+    _check_rows(time, robot.controller.rate_hz)
+    log = arranged(columns, robot)
+    lost, notes = _lost(time, log.duty)
+    return replace(log, notes=notes, lost=lost)
+
+
+def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
+    """The same without a look at the time, of which nothing is lost: for whoever compares sizes alone.
+
+    Raises TraceError for a recording without commands.
+    """
+    ports = {"left": robot.drive.left, "right": robot.drive.right}
+    signs = {side: -1.0 if robot.motor(port).inverted else 1.0 for side, port in ports.items()}
+    duty = np.column_stack([signs[side] * _command(columns, port) for side, port in ports.items()])
+    channels, missing = [], []
+    for role, (pattern, unit, floor) in ROLES.items():
+        name = pattern.format(**ports)
+        values = columns.get(name)
+        if values is None or np.isfinite(values).sum() < 20:
+            missing.append(name)
+            continue
+        sign = signs[role.rpartition("_")[2]] if role in WHEELS else 1.0
+        channels.append(Channel(name, role, unit, sign * np.asarray(values, float), floor))
+    return Log(np.asarray(columns["t"], float), duty, tuple(channels), tuple(missing))
+
+
+def _time(columns: Mapping[str, Array]) -> Array:
+    if "t" not in columns or len(columns["t"]) == 0:
+        raise TraceError("the recording is empty: it has no samples with a time t")
+    time = np.asarray(columns["t"], float)
+    check_time(time)
+    if len(time) < 50 or time[-1] - time[0] < SHORTEST_SECONDS:
+        raise TraceError(
+            f"the recording has {len(time)} samples over {_rounded_down(time[-1] - time[0]):g} s: "
+            f"a diagnosis needs at least 50 over {SHORTEST_SECONDS:g} s"
+        )
+    return time
+
+
+def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
+    """Raise TraceError where a time is no number, does not advance, or by more than `slowest` s a sample."""
+    if not np.isfinite(time).all():
+        raise TraceError(
+            f"t is not a number in {int((~np.isfinite(time)).sum())} samples: repair the recording"
+        )
+    steps = np.diff(time)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 1
+        raise TraceError(
+            f"t goes from {time[row - 1]:.6g} s to {time[row]:.6g} s at row {row}: it must advance"
+        )
+    step = usual_step(time)
+    if step > slowest:
+        told = mistaken_step(step) or f"t advances by {step:.3g} s a sample"
+        raise TraceError(f"{told}; at most {slowest:g} s are allowed")
+
+
+def _rounded_down(seconds: float) -> float:
+    """To ms. What is short by one of them must not read as if it were long enough."""
+    return math.floor(1000.0 * seconds + 1e-6) / 1000.0
+
+
+def _check_rows(time: Array, rate_hz: float) -> None:
+    """Refuse rows in which a command's moment is not known: they name causes that are not there."""
+    row = float(np.median(np.diff(time)))
+    if row <= max(SLOWEST_ROW, OWN_RATE / rate_hz):
+        return
+    own = (
+        f", or say in robot.toml that the controller itself is as slow (controller.rate_hz = {1.0 / row:.3g})"
+    )
+    raise TraceError(
+        f"the recording has a row every {1000.0 * row:.3g} ms, of a controller that runs at {rate_hz:g} Hz: "
+        f"when a command changed within a row is not known, and that looks like another inertia or friction; "
+        f"record at least every {1000.0 * SLOWEST_ROW:g} ms{own if CYCLE_RATE.allows(1.0 / row) else ''}"
+    )
+
+
+def _lost(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tuple[str, ...]]:
+    """What of a recording is not compared because rows are missing, and what is said of it."""
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    ends = np.flatnonzero(steps > max(GAP, 2.0 * OWN_RATE * usual)) + 1
+    if len(ends) == 0:
+        return (), ()
+    lost = tuple((float(time[end - 1] + usual), _settled(time, duty, int(end))) for end in ends)
+    left = float(time[-1] - time[0]) - sum(_apart(lost))
+    gaps = ", ".join(f"{time[end - 1]:.1f} to {time[end]:.1f} s" for end in ends[:GAPS_SAID])
+    more = ", ..." if len(ends) > GAPS_SAID else ""
+    count = "1 gap" if len(ends) == 1 else f"{len(ends)} gaps"
+    told = f"no rows from {gaps}{more}: {count}, {float(steps[ends - 1].sum()):.1f} s in all"
+    if left < SHORTEST_SECONDS:
+        raise TraceError(f"{told}; a diagnosis needs at least {SHORTEST_SECONDS:g} s without gaps")
+    return lost, (f"{told}; what happened there, and until the robot has settled after it, is not judged",)
+
+
+def _settled(time: Array, duty: Array, row: int) -> float:
+    """S at which a robot whose past before that row is not known has forgotten it: wheels that are driven do
+    so soon, those that roll when they stand."""
+    steps = np.diff(time[row:], append=time[-1])
+    driven = np.cumsum(np.where(np.all(duty[row:] != 0.0, axis=1), steps, 0.0))
+    enough = np.flatnonzero(driven >= SETTLED)
+    latest = float(time[row]) + STOPPED
+    return min(latest, float(time[row + enough[0]])) if len(enough) else latest
+
+
+def _apart(lost: Sequence[tuple[float, float]]) -> list[float]:
+    """S of each, where they overlap only once."""
+    found, reached = [], -math.inf
+    for start, end in lost:
+        found.append(max(end - max(start, reached), 0.0))
+        reached = max(reached, end)
+    return found
+
+
+def _command(columns: Mapping[str, Array], port: int) -> Array:
+    name = f"motor.{port}.duty"
+    if name not in columns:
+        held = sorted(each for each in columns if each.endswith(".duty")) or ["no commands at all"]
+        raise TraceError(f"{name} is not in the recording: it holds {', '.join(held)}; is it this robot's?")
+    duty = np.asarray(columns[name], float)
+    known = np.flatnonzero(np.isfinite(duty))
+    if len(known) == 0:
+        raise TraceError(f"{name} holds no numbers")
+    latest = np.maximum.accumulate(np.where(np.isfinite(duty), np.arange(len(duty)), known[0]))
+    return np.asarray(duty[latest], float)

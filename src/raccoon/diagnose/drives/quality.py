@@ -1,0 +1,261 @@
+"""Recordings that would mislead: wrong units, another robot's file, nothing commanded."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import MotorModel, RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.log import Channel, Log, arranged
+from raccoon.diagnose.drives.sizes import check_sizes, slope, steady, turning
+
+Array = NDArray[np.float64]
+
+
+DUTY_UNITS = (
+    (100.0, "percent"),
+    (255.0, "PWM of 8 bits (-255..255)"),
+    (400.0, "a Wombat's PWM (-400..400)"),
+    (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
+)
+"""Up to which size a command may be of which other unit."""
+DEGREES = (0.5 * 180.0 / math.pi, 2.0 * 180.0 / math.pi)
+"""How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
+2."""
+
+
+def strange_units(columns: Mapping[str, Array], robot: RobotConfig) -> str:
+    """What `check_units` says of a recording's columns, also of one too slow or too short for a diagnosis; ""
+    where it finds nothing, or no command to compare with."""
+    commands = [columns.get(f"motor.{port}.duty") for port in (robot.drive.left, robot.drive.right)]
+    if any(each is None or not np.isfinite(each).any() for each in commands):
+        return ""
+    try:
+        check_units(arranged(columns, robot), robot)
+    except TraceError as error:
+        return str(error)
+    return ""
+
+
+def check_units(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where a channel's size or sign shows that it is not what its name promises."""
+    largest = float(np.abs(log.duty).max())
+    if largest > 1.0 + 1e-6:
+        guess = next((unit for most, unit in DUTY_UNITS if largest <= most), "another unit")
+        raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; it looks like {guess}")
+    _check_battery(log)
+    _check_plugs(log)
+    _check_wheels(log, robot)
+    _check_gyro(log, robot)
+    check_sizes(log, robot)
+    _check_ways(log, robot)
+
+
+def _check_battery(log: Log) -> None:
+    battery = log.channel("battery")
+    if battery is None:
+        return
+    middle = float(np.nanmedian(battery.values))
+    if middle > 100.0:
+        guess = "counts" if middle < 2500.0 else "counts or millivolts" if middle < 4096.0 else "millivolts"
+        raise TraceError(f"{battery.name} is around {middle:g} V: it looks like {guess}, not volts")
+    if not 1.0 < middle < 30.0:
+        raise TraceError(f"{battery.name} is around {middle:g} V: allowed are 1 to 30 V")
+
+
+def _check_wheels(log: Log, robot: RobotConfig) -> None:
+    """A wheel must have the sign that its command makes, and back-EMF the size."""
+    voltage = robot.model.battery.open_circuit_voltage.value
+    for index, side in enumerate(("left", "right")):
+        channel = log.wheel(side)
+        if channel is None:
+            continue
+        volts = BEMF_VOLTS_PER_COUNT if channel.unit == "counts" else 1.0
+        factor = slope(steady(log.duty[:, index]) * voltage / volts, channel.values)
+        if factor is None:
+            continue
+        if factor < -0.2:
+            raise TraceError(
+                f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
+                f"does not fit this recording"
+            )
+        if channel.unit == "counts" and 0.0005 < factor < 0.02:
+            raise TraceError(
+                f"{channel.name} is {1.0 / factor:.0f} times too small: it looks like volts, not counts"
+            )
+
+
+def _check_plugs(log: Log) -> None:
+    """Each wheel must follow its own command, not the other one's: two columns of a log that are swapped."""
+    wheels = [log.wheel(side) for side in ("left", "right")]
+    held = np.column_stack([steady(log.duty[:, 0]), steady(log.duty[:, 1])])
+    crossed = []
+    for index, wheel in enumerate(wheels):
+        if wheel is None:
+            return
+        known = np.isfinite(held).all(axis=1) & np.isfinite(wheel.values)
+        duty, reading = held[known], wheel.values[known]
+        if known.sum() < 50 or float(np.ptp(duty, axis=0).min()) == 0.0 or float(np.ptp(reading)) == 0.0:
+            return
+        if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MOST_ALIKE:
+            return
+        own, other = (float(np.corrcoef(duty[:, each], reading)[0, 1]) for each in (index, 1 - index))
+        crossed.append(other > FOLLOWED and own < other - CLEAR_SHARE)
+    if all(crossed):
+        left, right = (each.name for each in wheels if each is not None)
+        raise TraceError(
+            f"{left} follows the command of {right} and the other way round: the columns of the two commands "
+            "are swapped, or those of the readings"
+        )
+
+
+def _check_gyro(log: Log, robot: RobotConfig) -> None:
+    gyro, left, right = (log.channel(each) for each in ("gyro", "bemf_left", "bemf_right"))
+    if gyro is None or left is None or right is None:
+        return
+    model = robot.model
+    per_count = BEMF_VOLTS_PER_COUNT / model.left.back_emf_constant.value
+    expected = (
+        (right.values - left.values)
+        * per_count
+        * model.drive.wheel_radius.value
+        / model.drive.track_width.value
+    )
+    factor = slope(np.where(turning(log.duty), expected, np.nan), gyro.values)
+    if factor is None:
+        return
+    if factor > 20.0:
+        least, most = DEGREES
+        guess = "degrees" if factor <= most else "the sensor's own counts, milliradians or millidegrees"
+        guess += "" if factor >= least else " or the sensor's own counts"
+        raise TraceError(
+            f"{gyro.name} is {factor:.0f} times what the wheels say: it looks like {guess}, not radians"
+        )
+    if factor < -0.2:
+        raise TraceError(
+            f"{gyro.name} turns against the wheels: left and right are swapped, or the gyro's axis "
+            f"points down"
+        )
+
+
+FOLLOWED = 0.8
+"""Correlation of a wheel with the command that it follows, where it is steady."""
+MOST_ALIKE = 0.9
+"""Correlation of the wheels from which nobody can tell which of them turned the robot."""
+CLEAR_SHARE = 0.5
+"""Part of the gyro's power that the wheels must explain, and of a wheel's usual share of it: a wheel of the
+other sign is wrong by twice of that."""
+
+
+def _check_ways(log: Log, robot: RobotConfig) -> None:
+    """One motor that turns the other way, with its reading as well: its own command and reading agree, but
+    what it does to the gyro does not."""
+    gyro = log.channel("gyro")
+    found = [log.wheel(side) for side in ("left", "right")]
+    wheels = [each for each in found if each is not None]
+    if gyro is None or len(wheels) < 2:
+        return
+    model = robot.model
+    per_track = model.drive.wheel_radius.value / model.drive.track_width.value
+    turns = [
+        way * per_track * _speed_factor(each, motor) * each.values
+        for each, motor, way in zip(wheels, (model.left, model.right), (-1.0, 1.0), strict=True)
+    ]
+    both = np.column_stack(turns)
+    known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
+    if known.sum() < 50 or float(np.ptp(both[known], axis=0).min()) == 0.0:
+        return
+    both, rate = both[known], gyro.values[known]
+    if abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > MOST_ALIKE:
+        return
+    shares: Array = np.asarray(np.linalg.lstsq(both, rate, rcond=None)[0], float)
+    left = float(((rate - both @ shares) ** 2).sum()) / max(float(rate @ rate), 1e-300)
+    if left > 1.0 - CLEAR_SHARE or shares.max() < CLEAR_SHARE or shares.min() > -CLEAR_SHARE:
+        return
+    index = int(np.argmin(shares))
+    port = (robot.drive.left, robot.drive.right)[index]
+    raise TraceError(
+        f"{gyro.name} says that motor {port} turns the other way than its command and "
+        f"{wheels[index].name}: check [motor.{port}] inverted in robot.toml, and its plug"
+    )
+
+
+def _speed_factor(wheel: Channel, motor: MotorModel) -> float:
+    """rad/s of a unit of a wheel's reading."""
+    return BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value if wheel.unit == "counts" else 1.0
+
+
+def moves(log: Log) -> bool:
+    """Whether the commands change and the wheels answer: without that nothing can be told."""
+    commanded = float(np.ptp(log.duty, axis=0).max()) > 0.05
+    answers = [
+        float(np.nanstd(each.values)) > 5.0 * each.floor
+        for each in log.channels
+        if each.role.startswith(("bemf", "speed"))
+    ]
+    return commanded and any(answers)
+
+
+BRAKING_SECONDS = 0.1
+
+
+def brakes(log: Log) -> bool:
+    """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
+    ratios = []
+    for index, side in enumerate(("left", "right")):
+        wheel = log.wheel(side)
+        if wheel is not None:
+            ratios.extend(_left_after_release(log.time, log.duty[:, index], np.abs(wheel.values)))
+    return bool(ratios) and float(np.median(ratios)) < 0.4
+
+
+def _left_after_release(time: Array, duty: Array, size: Array) -> list[float]:
+    """Part of the speed that is left 0.1 s after each release of a turning motor."""
+    released = np.flatnonzero((duty[1:] == 0.0) & (duty[:-1] != 0.0)) + 1
+    found = []
+    for row in released:
+        later = int(np.searchsorted(time, time[row] + BRAKING_SECONDS))
+        if later < len(time) and not duty[row:later].any() and size[row] > 0.15 * np.nanmax(size):
+            found.append(float(size[later] / size[row]))
+    return [each for each in found if np.isfinite(each)]
+
+
+SLOWEST_SWING, FASTEST_SWING = 4.0, 15.0
+"""1/s. In slower ones the wheels' readings, 30 ms late, show what commands answer as in any drive."""
+BAND = 1.25
+"""Band of a swing: this factor to either side of its frequency."""
+SWINGS = 0.4
+"""Part of the commands' power that is in such a band, where they swing: 0.6 to 0.8 of robots that were
+steered by bang-bang, 0.18 at most of 250 other drives."""
+LINES, REGULAR = 6, 0.75
+"""So many lines of a spectrum hold so much of the band where a clock has made the swing: a program that
+wiggles on purpose, which says all about a robot."""
+
+
+def swing(log: Log) -> float:
+    """s in which commands swing, where nearly all that they do is that: a line that is followed by bang-bang.
+    0 where they do not."""
+    row = float(np.median(np.diff(log.time)))
+    even = np.arange(log.time[0], log.time[-1], row)
+    duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]
+    frequency = np.fft.rfftfreq(len(even), row)
+    low, high = (np.searchsorted(frequency, each * frequency) for each in (1.0 / BAND, BAND))
+    asked = (frequency >= SLOWEST_SWING) & (frequency <= FASTEST_SWING)
+    for commands in (duty[:, 1] - duty[:, 0], duty.sum(axis=1)):
+        power = np.abs(np.fft.rfft(commands - commands.mean())) ** 2
+        total = np.concatenate([[0.0], np.cumsum(power)])
+        shares = np.where(asked, total[np.minimum(high, len(power))] - total[low], 0.0)
+        if not shares.max() > SWINGS * total[-1]:
+            continue
+        best = int(np.argmax(shares))
+        inside = slice(low[best], high[best])
+        band = power[inside]
+        middle = float(frequency[inside] @ band / band.sum())
+        if middle >= SLOWEST_SWING and np.sort(band)[-LINES:].sum() < REGULAR * band.sum():
+            return 1.0 / middle
+    return 0.0

@@ -1,0 +1,236 @@
+"""When a controller by a clock of its own sampled, told by its position counters.
+
+Rows come every 5 ms, and RaccoonOS has a new sample every 5.5: one row in eleven has none. Such a row lies
+between two samples, so the middle of it is half a cycle from both. A sample that a row shows may be a whole
+cycle old, which moves each answer of a wheel by up to 5 ms to either side; and a command waits for the next
+sample as long. Both are known once the samples' moments are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.whole_counts import uncut
+
+Array = NDArray[np.float64]
+
+SLOW, FEW = 100.0, 1.5
+"""Counts of back-EMF, and ticks a sample where counters show whole ones, from which a row's samples can be
+counted."""
+SAME = 0.2
+"""Part of a reading by which it may change in a row of which the samples are counted."""
+EVEN = 0.2
+"""Part of the usual row by which one may be longer or shorter for the same."""
+FINE = 0.05
+"""Cycles over the whole recording between two rates that are tried."""
+AROUND = 0.4
+"""s, standard deviation of the window in which a clock's phase is found: it may drift."""
+LEAST_ROWS, LEAST_NEAR = 30, 3.0
+"""Rows with another number of samples than usual that make a clock, and those near a moment that tell its
+phase there."""
+FAR = 2.5
+"""Cycles between two samples from which none between them is on a line."""
+CLOSE = 1e-6
+"""Part of a row that is none: sums of what is 0 are not."""
+LEAST_SHARP = 0.8
+"""How closely such rows must gather, as a part of what they would by a perfect clock."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampleClock:
+    """Samples that a controller has ready at phase(t) + k period, for whole k.
+
+    period: s. knots, phases: s, where the phase is known, and it; between them it is a line. waits: how many
+    times a period commands that wait come into force. lead: s from a sample, after which a command comes into
+    force, until it is ready.
+    """
+
+    period: float
+    knots: Array
+    phases: Array
+    waits: int = 1
+    lead: float = 0.0
+
+    def seen(self, time: Array) -> tuple[NDArray[np.intp], Array]:
+        """Number and moment, s, of the latest sample that is ready at each time."""
+        phase = self._phase(time)
+        number = np.floor((time - phase) / self.period)
+        return number.astype(np.intp), phase + number * self.period
+
+    def taken_up(self, time: Array) -> Array:
+        """When commands given at each time come into force, s."""
+        cycle = self.period / self.waits
+        first = self._phase(time) - self.lead
+        moments = first + cycle * np.ceil((time - first) / cycle)
+        return np.asarray(np.maximum.accumulate(moments), float)
+
+    def _phase(self, time: Array) -> Array:
+        return np.interp(time, self.knots, self.phases)
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """How many samples each row has (rows,), and whether that is known of it."""
+
+    samples: Array
+    known: NDArray[np.bool_]
+
+
+def arrivals(time: Array, values: Array) -> Counted:
+    """Of a channel that has a number (rows,) where there is a new sample."""
+    return Counted(np.isfinite(values).astype(float), _even(time))
+
+
+def counted(time: Array, bemf: Array, position: Array, tick: float) -> Counted:
+    """Of a motor whose counter adds up the samples that it shows.
+
+    time: s, of rows. bemf: counts. position: ticks. tick: counts of one sample that move the position by one.
+    """
+    now = np.nan_to_num(np.abs(bemf))
+    before = np.concatenate([now[:1], now[:-1]])
+    gone = tick * np.abs(_moved(position))
+    whole = not np.any(np.nan_to_num(position) % 1.0)
+    least = max(SLOW, FEW * tick) if whole else SLOW
+    known = (np.minimum(now, before) > least) & (np.abs(now - before) < SAME * now)
+    known &= np.isfinite(gone) & _even(time)
+    return Counted(np.rint(np.divide(gone, now, out=np.ones_like(now), where=known)), known)
+
+
+def _moved(position: Array) -> Array:
+    return np.asarray(np.diff(position, prepend=position[:1]), float)
+
+
+def _even(time: Array) -> NDArray[np.bool_]:
+    steps = np.diff(time, prepend=time[0])
+    usual = float(np.median(steps[1:]))
+    return np.asarray(np.abs(steps - usual) < EVEN * usual)
+
+
+def sample_clock(
+    time: Array, rows: Counted, rates: tuple[float, float], waits: int = 1, lead: float = 0.0
+) -> SampleClock | None:
+    """The clock of samples, None where the rows tell none.
+
+    rates: samples a second, at least and at most. waits, lead: see `SampleClock`.
+    """
+    row = float(np.median(np.diff(time)))
+    per_row = row * 0.5 * (rates[0] + rates[1])
+    usual = round(per_row)
+    rare = usual + 1 if per_row > usual else usual - 1
+    unusual = np.flatnonzero(rows.known & (rows.samples == rare))
+    if len(unusual) < LEAST_ROWS:
+        return None
+    middles = 0.5 * (time[unusual] + time[unusual - 1])
+    found = _rate(middles, rates, FINE / float(np.ptp(time)))
+    turns = _turns(middles, found)
+    knots = np.arange(time[0], time[-1] + AROUND, 0.5 * AROUND)
+    weights = np.exp(-0.5 * ((knots[:, None] - middles) / AROUND) ** 2)
+    known = weights.sum(axis=1) >= LEAST_NEAR
+    if not known.any():
+        return None
+    angles = np.unwrap(np.angle(weights[known] @ turns))
+    near = np.exp(1j * np.interp(middles, knots[known], angles))
+    if (turns / near).real.mean() < LEAST_SHARP * np.sinc(abs(row * found - usual)):
+        return None
+    phases = angles / (2.0 * np.pi * found) + (0.0 if rare % 2 else 0.5 / found)
+    return SampleClock(1.0 / found, knots[known], phases, waits, lead)
+
+
+def _rate(moments: Array, rates: tuple[float, float], step: float) -> float:
+    """At which of the rates, 1/s, moments lie most at one phase."""
+    tried = np.arange(*rates, step)
+    turns, further = _turns(moments, rates[0]), _turns(moments, step)
+    agreed = np.empty(len(tried))
+    for index in range(len(tried)):
+        agreed[index] = abs(turns.sum())
+        turns *= further  # a product a moment is a tenth of an exponential
+    return float(tried[int(np.argmax(agreed))])
+
+
+def _turns(moments: Array, rate: float) -> NDArray[np.complex128]:
+    return np.asarray(np.exp(2j * np.pi * rate * moments), np.complex128)
+
+
+def of_one_age(clock: SampleClock, time: Array, values: Array) -> Array:
+    """A channel (rows,) as if each row's sample had been taken half a cycle before; NaN where it is NaN."""
+    moments, rows = _firsts(clock, time, values)
+    even, silent = _between(clock, time, values, moments, values[rows])
+    return np.where(silent, values, even)
+
+
+def wheel_of_one_age(
+    clock: SampleClock,
+    time: Array,
+    bemf: Array,
+    position: Array,
+    tick: float,
+    sums: bool = False,
+    zone: float = 0.0,
+) -> Array:
+    """The same of back-EMF.
+
+    position, tick: see `counted`. sums: whether a row with several samples shows their mean. zone: counts of
+    a dead zone. What stands next to a reading of 0, or would be in the zone, is left as it is. A reading in
+    whole counts gets the half back that was cut off.
+    """
+    bemf = uncut(bemf)
+    moments, rows = _firsts(clock, time, bemf)
+    values = bemf[rows]
+    if sums:
+        each = counted(time, bemf, position, tick)
+        samples = np.where(each.known, each.samples, 1.0)[rows]
+        values = np.where(samples > 1.0, tick * _moved(position)[rows] / np.maximum(samples, 1.0), values)
+        moments = moments - 0.5 * np.maximum(samples - 1.0, 0.0) * clock.period
+    even, silent = _between(clock, time, bemf, moments, values)
+    return np.where(silent | (np.abs(even) <= zone), bemf, even)
+
+
+def _firsts(clock: SampleClock, time: Array, values: Array) -> tuple[Array, NDArray[np.intp]]:
+    """When each sample that a row shows was ready, s, and the first row that does."""
+    number, ready = clock.seen(time)
+    _, rows = np.unique(number, return_index=True)
+    rows = rows[np.isfinite(values[rows])]
+    return ready[rows], rows
+
+
+def _between(
+    clock: SampleClock, time: Array, channel: Array, moments: Array, values: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Lines between samples, half a cycle before each row of the channel, and whether one next to it is 0, or
+    too far away to tell."""
+    if len(moments) < 2:
+        return channel, np.zeros(len(channel), bool)
+    at = time + clock.lead - 0.5 * clock.period
+    after = np.clip(np.searchsorted(moments, at), 1, len(moments) - 1)
+    silent = (values[after] == 0.0) | (values[after - 1] == 0.0)
+    silent |= moments[after] - moments[after - 1] > FAR * clock.period
+    even = np.where(np.isfinite(channel), np.interp(at, moments, values), np.nan)
+    return np.asarray(even, float), np.asarray(silent)
+
+
+def in_force(clock: SampleClock, time: Array, duty: Array, closed: Array) -> tuple[Array, Array]:
+    """duty and closed (rows,) as they are in force from row to row.
+
+    A command that comes into force within a row has the rest of it, so a row has the mean of its commands:
+    duty while the motor is connected, and the part of the time in which it is.
+    """
+    moments = clock.taken_up(time)
+    edges = np.append(moments, moments[-1] + (time[-1] - time[-2]))
+    spans = np.append(time, time[-1] + (time[-1] - time[-2]))
+    powered = _means(edges, duty * closed, spans)
+    connected = np.clip(_means(edges, closed, spans), 0.0, 1.0)
+    connected = np.where(connected < CLOSE, 0.0, np.where(connected > 1.0 - CLOSE, 1.0, connected))
+    mean = np.divide(powered, connected, out=np.zeros_like(powered), where=connected > 0.0)
+    return np.clip(mean, -1.0, 1.0), connected
+
+
+def _means(edges: Array, values: Array, spans: Array) -> Array:
+    """Means, between neighbouring spans (n + 1,), of what is values[i] from edges[i] to edges[i + 1]; before
+    the first edge it is the first value, after the last the last."""
+    total = np.concatenate([[0.0], np.cumsum(values * np.diff(edges))])
+    reached = np.interp(spans, edges, total)
+    reached += np.minimum(spans - edges[0], 0.0) * values[0] + np.maximum(spans - edges[-1], 0.0) * values[-1]
+    return np.asarray(np.diff(reached) / np.diff(spans), float)

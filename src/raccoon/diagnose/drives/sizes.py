@@ -1,0 +1,166 @@
+"""Whether readings can be as large as they are: wheels by their commands and the battery, the gyro by the
+wheels. What is off by more than any robot is has another unit."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import MotorModel, RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.log import Channel, Log
+
+Array = NDArray[np.float64]
+
+SHARE = 0.85
+"""Of its command's voltage that a motor's back-EMF usually has when it turns freely."""
+IMPOSSIBLE = 1.3
+"""The same that no motor has, with the scale of its reading a quarter off: it would drive the battery."""
+FAR = 3.0
+"""Factor by which no robot.toml is wrong: it is a unit, or another robot's."""
+NEAR = 1.4
+"""Factor within which a unit is recognised."""
+FEWEST = 50
+"""Samples from which wheels and gyro are compared."""
+TURNS, STILL = 0.3, 0.1
+"""rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
+it does not turn."""
+DEGREES = 180.0 / math.pi
+SPEEDS: Mapping[str, float] = {
+    "degrees a second": DEGREES,
+    "turns a minute": 60.0 / math.tau,
+    "turns a second": 1.0 / math.tau,
+}
+GYRO_UNITS: Mapping[str, float] = {"turns a second": 1.0 / math.tau, "turns a minute": 60.0 / math.tau}
+"""What degrees and a sensor's own counts look like is said by `quality`."""
+BEMF_UNITS: Mapping[str, float] = {"millivolts": 1000.0 * BEMF_VOLTS_PER_COUNT}
+"""How many times larger than counts."""
+
+
+def check_sizes(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where a reading is larger or smaller than it can be."""
+    shares = {side: _share(log, robot, side) for side in ("left", "right")}
+    _check_supply(log, robot, shares)
+    radius = robot.model.drive.wheel_radius.value
+    for side, share in shares.items():
+        wheel = log.wheel(side)
+        if wheel is None or share is None or wheel.unit == "counts":
+            continue
+        lengths = {"metres a second": radius, "millimetres a second": 1000.0 * radius}
+        _check_factor(wheel.name, share / SHARE, {**SPEEDS, **lengths}, "its command", "rad/s")
+    _check_gyro(log, robot)
+
+
+def _check_gyro(log: Log, robot: RobotConfig) -> None:
+    gyro, expected = log.channel("gyro"), _turn_rate(log, robot)
+    if gyro is None or expected is None:
+        return
+    factor = slope(expected, gyro.values)
+    if factor is not None and factor > 0.0:
+        _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels", "rad/s")
+    both = np.isfinite(expected) & np.isfinite(gyro.values)
+    if both.sum() < FEWEST:
+        return
+    wheels, seen = (float(np.sqrt(np.mean(each[both] ** 2))) for each in (expected, gyro.values))
+    if wheels > TURNS and seen < STILL * wheels:
+        raise TraceError(
+            f"{gyro.name} hardly turns ({seen:.2g} rad/s) while the wheels turn the robot ({wheels:.2g}"
+            " rad/s): is it another axis, or were the wheels off the floor?"
+        )
+
+
+def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | None]) -> None:
+    """Back-EMF that is larger than the voltage which drives the motor: of the battery as it was read where it
+    was, of robot.toml's where not."""
+    battery = log.channel("battery")
+    nominal = robot.model.battery.open_circuit_voltage.value
+    seen = nominal if battery is None else float(np.nanmedian(battery.values))
+    for side, share in shares.items():
+        wheel = log.wheel(side)
+        if wheel is None or share is None or wheel.unit != "counts" or share * nominal / seen <= IMPOSSIBLE:
+            continue
+        if share <= IMPOSSIBLE:
+            cell = (
+                ": it looks like one cell's" if abs(math.log(2.0 * seen / nominal)) < math.log(NEAR) else ""
+            )
+            raise TraceError(
+                f"battery.voltage is around {seen:.3g} V, but {wheel.name} shows that about {nominal:.3g} V "
+                f"drive the motors{cell}"
+            )
+        unit = _unit(share / SHARE, BEMF_UNITS)
+        raise TraceError(
+            f"{wheel.name} is {share * nominal / seen:.2g} times the voltage that drives the motor: none "
+            "reaches that; " + (f"it looks like {unit}, not counts" if unit else "is it in counts?")
+        )
+
+
+def _check_factor(name: str, factor: float, units: Mapping[str, float], than: str, right: str) -> None:
+    if 1.0 / FAR < factor < FAR:
+        return
+    unit = _unit(factor, units)
+    guess = (
+        f"it looks like {unit}, not {right}" if unit else f"is it in {right}, and robot.toml this robot's?"
+    )
+    raise TraceError(f"{name} is {factor:.3g} times what is to be expected of {than}: {guess}")
+
+
+def _unit(factor: float, units: Mapping[str, float]) -> str | None:
+    near = min(units, key=lambda each: abs(math.log(units[each] / factor)))
+    return near if abs(math.log(units[near] / factor)) < math.log(NEAR) else None
+
+
+def _share(log: Log, robot: RobotConfig, side: str) -> float | None:
+    """Back-EMF over the voltage of the command, where that is steady; None where they do not go together."""
+    wheel = log.wheel(side)
+    if wheel is None:
+        return None
+    index, motor = (0, robot.model.left) if side == "left" else (1, robot.model.right)
+    voltage = robot.model.battery.open_circuit_voltage.value
+    return slope(steady(log.duty[:, index]) * voltage, _volts(wheel, motor) * wheel.values)
+
+
+def _volts(wheel: Channel, motor: MotorModel) -> float:
+    """V of back-EMF that a unit of a wheel's reading stands for."""
+    return BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
+
+
+def _turn_rate(log: Log, robot: RobotConfig) -> Array | None:
+    """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
+    left, right = log.wheel("left"), log.wheel("right")
+    if left is None or right is None:
+        return None
+    model = robot.model
+    speeds = [
+        _volts(wheel, motor) / motor.back_emf_constant.value * wheel.values
+        for wheel, motor in ((left, model.left), (right, model.right))
+    ]
+    rate = (speeds[1] - speeds[0]) * model.drive.wheel_radius.value / model.drive.track_width.value
+    return np.where(turning(log.duty), rate, np.nan)
+
+
+def turning(duty: Array) -> NDArray[np.bool_]:
+    """Where the commands turn the robot. On a straight line unequal motors and scales part the wheels."""
+    apart: NDArray[np.bool_] = np.abs(duty[:, 1] - duty[:, 0]) > 0.5 * np.abs(duty).max(axis=1)
+    return apart
+
+
+def steady(duty: Array) -> Array:
+    """NaN where the command changed within the last 40 samples."""
+    changed = np.abs(np.diff(duty, prepend=duty[0])) > 1e-9
+    last = np.maximum.accumulate(np.where(changed, np.arange(len(duty)), 0))
+    return np.where(np.arange(len(duty)) - last >= 40, duty, np.nan)
+
+
+def slope(x: Array, y: Array) -> float | None:
+    """Least-squares slope through 0 where both are known and x says something; None otherwise."""
+    both = np.isfinite(x) & np.isfinite(y)
+    if both.sum() < FEWEST or float(np.ptp(x[both])) == 0.0:
+        return None
+    x, y = x[both], y[both]
+    if float(np.corrcoef(x, y)[0, 1]) ** 2 < 0.3 or not math.isfinite(float(x @ x)):
+        return None
+    return float(x @ y / (x @ x))

@@ -1,0 +1,1 @@
+"""Which drive would decide what a recording leaves open, and driving it."""

@@ -1,0 +1,265 @@
+"""Which safe manoeuvre would show or separate causes best on this robot, and what it would show, before
+driving it.
+
+The evidence that a manoeuvre would give for cause A beside what is refitted and a rival B is, to first order,
+
+    2 (log likelihood with A - without) = || P d_A ||^2
+
+d_A: the whitened change of the recording by a usual deviation; P takes away what base numbers and B absorb
+(T-optimal design after Atkinson and Fedorov 1975, with a linearised rival), and as in the search what a
+wandering floor, its pushes and small deviations of everything else would hide. B is the cause of the
+catalogue that leaves least, or also those that are asked for. Of a slope it is the evidence along that
+direction in which it shows least, of other causes with two numbers that of the first. No half second counts
+for more than it would in the search.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.drives.log import Channel, Log
+from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE
+from raccoon.diagnose.findings.naming import ONE_CLASS
+from raccoon.diagnose.fit.linear import Group, linearise, slow_battery, slow_friction
+from raccoon.diagnose.fit.noise import CHANGING, EVENT, white_noise
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.fit.whitening import faint_parts, regimes_of
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.select.gates import gate
+from raccoon.diagnose.select.outlook import MOST_OF_EVENT
+from raccoon.diagnose.select.visible import VISIBLE, shows_from
+from raccoon.sim.chain import Chain
+from raccoon.sim.effects import all_effects, effect
+
+Array = NDArray[np.float64]
+
+ARROWS = ("drive.slope", "drive.wheel_eccentricity")
+"""Causes whose two numbers are one arrow, of which nobody knows where it points."""
+DECIDES = 30.0
+"""Evidence from which a drive decides."""
+FLOOR_SHARE = 0.04
+"""Of Coulomb friction, by which a floor's friction wanders."""
+PUSH_SHARE = 0.07
+"""Of Coulomb friction, with which floor and gear push a wheel."""
+PUSH_SECONDS = 0.15
+"""How long such a push lasts: several bins then tell one thing, which hides whatever is steady."""
+TYPICAL_NOISE = {"bemf_left": 4.0, "bemf_right": 4.0, "gyro": 0.008, "battery": 0.015}
+"""Standard deviation of a bin beside that, on a robot that drives steadily."""
+CHANGING_NOISE = 2.5
+"""How much larger it is where a wheel speeds up or brakes: no model follows that as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """A manoeuvre and the evidence that it is expected to give.
+
+    reach: m, the farthest from its start. nearest: the rival that leaves least of it; empty where none does.
+    """
+
+    manoeuvre: str
+    evidence: float
+    reach: float
+    seconds: float
+    nearest: str
+
+
+def advise(
+    robot: RobotConfig,
+    cause: str,
+    rivals: Sequence[str] = (),
+    *,
+    within: float = 2.0,
+    seconds: float = 20.0,
+    size: float = 1.0,
+) -> list[Advice]:
+    """Manoeuvres by the evidence they would give for `cause` against `rivals` (names such as id@left).
+
+    within: m, how far from its start the robot may get. seconds: the longest drive. size: of the deviation
+    that is looked for, in usual ones. Raises ConfigError for a cause that is unknown, that no drive shows or
+    that is its own rival.
+    """
+    known = {each.name for each in drive_causes()}
+    for name in (cause, *rivals):
+        if name not in known:
+            raise ConfigError(f"cause {name!r}: {_why_not(name, known)}")
+    if cause in rivals:
+        raise ConfigError(f"rival {cause!r}: it is the cause itself; name another one")
+    found = []
+    for name, make in MANOEUVRES.items():
+        duty = make()
+        lasts = len(duty) / RATE
+        if lasts > seconds or not duty.any():  # no diagnosis is made of a still robot
+            continue
+        reach = reach_of(robot, duty)
+        if reach <= within:
+            evidence, nearest = Plan.of(robot, duty).evidence(cause, rivals, size)
+            found.append(Advice(name, evidence, reach, lasts, nearest))
+    return sorted(found, key=lambda each: -each.evidence)
+
+
+def _why_not(name: str, known: Collection[str]) -> str:
+    """Why no drive is planned for a name, which may be one of the catalogue all the same."""
+    id_, _, where = name.partition("@")
+    catalogue = {each.id for each in all_effects()}
+    if id_.startswith("tophat.") and id_ in catalogue:
+        return "no drive shows it; hold the tophats over black and over white while recording"
+    if where and id_ in known and f"{id_}@left" not in known:
+        return f"it belongs to the whole robot and has no side; name {id_}"
+    if f"{id_}@left" in known:
+        sides = f"{id_}@left or {id_}@right"
+        return f"it has a side; name {id_ + ', ' if id_ in known else ''}{sides}"
+    if id_ in catalogue:
+        return "no drive that is known shows it"
+    return "there is none of that name; see raccoon effects"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A drive before it is driven: what every cause would change in it, in units of the usual noise.
+
+    columns: of each cause, whitened. Whitened directions in which a recording changes anyway: own, of base
+    numbers; restless, of a floor that wanders, of its pushes and of a battery that creeps.
+    """
+
+    columns: tuple[tuple[Group, Array], ...]
+    own: Array
+    restless: Array
+
+    @classmethod
+    def of(cls, robot: RobotConfig, duty: Array) -> Plan:
+        """The plan of a drive: duty (n, 2) at 200 Hz."""
+        every = {each.name: each for each in drive_causes()}
+        problem = _planned(robot, duty, every)
+        linear = linearise(problem, problem.nominal(), list(every))
+        white = _whitening(problem)
+        floor = FLOOR_SHARE * white(slow_friction(problem, linear))
+        pushes = PUSH_SHARE * white(slow_friction(problem, linear, PUSH_SECONDS))
+        creep = white(slow_battery(problem, linear))
+        columns = tuple((group, white(group.columns)) for group in linear.groups)
+        return cls(columns, white(linear.own), np.vstack([floor, pushes, creep]))
+
+    def evidence(self, cause: str, rivals: Sequence[str] = (), size: float = 1.0) -> tuple[float, str]:
+        """Evidence of a deviation of so many usual ones beside small deviations of everything else and that
+        rival which leaves least of it, or those that are asked for as well; and the rival."""
+        off = [(group.name, each) for group, each in self.columns if group.name not in (cause, *rivals)]
+        asked = [each for group, each in self.columns if group.name in rivals and group.name != cause]
+        small = np.vstack([self.own[:0], *(each for _, each in off)])
+        inexact = faint_parts([name for name, each in off for _ in each], self.own, small)[:, None] * small
+        beside = _beside(np.vstack([self.own, self.restless, inexact, *asked]))
+        nearest = [each for each in off if _another(each[0], cause)]
+        left = beside(np.vstack([self.own[:0], *(each for _, each in nearest)]))
+        ends = np.cumsum([len(each) for _, each in nearest])
+        parts = np.split(left, ends[:-1]) if nearest else []
+        rivals_left = [(name, each, its) for (name, each), its in zip(nearest, parts, strict=True)]
+        return min(_evidence(size * each, beside, rivals_left) for each in _wanted(self.columns, cause, size))
+
+    def shows(self) -> dict[str, str]:
+        """From which size on each cause would be named if nothing else were wrong, in words, by id; empty for
+        what the drive does not show at all. Of a cause that is one side's, where it shows least."""
+        beside = _beside(np.vstack([self.own, self.restless]))
+
+        def power(name: str) -> float:
+            columns = np.array(_wanted(self.columns, name, 1.0))
+            return float(np.linalg.eigvalsh(beside(columns) @ columns.T)[0])
+
+        names = dict.fromkeys(group.name for group, _ in self.columns)
+        found = {}
+        for id_ in dict.fromkeys(each.partition("@")[0] for each in names):
+            asked = [id_] if id_ in names else [each for each in names if each.startswith(f"{id_}@")]
+            least = min(map(power, asked))
+            unusual = ", more than is usual" if 0.0 < least < VISIBLE else ""
+            found[id_] = shows_from(effect(id_).parameters[0], least, gate(id_, alone=True)) + unusual
+        return found
+
+
+Columns = Sequence[tuple[Group, Array]]
+
+
+def reach_of(robot: RobotConfig, duty: Array) -> float:
+    """m, how far from its start the robot gets in a drive."""
+    x, y = _rollout(robot, planned_log(duty)).path(neutral_settings(robot))
+    return float(np.hypot(x, y).max())
+
+
+def _rollout(robot: RobotConfig, log: Log) -> PlantRollout:
+    return PlantRollout(log, robot, Habits(Chain.firmware(), brake=False), plain=True)
+
+
+def _planned(robot: RobotConfig, duty: Array, causes: Mapping[str, Cause]) -> Problem:
+    log = planned_log(duty)
+    rollout, settings = _rollout(robot, log), neutral_settings(robot)
+    return Problem(Features.of(log), rollout, robot, settings, base_coordinates(robot), causes)
+
+
+def _wanted(columns: Columns, cause: str, size: float) -> list[Array]:
+    """Columns of the cause at about that size: the first, or every part of an arrow."""
+    own = [(abs(_strength(group) - size), each) for group, each in columns if group.name == cause]
+    nearest = min(away for away, _ in own)
+    parts = None if cause.startswith(ARROWS) else 1
+    return [column for away, each in own if away <= nearest for column in each[:parts]]
+
+
+def _strength(group: Group) -> float:
+    """Widths of the deviation at which a cause's columns were taken; a straight line's are those of any."""
+    return group.start[0] if group.start else 1.0
+
+
+def _another(name: str, cause: str) -> bool:
+    """Whether a cause is a rival: not the same at another place, and no twin that is one class with it."""
+    pair = {name.partition("@")[0], cause.partition("@")[0]}
+    return len(pair) == 2 and not any(pair <= each for each in ONE_CLASS)
+
+
+def planned_log(duty: Array) -> Log:
+    """A log of commands with every usual channel, as if nothing had been measured yet."""
+    time = np.arange(len(duty)) / RATE
+    zeros = np.zeros(len(duty))
+    channels = tuple(Channel(role, role, "", zeros, noise) for role, noise in TYPICAL_NOISE.items())
+    return Log(time, duty, channels)
+
+
+def _whitening(problem: Problem) -> Callable[[Array], Array]:
+    """Of the noise that a drive usually has, by what the wheels do in it as the nominal robot drives it."""
+    features = problem.features
+    expected = replace(features, measured=problem.predict([problem.nominal()])[0])
+    noise = white_noise(features.floors, regimes_of(replace(problem, features=expected)))
+    unmix = noise.unmix.copy()
+    unmix[CHANGING] /= CHANGING_NOISE
+    noise = replace(noise, unmix=unmix)
+    return lambda columns: noise.whiten(columns).reshape(len(columns), -1)
+
+
+def _beside(others: Array) -> Callable[[Array], Array]:
+    """What is left of columns beside others that have unit priors."""
+    factor = cho_factor(others @ others.T + np.eye(len(others)))
+    return lambda columns: np.asarray(columns - cho_solve(factor, others @ columns.T).T @ others, float)
+
+
+def _evidence(
+    column: Array, beside: Callable[[Array], Array], rivals: Sequence[tuple[str, Array, Array]]
+) -> tuple[float, str]:
+    """||P d||^2 beside all others and that rival which leaves least; and the rival. rivals: the name of each,
+    its columns, and what is left of them beside the others."""
+    left = beside(column[None])[0]
+    found = [(_limited(left * column), "")]
+    for name, rival, its in rivals:
+        share = np.linalg.solve(np.eye(len(rival)) + its @ rival.T, rival @ left)
+        found.append((_limited((left - share @ its) * column), name))
+    return min(found)
+
+
+def _limited(products: Array) -> float:
+    """Their sum, to which no event may give more than the search lets it."""
+    events = np.add.reduceat(products, np.arange(0, len(products), EVENT * len(TYPICAL_NOISE)))
+    return max(float(np.clip(events, -2.0 * MOST_OF_EVENT, 2.0 * MOST_OF_EVENT).sum()), 0.0)

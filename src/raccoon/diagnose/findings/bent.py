@@ -1,0 +1,60 @@
+"""Numbers of robot.toml that a drive bends far, where that is no cause.
+
+What robot.toml gives with a standard deviation is fitted inside it silently, so a fault that it allows for is
+not named: an inertia 16 % too large is one straight ahead of three and a half deviations, which costs less
+evidence than a cause must have. Nothing is left to explain then, and still the number is worth a look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from raccoon.diagnose.hypotheses.coordinates import Coordinate
+from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.symmetry import id_of, is_own
+from raccoon.sim.effects import effect
+
+FAR = 3.0
+"""Standard deviations from which a number is worth a word: of thirty that robot.toml says rightly, one in
+twelve robots has one."""
+SAID = (
+    "battery.open_circuit_voltage", "battery.internal_resistance", "motor.armature_resistance",
+    "motor.back_emf_constant", "drive.wheel_radius", "drive.track_width", "drive.inertia", "friction.coulomb",
+    "friction.viscous", "imu.gyro_bias", "imu.gyro_scale",
+)  # fmt: skip
+"""Whose numbers robot.toml has for a team to measure; the others are habits of controllers and gears."""
+
+
+def bent_notes(search: Search) -> tuple[str, ...]:
+    """A sentence for each, with what to do."""
+    return tuple(
+        f"{text}, too little to be named as a cause: measure it, or drive the checkup (raccoon excite)"
+        for _, text in bent_numbers(search)
+    )
+
+
+def bent_numbers(search: Search) -> Iterator[tuple[str, str]]:
+    """The id of a cause that was not named, and which of its numbers is bent by how much, in words."""
+    problem, point = search.problem, search.fit.point
+    named = {problem.causes[name].id for name in point.active}
+    for index, (each, u) in enumerate(zip(problem.base, point.base, strict=True)):
+        id_ = id_of(each)
+        if abs(u) >= FAR and id_ in SAID and id_ not in named and not is_own(problem, index):
+            yield (
+                id_,
+                f"robot.toml's {_name(each)} is {abs(u):.1f} of its standard deviations off{_by(each, u)}",
+            )
+
+
+def _name(coordinate: Coordinate) -> str:
+    id_, place, _ = coordinate.settings[0]
+    whole = coordinate.name if id_ == "inertia" else id_
+    return whole if place is None or len(coordinate.settings) > 1 else f"{whole} at the {place}"
+
+
+def _by(coordinate: Coordinate, u: float) -> str:
+    change = coordinate.value(u)
+    if coordinate.factor:
+        return f" ({100.0 * (change - 1.0):+.0f} %)"
+    id_, _, name = coordinate.settings[0]
+    return f" ({change:+.2g} {effect(id_).parameter(name).unit})"

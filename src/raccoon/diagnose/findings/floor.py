@@ -1,0 +1,64 @@
+"""What a floor's friction did in a recording, and what of the friction found there is the robot's."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit.linear import FLOOR_SECONDS, courses, speed_of
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.whitening import STANDSTILL
+from raccoon.sim.parameters import SIDES
+
+Array = NDArray[np.float64]
+
+FRICTION = (("friction.coulomb", "torque"), ("friction.viscous", "coefficient"))
+"""What is refitted of a robot's friction: a line over speed at each wheel."""
+STEP = 1e-3
+"""Of a coordinate, over which what it moves is taken."""
+
+
+def without_the_floor(problem: Problem, point: Point, wander: float) -> Point:
+    """A fitted point with the friction that is to be expected of the robot from now on.
+
+    A fit finds the friction of this recording: the robot's, a line F + d |w| over each wheel's speed with
+    robot.toml's standard deviations, covariance P, and the line of least squares through what the floor added
+    meanwhile, covariance S, of which nothing lasts. Of the sum P (P + S)^-1 is expected to be the robot's.
+    docs/decisions/0018-what-the-floor-did-is-left-out.md has what that gains.
+
+    wander: root mean square share of Coulomb friction by which the floor lets it wander.
+    """
+    moves = np.stack([_line(problem, index) for index in range(len(problem.base))], axis=1)
+    open_ = np.flatnonzero(moves.any(axis=0))
+    if len(open_) == 0:
+        return point
+    moves, chance = moves[:, open_], np.zeros((len(moves), len(moves)))
+    measured = problem.features.measured
+    for wheel, side in enumerate(SIDES):
+        rows = slice(len(FRICTION) * wheel, len(FRICTION) * (wheel + 1))
+        torque = wander * problem.neutral[("friction.coulomb", side, "torque")]
+        speed = speed_of(problem, measured, side)
+        speed = np.zeros(len(measured)) if speed is None else speed
+        chance[rows, rows] = torque**2 * line_covariance(problem.features.time, speed)
+    base = point.base.copy()
+    found, own = moves @ base[open_], moves @ moves.T
+    expected = own @ np.linalg.pinv(own + chance, hermitian=True) @ found
+    base[open_] += np.linalg.pinv(moves) @ (expected - found)
+    return Point(base, point.active)
+
+
+def line_covariance(time: Array, speed: Array) -> Array:
+    """Covariance (2, 2) of the numbers of the line over |speed|, rad/s, that least squares put through what a
+    floor of size 1 adds while a wheel moves. Where the speed is not known, 0, it is the mean and no slope."""
+    moves = np.abs(speed) >= STANDSTILL * np.abs(speed).max()
+    line = np.stack([np.ones(int(moves.sum())), np.abs(speed[moves])], axis=1)
+    chance = np.linalg.pinv(line) @ courses(time, FLOOR_SECONDS)[:, moves].T
+    return np.asarray(chance @ chance.T, float)
+
+
+def _line(problem: Problem, index: int) -> Array:
+    """What a unit of a base coordinate adds to each wheel's line, (wheels times two,)."""
+    moved = dict(problem.neutral)
+    problem.base[index].apply(moved, STEP)
+    keys = [(id_, side, name) for side in SIDES for id_, name in FRICTION]
+    return np.array([(moved[key] - problem.neutral[key]) / STEP for key in keys])

@@ -1,0 +1,137 @@
+"""How sure the numbers of a fit are."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.findings.floor import without_the_floor
+from raccoon.diagnose.fit.fits import costs_at
+from raccoon.diagnose.hypotheses.coordinates import Setting, Settings
+from raccoon.diagnose.select.outlook import Search, blocks_of
+from raccoon.diagnose.select.refits import SEVERAL
+
+Array = NDArray[np.float64]
+
+STEP = 1e-4
+STAIRCASE = 0.05
+"""Steps of coordinates whose misfit, seen closely, is a staircase: a gap that is crossed between two samples
+of the gyro may be a little wider, and no reading changes."""
+FLAT = 3.0
+"""Norm of such a column below which the step from the fit tells nothing."""
+LEARNT = 10.0
+"""s of driving from which noise is known to its own size: on shorter drives numbers scatter by more than it
+says, as noise that is learnt from few moments is too small."""
+UNNAMED = 0.05
+"""Widths of each cause that is not named by which it may be off where several are."""
+AWAY = (0.01, 0.02, 0.035, 0.06, 0.1, 0.18, 0.3, 0.55, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """Settings at a fit, a step along each coordinate from it, and the covariance of the coordinates."""
+
+    here: Settings
+    moved: tuple[Settings, ...]
+    covariance: Array
+
+    @classmethod
+    def of(cls, search: Search) -> Spread:
+        """Of where a search ended."""
+        problem = search.problem
+        point = without_the_floor(problem, search.fit.point, search.whitener.wander)
+        vector = point.vector()
+        steps = STEP * np.eye(len(vector))
+        moved = tuple(problem.settings(point.moved(vector + step)) for step in steps)
+        return cls(problem.settings(point), moved, coordinate_covariance(search))
+
+    def number(self, key: Setting) -> float:
+        """A setting at the fit; an inertia with what robot.toml leaves open of it."""
+        return _number(self.here, key)
+
+    def std(self, key: Setting) -> float:
+        """Its standard deviation, by the chain rule through every coordinate; 0 for one that was not
+        fitted."""
+        value = self.number(key)
+        slope = np.array([(_number(other, key) - value) / STEP for other in self.moved])
+        slope = np.where(np.isfinite(slope), slope, 0.0)
+        return math.sqrt(max(float(slope @ self.covariance @ slope), 0.0))
+
+
+def coordinate_covariance(search: Search) -> Array:
+    """Covariance of all coordinates: the curvature's, widened where blocks of time disagree more than it
+    says.
+
+    Sandwich estimate H^-1 (sum_b g_b g_b') H^-1 of White (1982) over blocks; with few blocks it is noisy, so
+    only its mean ratio to the curvature's variance is used, and only where it is above 1. It is of what is
+    free alone: where what is held at a bound acts like a coordinate that is free, blocks would seem to
+    disagree several hundred times as much as they do. And widened the more the shorter a recording is, and by
+    what is not named where several causes are.
+    """
+    fit = search.fit
+    columns = fit.jacobian
+    hessian = columns @ columns.T + np.eye(len(columns)) + np.diag(_from_afar(search))
+    unnamed = _unnamed(search)
+    across = unnamed @ columns.T
+    known = hessian - across.T @ np.linalg.solve(np.eye(len(unnamed)) + unnamed @ unnamed.T, across)
+    free = np.flatnonzero(fit.free)
+    blocks = blocks_of(fit)
+    mean, _, _ = reduce(add, blocks).solve()
+    scores = np.stack([each.projection - each.matrix @ mean for each in blocks])
+    inner = np.linalg.inv(hessian[np.ix_(free, free)])
+    spread = inner @ (scores.T @ scores) @ inner
+    ratio = float(np.mean(np.diag(spread) / np.diag(inner)))
+    time = search.problem.features.time
+    widened = np.asarray(np.linalg.inv(known), float)
+    return widened * max(1.0, ratio) * (1.0 + LEARNT / float(time[-1] - time[0]))
+
+
+def _unnamed(search: Search) -> Array:
+    """Whitened responses (directions, rows) to as much as may be wrong of what was not named, one standard
+    deviation each; none where no more than one cause was: a robot with several things wrong has others wrong
+    as well, below what shows, and they bend the numbers of those that are named."""
+    none, active = np.zeros((0, search.fit.white.size)), search.fit.point.active
+    if len(active) < SEVERAL:
+        return none
+    named = {name.partition("@")[0] for name in active}
+    variants = {each.name: each.columns for each in reversed(search.linear.groups)}  # the first of each
+    columns = [
+        each
+        for name, each in variants.items()
+        if name.partition("@")[0] not in named and f"{name}@left" not in variants
+    ]
+    return search.whitener(UNNAMED * np.concatenate(columns)) if columns else none
+
+
+def _from_afar(search: Search) -> Array:
+    """Curvature of coordinates on a flat stair, (coordinates,): from how far they can go either way before
+    the misfit rises by 1, as it does at one standard deviation."""
+    problem, fit = search.problem, search.fit
+    vector = fit.point.vector()
+    norms = np.linalg.norm(fit.jacobian, axis=1)
+    curvature = np.zeros(len(vector))
+    for index in np.flatnonzero((problem.steps(fit.point) >= STAIRCASE) & (norms < FLAT)):
+        ways = []
+        for sign in (-1.0, 1.0):
+            moved = np.repeat(vector[None], len(AWAY), axis=0)
+            moved[:, index] += sign * np.array(AWAY)
+            moved = np.clip(moved, *problem.limits(fit.point))
+            points = [fit.point.moved(each) for each in moved]
+            rise = costs_at(problem, search.whitener, points) - fit.cost
+            ways.append(next((away for away, each in zip(AWAY, rise, strict=True) if each > 1.0), AWAY[-1]))
+        curvature[index] = max(1.0 / float(np.mean(ways)) ** 2 - norms[index] ** 2, 0.0)
+    return curvature
+
+
+def _number(settings: Settings, key: Setting) -> float:
+    """A setting; an inertia with what robot.toml leaves open of it, which is counted apart."""
+    value = float(settings[key])
+    if key[0] != "drive.inertia":
+        return value
+    open_ = settings[("inertia", None, "straight")] * settings[("inertia", None, "turn")]
+    return value * math.sqrt(open_)

@@ -1,0 +1,76 @@
+"""What a fit is: a point, what it leaves of the data, and its columns.
+
+Minimised is ||w(u)||^2 + ||u||^2: the whitened residual and the prior, both in units of one standard
+deviation. The log evidence of the model that was fitted is then, up to a constant, by Laplace's method
+
+    -1/2 (||w||^2 + ||u||^2) - 1/2 log det(1 + J J')
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit.problem import Point, Problem
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted point. white (rows,): its whitened residual. jacobian (coordinates, rows): whitened
+    columns. free: coordinates that are not
+    held at a bound."""
+
+    point: Point
+    white: Array
+    jacobian: Array
+    cost: float
+    free: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, problem: Problem, point: Point, white: Array, jacobian: Array) -> Fit:
+        """With its cost, and what is free."""
+        return cls(point, white, jacobian, cost_of(point, white), unbound(problem, point))
+
+    @cached_property
+    def curvature(self) -> Array:
+        """1 + J J', that of half the cost."""
+        return np.asarray(self.jacobian @ self.jacobian.T + np.eye(len(self.jacobian)), float)
+
+    @property
+    def sound(self) -> bool:
+        """Whether the simulation gave numbers, at the point and a step away from it."""
+        return bool(np.isfinite(self.cost) and np.isfinite(np.diag(self.curvature)).all())
+
+    @cached_property
+    def evidence(self) -> float:
+        """Log evidence, comparable between fits under the same whitener."""
+        if not self.sound:
+            return -np.inf
+        _, logdet = np.linalg.slogdet(self.curvature)
+        return float(-0.5 * self.cost - 0.5 * logdet)
+
+    @property
+    def target(self) -> Array:
+        """What the free columns must explain, counted from u = 0."""
+        free = self.free
+        return np.asarray(self.white + self.point.vector()[free] @ self.jacobian[free], float)
+
+
+def cost_of(point: Point, white: Array) -> float:
+    """What a point costs whose whitened residual this is; where the simulation gives no numbers more than any
+    other."""
+    vector = point.vector()
+    cost = float(white @ white + vector @ vector)
+    return cost if np.isfinite(cost) else np.inf
+
+
+def unbound(problem: Problem, point: Point) -> NDArray[np.bool_]:
+    """Which coordinates are inside their bounds."""
+    vector = point.vector()
+    low, high = problem.limits(point)
+    return np.asarray((vector > low + 1e-9) & (vector < high - 1e-9))

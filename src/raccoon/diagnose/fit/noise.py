@@ -1,0 +1,163 @@
+"""Coloured, multichannel noise of a simulation's residual.
+
+A robot is pushed about by torques nobody records (floor, gears). One push moves both wheels, the gyro and the
+battery for a while, so residuals of neighbouring moments and of different channels belong together.
+Treated as
+white and separate, they make chance look like evidence. A vector autoregression
+
+    e[t] = r[t] - sum_k A_k r[t - k],   cov e = S,   w[t] = L^-1 e[t],   S = L L'
+
+turns the residual into independent unit-variance numbers w. The same linear map is applied to every direction
+of the model, so least squares on whitened numbers is maximum likelihood under this noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.lib.stride_tricks import as_strided
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.features import BIN, half_second
+
+Array = NDArray[np.float64]
+
+
+Regimes = NDArray[np.intp]
+STANDING, STEADY, CHANGING, CREEPING = range(4)
+EVENT = half_second(BIN)
+"""Bins, half a second where they are 20 ms."""
+LARGE_EVENT = 1.2
+"""Size of half a second, over its expected size, from which it counts less."""
+COMMON = 2.0
+"""Size of an innovation, over its expected size, from which a bin counts less: breaking loose is no
+Gaussian affair."""
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """VAR(p) of c channels. coefficients (p, c, c); unmix (4, c, c) = L^-1 for each regime; regimes (n,);
+    weights (n,) 0..1, below 1 where what no model explains is far larger than usual.
+
+    A robot that sticks is not pushed about, and no model follows a sudden change as well as a steady drive:
+    standing, steady, changing and creeping bins have a covariance each. One for all would take motion for
+    quieter than
+    it is, and small errors in a reversal for evidence.
+    """
+
+    coefficients: Array
+    unmix: Array
+    regimes: Regimes
+    weights: Array
+
+    @property
+    def order(self) -> int:
+        """Number of past bins that a residual depends on."""
+        return len(self.coefficients)
+
+    def whiten(self, signals: Array) -> Array:
+        """(..., n, c) -> (..., n, c); the first `order` bins have no past and become 0.
+
+        A bin and its past lie side by side in memory, so each bin takes one product for all signals.
+        """
+        bins, channels = signals.shape[-2:]
+        rows = np.ascontiguousarray(signals).reshape(-1, bins, channels)
+        whole = np.empty_like(rows)
+        whole[:, : self.order] = 0.0
+        row, late, number = rows.strides[0], bins - self.order, rows.itemsize
+        past = as_strided(
+            rows,
+            (late, len(rows), (self.order + 1) * channels),
+            (channels * number, row, number),
+            writeable=False,
+        )
+        np.matmul(past, self._filters, out=whole.transpose(1, 0, 2)[self.order :])
+        return whole.reshape(signals.shape)
+
+    @cached_property
+    def _filters(self) -> Array:
+        """What makes a white bin of a bin and its past, oldest first, (n - order, (order + 1) c, c)."""
+        lags = np.concatenate([*(-each.T for each in self.coefficients[::-1]), np.eye(self.unmix.shape[-1])])
+        regimes, weights = self.regimes[self.order :], self.weights[self.order :]
+        return np.asarray((lags @ self.unmix.transpose(0, 2, 1))[regimes] * weights[:, None, None], float)
+
+
+def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
+    """Noise without memory, of the given standard deviations."""
+    return NoiseModel(
+        np.zeros((0, len(scale), len(scale))),
+        np.stack([np.diag(1.0 / scale)] * 4),
+        regimes,
+        np.ones(len(regimes)),
+    )
+
+
+def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes, event: int) -> NoiseModel:
+    """Least-squares VAR of a residual (n, c); its memory from the bins in motion where there are enough.
+
+    floor: (c,), the smallest innovation sd that is believed for each channel (quantisation). event: bins in
+    half a second. The regression carries a slight ridge, so that short recordings and dead channels do not
+    break it.
+    """
+    n, channels = residual.shape
+    order = max(0, min(order, n // (8 * channels)))
+    scale = np.maximum(residual.std(axis=0), floor)
+    scaled = residual / scale
+    coefficients = np.zeros((order, channels, channels))
+    innovation = scaled[order:]
+    late = regimes[order:]
+    moving = late != STANDING
+    used = moving if moving.sum() > 20 * channels * max(order, 1) else np.ones(n - order, bool)
+    if order:
+        past = np.hstack([scaled[order - lag : n - lag] for lag in range(1, order + 1)])
+        rows = past[used]
+        gram = rows.T @ rows + 1e-3 * len(rows) * np.eye(rows.shape[1])
+        solution = np.linalg.solve(gram, rows.T @ innovation[used])
+        innovation = innovation - past @ solution
+        coefficients = solution.T.reshape(channels, order, channels).transpose(1, 0, 2)
+    least = (floor / scale) ** 2 * 0.01
+    whole = _unmix(innovation[used], order * channels, least)
+    parts = [
+        _unmix(innovation[late == regime], 0, least) if (late == regime).sum() > 15 * channels else whole
+        for regime in range(4)
+    ]
+    coefficients = coefficients * scale[:, None] / scale[None, :]
+    model = NoiseModel(coefficients, np.stack(parts) / scale, regimes, np.ones(n))
+    size = np.sqrt((model.whiten(residual) ** 2).mean(axis=1))
+    model = replace(model, weights=np.minimum(1.0, COMMON / np.maximum(size, 1e-9)))
+    return replace(model, weights=model.weights * _calm((model.whiten(residual) ** 2).mean(axis=1), event))
+
+
+def _calm(power: Array, event: int) -> Array:
+    """Weights (n,) by which an event that is clearly larger than usual counts no more than a usual one."""
+    means, lengths = event_means(power, event)
+    return np.repeat(np.minimum(1.0, LARGE_EVENT / np.maximum(np.sqrt(means), 1e-9)), lengths)
+
+
+def event_means(values: Array, event: int) -> tuple[Array, NDArray[np.intp]]:
+    """Mean over each half second, which are so many bins, of values (n,), and how many each has."""
+    starts = np.arange(0, len(values), event)
+    lengths = np.diff([*starts, len(values)])
+    return np.add.reduceat(values, starts) / lengths, lengths
+
+
+def _unmix(innovation: Array, parameters: int, least: Array) -> Array:
+    covariance = innovation.T @ innovation / max(len(innovation) - parameters, 1) + np.diag(least)
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), float)
+
+
+def whiteness(whitened: Array, lags: int = 10) -> Array:
+    """Ljung-Box p-value per channel of a whitened residual (n, c): small means structure is left in time."""
+    from scipy.special import chdtrc
+
+    n = len(whitened)
+    centred = whitened - whitened.mean(axis=0)
+    power = (centred**2).sum(axis=0)
+    power = np.where(power > 0.0, power, 1.0)
+    statistic = np.zeros(whitened.shape[1])
+    for lag in range(1, lags + 1):
+        correlation = (centred[lag:] * centred[:-lag]).sum(axis=0) / power
+        statistic += correlation**2 / max(n - lag, 1)
+    return np.asarray(chdtrc(lags, n * (n + 2) * statistic), float)

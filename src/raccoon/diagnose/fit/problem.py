@@ -1,0 +1,283 @@
+"""A recording and a simulator brought to one linear algebra: residuals and directions, whitened."""
+
+from __future__ import annotations
+
+from collections import Counter, OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import chain
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.fit.noise import NoiseModel
+from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
+from raccoon.diagnose.rollout.variants import Rollout
+
+Array = NDArray[np.float64]
+Key = tuple[float, ...]
+
+BASE_STEP = 0.005
+REMEMBERED = 8e6
+"""Bytes of the latest simulations that are kept: of some 120 robots on 40 s. Several problems keep theirs."""
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """Where in the model we are: base coordinates, and the coordinates of every cause that is on."""
+
+    base: Array
+    active: Mapping[str, Array] = field(default_factory=dict)
+
+    def vector(self) -> Array:
+        """All coordinates: the base's, then each cause's in its order."""
+        return np.concatenate([self.base, *self.active.values()]) if self.active else self.base.copy()
+
+    def moved(self, vector: Array) -> Point:
+        """The same causes at other coordinates."""
+        active = {name: vector[span.start : span.stop] for name, span in self.spans().items()}
+        return Point(vector[: len(self.base)], active)
+
+    def spans(self) -> dict[str, range]:
+        """Where each cause's coordinates are in the vector."""
+        position, found = len(self.base), {}
+        for name, values in self.active.items():
+            found[name] = range(position, position + len(values))
+            position += len(values)
+        return found
+
+    def with_cause(self, name: str, u: Array) -> Point:
+        """Also this cause."""
+        return Point(self.base, {**self.active, name: np.asarray(u, float)})
+
+    def nearer(self, base: float, causes: float = 1.0) -> Point:
+        """The same causes, with these parts of what base numbers and causes are off by."""
+        return Point(base * self.base, {name: causes * u for name, u in self.active.items()})
+
+    def without_cause(self, name: str) -> Point:
+        """All but this cause."""
+        return Point(self.base, {key: value for key, value in self.active.items() if key != name})
+
+
+@dataclass(frozen=True, slots=True)
+class Whitener:
+    """Makes independent unit-variance numbers of residuals: VAR noise, then slow floor friction.
+
+    slow (rows, k): orthonormal directions in which slow friction adds variance; shrink (k,) takes it away:
+    (1 + R R')^(-1/2) = 1 - U diag(1 - 1/sqrt(1 + s^2)) U' for R = U s V'. Of what is taken away seven digits
+    do, in half of the time: a residual is some units of the noise. rest (bins, channels): what nothing
+    explained when this was made. spread (bins, channels): variance in channel units that wandering friction
+    and what no model gets right have on unseen data; a fit of everything takes it away, so it is not in
+    `rest`. wander: by what share of Coulomb friction the floor is expected to let it wander.
+    """
+
+    noise: NoiseModel
+    slow: NDArray[np.float32]
+    shrink: Array
+    rest: Array
+    spread: Array
+    wander: float = 0.0
+
+    @classmethod
+    def plain(cls, noise: NoiseModel, rest: Array) -> Whitener:
+        """Of noise alone, without slow friction."""
+        return cls(noise, np.zeros((0, 0), np.float32), np.zeros(0), rest, np.zeros_like(rest))
+
+    def without_slow(self) -> Whitener:
+        """The same without slow friction."""
+        return replace(self.plain(self.noise, self.rest), spread=self.spread, wander=self.wander)
+
+    def with_part(self, part: float) -> Whitener:
+        """The same with slow friction of a part of its size."""
+        variance = part**2 * (1.0 / (1.0 - self.shrink) ** 2 - 1.0)
+        return replace(self, shrink=1.0 - 1.0 / np.sqrt(1.0 + variance))
+
+    def __call__(self, signals: Array) -> Array:
+        """(..., bins, channels) -> (..., rows)."""
+        white = self.noise.whiten(signals)
+        return self.slowed(np.asarray(white.reshape(*white.shape[:-2], -1), float))
+
+    def slowed(self, rows: Array) -> Array:
+        """Rows that are white but for slow friction, white with it too."""
+        if self.shrink.size == 0:
+            return rows
+        along = rows.astype(np.float32) @ self.slow * self.shrink.astype(np.float32)
+        return np.asarray(rows - along @ self.slow.T, float)
+
+    def taken(self, rows: Array) -> Array:
+        """By how much less the inner products are of `slowed` rows, (rows, rows), at half of the cost."""
+        along = rows @ self.slow if self.shrink.size else np.zeros((len(rows), 0))
+        return np.asarray((along * (1.0 - (1.0 - self.shrink) ** 2)) @ along.T, float)
+
+
+class Whitening(Protocol):
+    """A linear map from residuals to independent unit-variance numbers."""
+
+    def __call__(self, signals: Array) -> Array:
+        """(..., bins, channels) -> (..., rows)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Creep:
+    """By how many volts a battery's reading wanders, and the correlation time of that, s.
+
+    As it is, a battery's voltage creeps after its current: in ten seconds through some hundredths of an ohm.
+    """
+
+    volts: float = 0.003
+    seconds: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Everything a fit needs: what was measured, how to simulate it, what may differ.
+
+    told: causes that the readings show apart from any simulation, with the log evidence of that and the least
+    first coordinate with which they are it. creep: how the battery's reading wanders slowly.
+    """
+
+    features: Features
+    rollout: Rollout
+    robot: RobotConfig
+    neutral: Settings
+    base: tuple[Coordinate, ...]
+    causes: Mapping[str, Cause]
+    told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    creep: Creep = Creep()
+    _latest: OrderedDict[Key, tuple[Array, float]] = field(
+        default_factory=OrderedDict, init=False, repr=False, compare=False
+    )
+
+    def told_of(self, point: Point) -> float:
+        """Log evidence that the readings have of a point's causes apart from any simulation."""
+        present = ((*self.told[name], u[0]) for name, u in point.active.items() if name in self.told)
+        return sum(evidence for evidence, least, u in present if u >= least)
+
+    def settings(self, point: Point) -> Settings:
+        """The simulator's settings at a point."""
+        settings = dict(self.neutral)
+        for coordinate, u in zip(self.base, point.base, strict=True):
+            coordinate.apply(settings, float(u))
+        late = sorted(point.active, key=lambda name: self.causes[name].joint is not None)
+        for name in late:  # those that count from what others have set come last
+            self.causes[name].apply(settings, [float(each) for each in point.active[name]])
+        return settings
+
+    def predict(self, points: Sequence[Point]) -> Array:
+        """Simulated bins (points, bins, channels)."""
+        outputs = np.empty((len(points), *self.features.measured.shape))
+        for place, each in enumerate(self.predictions(points)):
+            outputs[place] = each
+        return outputs
+
+    def predictions(self, points: Sequence[Point]) -> Iterator[Array]:
+        """Simulated bins (bins, channels) of one point after the other, not to be written to: of many points
+        no more are in memory than are asked for."""
+        settings = [self.settings(each) for each in points]
+        keys = [tuple(each.values()) for each in settings]
+        wanted, latest = dict(zip(keys, settings, strict=True)), self._latest
+        known = {key: latest[key] for key in wanted if key in latest}
+        parts, step = self._missing([each for key, each in wanted.items() if key not in known])
+        if len({each for _, each in known.values()} | ({step} if step else set())) > 1:
+            known = {}  # in steps of one length, or they cannot be compared
+            parts, step = self._missing(list(wanted.values()))
+        for key in known:
+            latest.move_to_end(key)
+        left = Counter(keys)
+        for key in keys:
+            bins = known[key][0] if key in known else next(parts)
+            left[key] -= 1
+            if key not in known:
+                self._remember(key, bins, step)
+                if left[key]:
+                    known[key] = bins, step
+            yield bins
+
+    def _missing(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
+        """Bins (bins, channels) of each, and s of the steps that make them, 0 where there are none."""
+        if not variants:
+            return iter(()), 0.0
+        parts, step = self.rollout(variants)
+        return chain.from_iterable(map(self.features.simulated, parts)), step
+
+    def _remember(self, key: Key, bins: Array, step: float) -> None:
+        """Keep what was simulated, and no more of the latest than is allowed."""
+        self._latest[key] = bins.copy(), step  # not with all that was simulated beside it
+        self._latest.move_to_end(key)
+        while len(self._latest) * bins.nbytes > REMEMBERED:
+            self._latest.popitem(last=False)
+
+    def nominal(self) -> Point:
+        """Everything as robot.toml says."""
+        return Point(np.zeros(len(self.base)))
+
+    def left_open(self, name: str) -> list[int]:
+        """The base coordinates that move what a cause moves: what robot.toml leaves open of it."""
+        moved = {key for each in self.causes[name].coordinates for key in each.settings}
+        return [index for index, each in enumerate(self.base) if moved & set(each.settings)]
+
+    def steps(self, point: Point) -> Array:
+        """How far to move each coordinate of the point's vector for its column."""
+        causes = [coordinate.step for name in point.active for coordinate in self.causes[name].coordinates]
+        return np.array([BASE_STEP] * len(self.base) + causes)
+
+    def limits(self, point: Point) -> tuple[Array, Array]:
+        """Bounds of the point's vector: of what robot.toml leaves open as it says, of causes as far as the
+        simulator has such robots."""
+        causes = [self.causes[name] for name in point.active]
+        low = [each.low for each in self.base]
+        low += [self._lowest(cause, each) for cause in causes for each in cause.coordinates]
+        high = [each.high for each in self.base]
+        high += [each.high for cause in causes for each in cause.coordinates]
+        return np.array(low), np.array(high)
+
+    def inside(self, point: Point) -> Point:
+        """The nearest point within the limits."""
+        return point.moved(np.clip(point.vector(), *self.limits(point)))
+
+    def _lowest(self, cause: Cause, coordinate: Coordinate) -> float:
+        """Where a cause's number, whatever is left open of it, is as small as it can be: there is no friction
+        that drives."""
+        plain = bool(coordinate.settings) and not coordinate.factor and cause.own is None
+        if not plain or coordinate.low > -np.inf:
+            return coordinate.low
+        key = coordinate.settings[0]
+        bounds = next(each.bounds for each in cause.effect.parameters if each.name == key[2])
+        if not np.isfinite(bounds.low):
+            return coordinate.low
+        opened = sum(each.value(each.low) for each in self.base if key in each.settings)
+        return min((bounds.low - self.neutral[key] - opened) / coordinate.value(1.0), 0.0)
+
+
+def neighbours(problem: Problem, point: Point, start: int = 0) -> tuple[list[Point], Array]:
+    """The points one step away along each coordinate from `start` on, and the steps."""
+    vector = point.vector()
+    _, high = problem.limits(point)
+    wanted = problem.steps(point)
+    points, steps = [], []
+    for index in range(start, len(vector)):
+        step = float(wanted[index])
+        if vector[index] + step > high[index]:
+            step = -step
+        changed = vector.copy()
+        changed[index] += step
+        points.append(point.moved(changed))
+        steps.append(step)
+    return points, np.array(steps)
+
+
+def carried(point: Point, here: Problem, there: Problem) -> Point:
+    """A point in another problem, whose base coordinates may be fewer or more."""
+    known = dict(zip((each.settings for each in here.base), point.base, strict=True))
+    return replace(point, base=np.array([known.get(each.settings, 0.0) for each in there.base]))
+
+
+def carried_rows(here: Problem, there: Problem) -> list[int] | None:
+    """Which of a problem's base coordinates those of another are, None where that has others as well."""
+    known = {each.settings: index for index, each in enumerate(here.base)}
+    rows = [known.get(each.settings, -1) for each in there.base]
+    return None if -1 in rows else rows

@@ -1,0 +1,253 @@
+"""Noise of what nothing in the catalogue explains, at a working point.
+
+The residual of a model also holds what a missing effect does, and noise estimated from it would hide that
+effect. So all directions in which the model may differ, probes among them, are fitted first, and what they
+leave is taken for noise. But a fit of two hundred directions also swallows noise, most of all in the few
+moments in which everything acts at once: reversals, wheels that break loose. There its residual is several
+times too small. What counts is therefore the error with which each half second is *foreseen* by a fit of all
+the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.log import WHEELS
+from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.linear import Group, Linear, slow_battery, slow_friction
+from raccoon.diagnose.fit.noise import (
+    CHANGING,
+    CREEPING,
+    STANDING,
+    STEADY,
+    NoiseModel,
+    fit_noise,
+    white_noise,
+)
+from raccoon.diagnose.fit.problem import Problem, Whitener
+from raccoon.diagnose.hypotheses.forms import form_factor, form_weight
+
+Array = NDArray[np.float64]
+
+ORDER = 6
+STANDSTILL = 0.03
+"""Of the largest reading of a wheel: below it the wheel is taken to stand."""
+CREEP = 0.15
+"""Part of the largest reading of a wheel: below it stick and slip rule."""
+CHANGE = 0.03
+"""Change of a wheel's reading in 20 ms, of its largest: above it the wheel speeds up or brakes."""
+FAINT = 0.006
+"""Error, in units of the noise, that any model has in the direction of any effect: no evidence of it."""
+NEGLIGIBLE = 0.0125
+"""Most of that, as a part of the effect's width. Both are multiplied by the effect's `form_factor`."""
+FORM_SHARE = 0.005
+"""Of the response to a cause of usual `form_weight`, its error of form in the direction of any other
+effect."""
+SPARED = 1.8
+"""Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
+WORST = 2.5
+"""Most by which that raises what is faint."""
+FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
+FEEBLE = 0.02
+"""Variance, in units of the noise, below which a direction is left out: it would change nothing."""
+SHOWN = 0.003
+"""Part of a direction's variance that noise must make for other half seconds to foresee it."""
+
+
+def whitener_for(
+    problem: Problem,
+    linear: Linear,
+    extra: Sequence[Group],
+    before: Whitener | None,
+    unknown: Sequence[str] = (),
+    tolerant: bool = True,
+) -> Whitener:
+    """Noise of what nothing in the catalogue explains.
+
+    tolerant: whether a little of every effect that is off is noise. A search needs it; a last fit does not:
+    causes would be found too small by it, and base numbers that resemble an effect would hardly count.
+
+    unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
+    known cause is blamed for what they do.
+    """
+    slow, creep = slow_friction(problem, linear), slow_battery(problem, linear)
+    known = [linear.own, *(each.columns for each in (*linear.groups, *extra))]
+    floors, event, regimes = problem.features.floors, problem.features.event, regimes_of(problem)
+    noise = (
+        before.noise
+        if before is not None
+        else white_noise(np.maximum(linear.residual.std(axis=0), floors), regimes)
+    )
+    rest, wander = linear.residual, 0.0
+    for _ in range(1 if before is not None else 2):
+        rest, wander = _unexplained(noise, known, slow, linear.target, event)
+        noise = fit_noise(rest, ORDER, floors, regimes, event)
+    own = noise.whiten(linear.own[: len(problem.base)])
+    last = {each.name: place for place, each in enumerate(linear.groups)}
+    places = [place for place, each in enumerate(linear.groups) for _ in each.columns]
+    names = [linear.groups[place].name for place in places]
+    columns = np.concatenate([linear.own[:0], *(each.columns for each in linear.groups)])
+    white = noise.whiten(columns)
+    width = problem.features.width / BIN
+    parts = faint_parts(names, own, white, acting(linear.acting, noise), width)[:, None, None]
+    one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
+    spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
+    spread += (creep**2).sum(axis=0)
+    unnamed = [each.columns for each in extra if each.name in unknown]
+    more = noise.whiten(np.concatenate([wander * slow, creep, *unnamed]))
+    directions = np.concatenate([more, parts * white] if tolerant else [more])
+    return Whitener(noise, *_slow_directions(directions), rest, spread, wander)
+
+
+def acting(responses: Mapping[str, Array], noise: NoiseModel) -> float:
+    """Root mean square, in units of the noise, of the responses (bins, channels) to causes that are on, each
+    counted for as much as its form is inexact: a latency is wrong by nothing but its size."""
+    weights = [form_weight(name) for name in responses]
+    powers = [float((noise.whiten(each) ** 2).mean()) for each in responses.values()]
+    return math.sqrt(sum(weight**2 * power for weight, power in zip(weights, powers, strict=True)))
+
+
+def inexact(strength: float, width: float = 1.0) -> float:
+    """Error of form, in units of the noise, in the direction of any effect, of causes that do so much.
+
+    strength: see `acting`. width: of a bin, in 20 ms, for which all errors are given.
+    """
+    return FORM_SHARE * math.sqrt(max(strength**2 / width - SPARED**2, 0.0))
+
+
+def faint_parts(
+    names: Sequence[str], base: Array, columns: Array, strength: float = 0.0, width: float = 1.0
+) -> Array:
+    """The part of each whitened column that no model is expected to get right, (columns,).
+
+    names: the cause of each column. base: the whitened columns of base numbers, which absorb what they can
+    under their unit priors. strength: how much the causes that are on do; see `acting`.
+    width: of a bin, in 20 ms, for which all errors are given.
+    """
+    worse = min(math.hypot(1.0, inexact(strength, width) / FAINT), WORST)
+    size = int(np.prod(columns.shape[1:]))
+    plain, rows = base.reshape(len(base), size), columns.reshape(len(columns), size)
+    cross = rows @ plain.T
+    absorbed = np.einsum("ij,ji->i", cross, np.linalg.solve(np.eye(len(plain)) + plain @ plain.T, cross.T))
+    rms = np.sqrt(np.maximum((rows**2).sum(axis=1) - absorbed, 1e-9) / (size * width))
+    form = np.array([form_factor(name) for name in names])
+    return np.asarray(form * worse * np.minimum(NEGLIGIBLE, FAINT / rms), float)
+
+
+def regimes_of(problem: Problem) -> NDArray[np.intp]:
+    """Whether each bin belongs to standing, steady driving or a change; without wheels all is steady."""
+    features = problem.features
+    wheels = [index for index, role in enumerate(features.roles) if role in WHEELS]
+    if not wheels:
+        return np.full(len(features.time), STEADY)
+    speed = features.measured[:, wheels]
+    speed = speed / np.maximum(np.abs(speed).max(axis=0), 1e-9)
+    moving = _widened((np.abs(speed) > STANDSTILL).any(axis=1), 2, 2)
+    changing = _widened(
+        (np.abs(np.gradient(speed, axis=0)) > CHANGE * features.width / BIN).any(axis=1), 2, 3
+    )
+    creeping = _widened((np.abs(speed) < CREEP).any(axis=1), 1, 1)
+    driving = np.where(changing, CHANGING, np.where(creeping, CREEPING, STEADY))
+    return np.where(moving, driving, STANDING)
+
+
+def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bool_]:
+    wide = flags.copy()
+    for shift in range(1, before + 1):
+        wide[:-shift] |= flags[shift:]
+    for shift in range(1, after + 1):
+        wide[shift:] |= flags[:-shift]
+    return wide
+
+
+def _unexplained(
+    noise: NoiseModel, known: Sequence[Array], slow: Array, target: Array, event: int
+) -> tuple[Array, float]:
+    """The foreseen error, (bins, channels), and the share of wandering friction that is expected."""
+    columns = np.concatenate([*known, slow])
+    white = noise.whiten(columns).reshape(len(columns), -1)
+    goal = noise.whiten(target).reshape(-1)
+    gram = Gram.of(white.T, goal)
+    sizes = partial(wandering, len(columns) - len(slow), len(slow))
+    wander = expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES])
+    return foreseen_error(gram.matrix, white, columns, goal, target, sizes(wander), event), wander
+
+
+def wandering(known: int, slow: int, share: float) -> Array:
+    """Prior standard deviations of so many known directions, and of slow friction with that share."""
+    return np.repeat([1.0, share], [known, slow])
+
+
+def expected_share(evidence: Sequence[float]) -> float:
+    """Root mean square share of wandering friction by the log evidence of `FLOOR_SHARES`, all alike before.
+
+    40 s tell which it is. 12 s do not: the likeliest share was 0 in most of them, as all that is fitted
+    beside it takes its place, and a cause was named on 7 of 160 clean ones (now on 2).
+    """
+    weights = np.exp(np.array(evidence) - max(evidence))
+    return float(np.sqrt(weights @ np.square(FLOOR_SHARES) / weights.sum()))
+
+
+def foreseen_error(
+    gram: Array,
+    white: Array,
+    columns: Array,
+    goal: Array,
+    target: Array,
+    sizes: Array,
+    event: int,
+) -> Array:
+    """target less what columns fitted to all other half seconds make of each half second, (bins, channels).
+
+    With priors of variance S the fit's mean is m = C X' y, C = (S^-1 + X' X)^-1. Leaving rows b out moves it
+    to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury). white, goal: X' and y; gram: X' X; sizes: the
+    root of S, (columns,); columns and target: the same as white and goal before whitening.
+    event: bins in half a second.
+    """
+    powers, vectors = np.linalg.eigh(gram * np.outer(sizes, sizes))
+    strong = powers > FEEBLE
+    vectors = sizes[:, None] * (vectors[:, strong] / np.sqrt(1.0 + powers[strong]))  # C = vectors vectors'
+    turned = vectors.T @ white
+    mean = turned @ goal
+    rest = goal - mean @ turned
+    event *= target.shape[1]
+    flat = columns.reshape(len(columns), -1)
+    error = target.reshape(-1).copy()
+    for start in range(0, len(error), event):
+        rows = slice(start, start + event)
+        part = turned[:, rows]
+        pull = _pulled(np.eye(part.shape[1]) - part.T @ part, rest[rows])
+        others = vectors @ (mean - part @ pull)
+        error[rows] -= others @ flat[:, rows]
+    return error.reshape(target.shape)
+
+
+def _pulled(unforeseen: Array, rest: Array) -> Array:
+    """(1 - X_b C X_b')^-1 times the rest, where the other half seconds say anything.
+
+    A direction that only this half second shows is not foreseen by the others at all. A wheel that slips and
+    stops gives one: a reading jumps there if a number moves by next to nothing. Its rest tells no noise.
+    """
+    try:
+        np.linalg.cholesky(unforeseen - SHOWN * np.eye(len(rest)))
+    except np.linalg.LinAlgError:
+        shares, vectors = np.linalg.eigh(unforeseen)
+        return np.asarray(vectors @ ((vectors.T @ rest) / np.maximum(shares, SHOWN)), float)
+    return np.asarray(np.linalg.solve(unforeseen, rest), float)
+
+
+def _slow_directions(white: Array) -> tuple[NDArray[np.float32], Array]:
+    """`Whitener.slow` and `Whitener.shrink` of whitened directions, (directions, bins, channels)."""
+    if len(white) == 0:
+        return np.zeros((0, 0), np.float32), np.zeros(0)
+    rows = white.reshape(len(white), -1).T
+    powers, right = np.linalg.eigh(rows.T @ rows)
+    strong = powers > FEEBLE
+    left = rows @ (right[:, strong] / np.sqrt(powers[strong]))
+    return left.astype(np.float32), 1.0 - 1.0 / np.sqrt(1.0 + powers[strong])

@@ -1,0 +1,198 @@
+"""The causes of the catalogue that a drive can show: their coordinates, and where their fits start."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from operator import mul
+
+import numpy as np
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.hypotheses.coordinates import (
+    FORMS,
+    WIDTH_FACTOR,
+    Cause,
+    Coordinate,
+    Points,
+    Settings,
+    added,
+    multiplied,
+    neutral_settings,
+    places,
+)
+from raccoon.diagnose.own import OwnEffect
+from raccoon.sim.effects import Place, all_effects, effect
+from raccoon.sim.parameters import SIDES
+
+
+def _limit(settings: Settings, where: str | None, u: Sequence[float]) -> None:
+    for place in places("motor.current_limit", where):
+        settings[("motor.current_limit", place, "limit")] = 1.0 / u[0] if u[0] > 1e-3 else math.inf
+
+
+def _eccentricity(settings: Settings, where: str | None, u: Sequence[float]) -> None:
+    width = WIDTH_FACTOR * effect("drive.wheel_eccentricity").parameters[0].prior_width
+    for place in places("drive.wheel_eccentricity", where):
+        settings[("drive.wheel_eccentricity", place, "amplitude")] = width * math.hypot(u[0], u[1])
+        settings[("drive.wheel_eccentricity", place, "phase")] = math.atan2(u[1], u[0])
+
+
+SHAPE_RANGE = 1.6
+"""Widths that a shape may move: beyond, stiction is ordinary friction and heating a change of resistance."""
+# Effects whose second parameter bends the curve: where the fits of that parameter start, and its width in the
+# logarithm.
+_SHAPES: Mapping[str, tuple[float, tuple[float, ...]]] = {
+    "drive.backlash": (1.0, (0.01,)),
+    "friction.stiction": (0.7, (0.2, 0.5, 1.0)),
+    "motor.heating": (0.7, (6.0, 18.0)),
+}
+HIGHEST_LIMIT = 2.0
+"""A; the highest current limit that is tried first."""
+# Starting guesses in widths, for one-sided and kinked effects.
+_GUESSES: Mapping[str, tuple[float, ...]] = {
+    "actuation.latency": (0.5, 1.5),
+    "imu.latency": (0.5, 1.2),
+    "drive.backlash": (0.1, 0.5, 1.0),
+    "drive.wheel_slip": (0.15, 0.5, 1.5),
+    "bemf.dead_zone": (0.15, 0.3, 1.0, 2.0, 4.0),
+    "actuation.deadband": (0.15, 0.5, 1.5),
+    "motor.current_limit": (1.0 / HIGHEST_LIMIT, 0.7, 1.0),
+    "bemf.filter_lag": (-0.5, 0.5),
+}
+# Longer steps where the response, seen closely, is a staircase: effects that shift the moment of something
+# by whole steps of a clock, or let wheels touch and part.
+_STEPS: Mapping[str, float] = {
+    "actuation.latency": 0.05,
+    "imu.latency": 0.05,
+    "drive.backlash": 0.05,
+}
+
+
+MOST_UNEVEN = 0.95
+"""Friction that differs more by direction would push."""
+
+
+def _cause(id: str, where: str | None) -> Cause:  # noqa: A002
+    entry = effect(id)
+    first = entry.parameters[0]
+    width = WIDTH_FACTOR * first.prior_width
+    if id == "motor.current_limit":
+        coordinate = Coordinate(f"{id}.limit", (), lambda u: u, low=0.0, high=5.0)
+        guesses: tuple[Points, ...] = tuple(((u,),) for u in _GUESSES[id])
+        return Cause(id, where, (coordinate,), guesses, lambda s, u: _limit(s, where, u))
+    if id == "drive.wheel_eccentricity":
+        pair = tuple(Coordinate(f"{id}.{part}", (), lambda u: u) for part in ("cos", "sin"))
+        return Cause(id, where, pair, (((0.7, 0.0), (0.0, 0.7)),), lambda s, u: _eccentricity(s, where, u))
+    if id in _SHAPES:
+        return _shaped(id, where, width)
+    if id == "friction.direction_dependent":
+        return _uneven(id, where)
+    if len(entry.parameters) == 2 and id not in FORMS:
+        coordinates = tuple(
+            added(id, where, each.name, WIDTH_FACTOR * each.prior_width) for each in entry.parameters
+        )
+        return Cause(id, where, coordinates, (((0.5, 0.0), (0.0, 0.5)),))
+    if first.name == "factor":
+        return Cause(id, where, (multiplied(id, where, width),), (((0.5,),),))
+    if id == "friction.coulomb":
+        usual = RobotConfig().model.friction.coulomb.value
+        share = replace(multiplied(id, where, width / usual, parameter="torque"), from_zero=width)
+        return Cause(id, where, (share,), (((0.5,),),))
+    low = 0.0 if first.neutral == 0.0 and first.bounds.low == 0.0 else -math.inf
+    guesses = tuple(((u,),) for u in _GUESSES.get(id, (0.5,)))
+    coordinate = added(id, where, first.name, width, low=low)
+    coordinate = replace(coordinate, step=_STEPS.get(id, coordinate.step))
+    return Cause(id, where, (coordinate,), guesses)
+
+
+def _uneven(id: str, where: str | None) -> Cause:  # noqa: A002
+    """Differences by direction, counted in parts of a usual robot's friction.
+
+    The effect's parameters are parts of the friction that is there. Counted so, a cause that changes the
+    friction would change this one as well, and no straight line would lead from one to the other.
+    """
+    pairs = (
+        ("asymmetry", "friction.coulomb", "torque"),
+        ("viscous_asymmetry", "friction.viscous", "coefficient"),
+    )
+    widths = {each.name: WIDTH_FACTOR * each.prior_width for each in effect(id).parameters}
+    usual = neutral_settings(RobotConfig())
+
+    def joint(settings: Settings, u: Sequence[float]) -> None:
+        for place in places(id, where):
+            for value, (name, friction, parameter) in zip(u, pairs, strict=True):
+                key = (friction, place, parameter)
+                share = usual[key] / max(settings[key], 1e-6)
+                whole = settings[(id, place, name)] + widths[name] * value * share
+                settings[(id, place, name)] = float(np.clip(whole, -MOST_UNEVEN, MOST_UNEVEN))
+
+    coordinates = tuple(Coordinate(f"{id}.{name}", (), lambda u: u) for name, _, _ in pairs)
+    return Cause(id, where, coordinates, (((0.5, 0.0), (0.0, 0.5)),), joint)
+
+
+def _shaped(id: str, where: str | None, width: float) -> Cause:  # noqa: A002
+    entry = effect(id)
+    strength, shape = entry.parameters
+    log_width, starts = _SHAPES[id]
+    centre = starts[len(starts) // 2]
+    keys = tuple((id, place, shape.name) for place in places(id, where))
+
+    def joint(settings: Settings, u: Sequence[float]) -> None:
+        for key in keys:
+            settings[(id, key[1], strength.name)] = max(width * u[0], 0.0)
+            settings[key] = centre * math.exp(log_width * u[1])
+
+    first = Coordinate(f"{id}.{strength.name}", (), lambda u: width * u, low=0.0)
+    second = Coordinate(
+        f"{id}.{shape.name}",
+        (),
+        lambda u: centre * math.exp(log_width * u),
+        low=-SHAPE_RANGE,
+        high=SHAPE_RANGE,
+    )
+    first, second = (replace(each, step=_STEPS.get(id, each.step)) for each in (first, second))
+    guesses = tuple(
+        ((size, math.log(start / centre) / log_width),)
+        for size in _GUESSES.get(id, (0.7,))
+        for start in starts
+    )
+    return Cause(id, where, (first, second), guesses, joint)
+
+
+NO_CAUSE = ("friction.presliding", "imu.low_pass")
+"""Not a fault, and refitted silently where a robot has it; see `open_numbers.Wheels` and `rollout.Habits`."""
+SIDES_ONLY = ("drive.wheel_eccentricity",)
+
+
+def drive_causes() -> tuple[Cause, ...]:
+    """Every cause of the catalogue that a drive can show.
+
+    Effects of a side: each side and, but for a wheel's own roundness, both at once.
+    """
+    found: list[Cause] = []
+    for entry in all_effects():
+        if entry.place is Place.TOPHAT or entry.id in NO_CAUSE:
+            continue
+        if entry.place is not Place.SIDE or not entry.id.startswith(SIDES_ONLY):
+            found.append(_cause(entry.id, None))
+        if entry.place is Place.SIDE:
+            found.extend(_cause(entry.id, side) for side in SIDES)
+    return tuple(found)
+
+
+def own_cause(own: OwnEffect) -> Cause:
+    """A team's own effect as a cause; all of its parameters count from their neutral values."""
+    coordinates = []
+    for each in own.parameters:
+        width, neutral = WIDTH_FACTOR * each.prior_width, float(each.neutral or 0.0)
+        low, high = ((bound - neutral) / width for bound in (each.bounds.low, each.bounds.high))
+        add = partial(mul, width)
+        coordinates.append(
+            Coordinate(f"{own.id}.{each.name}", ((own.id, None, each.name),), add, False, low, high)
+        )
+    starts = 0.5 * np.eye(len(coordinates))
+    points = tuple(tuple(map(float, row)) for row in starts)
+    return Cause(own.id, None, tuple(coordinates), (points,), own=own)

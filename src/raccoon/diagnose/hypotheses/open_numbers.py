@@ -1,0 +1,174 @@
+"""What robot.toml leaves open: the numbers that every fit may move, and how far.
+
+It gives most of them with a standard deviation. Of others it says nothing: how wheels slide, a loop's own
+delay, whether the gyro's chip smooths.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from enum import Enum, auto
+from typing import Any
+
+from raccoon.core.config import Measured, NominalModel, RobotConfig
+from raccoon.diagnose.hypotheses.coordinates import Coordinate, added, multiplied
+from raccoon.sim.parameters import SIDES
+
+INSIDE = 3.5
+"""Standard deviations around robot.toml's value inside which a parameter is refitted silently."""
+
+
+class Wheels(Enum):
+    """How wheels slide: at once, giving a little before, or creeping at every torque."""
+
+    RIGID = auto()
+    GIVING = auto()
+    CREEPING = auto()
+
+
+PRESLIDING = {"compliance": 0.001, "damping": 0.3}
+"""rad/(N m) and N m s/rad: how much a wheel gives before it slides. robot.toml does not say, and it is no
+cause: every gear gives a little, and what a robot does when it stops shows how much."""
+PRESLIDING_WIDTH = 0.7
+"""Of the logarithm of both: a factor of two is one standard deviation."""
+PRESLIDING_MOST = 1.7
+"""Standard deviations of both: three tenths to three times. Stiffer wheels ask for shorter steps than a
+millisecond, and differ from rigid ones by less than a reading's noise."""
+CREEP, CREEP_TAIL = 0.05, 0.5
+"""rad/s, known to a factor of two as well, and the standard deviation of a number from 0 to 1: the speed at
+which friction that creeps is near its level, and how gradually."""
+LOW_PASS, LOW_PASS_WIDTH, LOW_PASS_MOST = 1.0 / (2.0 * math.pi * 41.0), 0.4, 1.2
+"""s of a gyro's chip that filters at 41 Hz, as the Wombat's firmware sets it, the standard deviation of its
+logarithm, and how many of them it may be off. Wheels that slip by more stay wheels that slip."""
+LOW_PASS_DELAY, LOW_PASS_DELAY_MOST = 0.0025, 2.0
+"""s, one standard deviation of what its reading is late by beside that, and how many of them it may be: one
+of second order is nearly one of first order and a delay, and an IMU has a clock of its own, so that a row of
+5 ms takes a reading from none to as much old."""
+UNKNOWN_PHASE = 0.005 / math.sqrt(12.0)
+"""s, one standard deviation of how old the sample of a row is where the controller's cycle of 5 ms is not the
+row's, and of when its command is taken up. A filter that is slower by as much reads nearly the same."""
+SELF_DISCHARGE, SELF_DISCHARGE_MOST = 0.0004, 3.0
+"""V/C, one standard deviation of what any battery loses while it is driven, and how many it may be: its
+voltage also creeps after the current, by some mV in ten seconds, and goes on doing so."""
+OWN = 0.25
+"""Part of robot.toml's standard deviation of a number of both wheels by which each differs from it. With none
+a friction of one wheel that is 2 % higher was its stiction, or its K_E and radius. With 0.5 there were no
+fewer such, and what is gained on unseen data had a tenth percentile of 0.945 instead of 0.965."""
+LOOP_LATENCY = 0.0003
+"""s, one standard deviation of what a controller's own work delays commands by. No robot.toml says, and a
+fifth of a millisecond is a cause to no team, though it shows in every reading."""
+WOMBAT_LATENCY = 0.0025
+"""The same of a Wombat: a command waits for the link and then for its motor's turn, up to a cycle of 5.5 ms
+each. With less, one of eight sound robots had a latency of 4.3 ms."""
+
+
+def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
+    """The robot with the default's standard deviation where a number of the model has none, and their keys.
+
+    robot.toml may give a number alone. Taken as exact, whatever is a little off is a cause, and what is right
+    beside it too. The deviation is the default's part of the value; of a number that may be 0, such as an
+    offset, it is the default's own. A resistance or a friction of 0 is none at all, and stays exact.
+    """
+    default, model, keys = NominalModel(), robot.model, []
+    sections: dict[str, Any] = {}
+    for section in fields(model):
+        own, usual = getattr(model, section.name), getattr(default, section.name)
+        changed = {}
+        for each in fields(own):
+            number, typical = getattr(own, each.name), getattr(usual, each.name)
+            std = typical.std if typical.value == 0.0 else abs(number.value / typical.value) * typical.std
+            if number.std == 0.0 and std > 0.0:
+                changed[each.name] = replace(number, std=std)
+                place = f"motor.{section.name}" if section.name in SIDES else section.name
+                keys.append(f"model.{place}.{each.name}")
+        sections[section.name] = replace(own, **changed)
+    return replace(robot, model=replace(model, **sections)), tuple(keys)
+
+
+def base_coordinates(
+    robot: RobotConfig,
+    inside: float = INSIDE,
+    wheels: Wheels = Wheels.GIVING,
+    low_pass: bool = False,
+    free_running: bool = False,
+    wombat: bool = False,
+) -> tuple[Coordinate, ...]:
+    """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
+
+    inside: standard deviations that a number may move. wheels: how they slide, of which it
+    says nothing. low_pass: whether the gyro has one. free_running: whether the controller's cycle has a clock
+    of its own. wombat: whether controller and gyro are known to be a Wombat's, whose own delays are likelier
+    than any fault.
+    """
+    model = robot.model
+    found: list[Coordinate] = []
+
+    def plus(id: str, where: str | None, parameter: str, number: Measured) -> None:  # noqa: A002
+        if number.std > 0.0:
+            found.append(added(id, where, parameter, number.std, low=-inside, high=inside))
+
+    def times(id: str, where: str | None, number: Measured, parameter: str = "factor") -> None:  # noqa: A002
+        if number.std > 0.0:
+            found.append(multiplied(id, where, number.std / number.value, -inside, inside, parameter))
+
+    plus("battery.open_circuit_voltage", None, "voltage", model.battery.open_circuit_voltage)
+    plus("battery.internal_resistance", None, "resistance", model.battery.internal_resistance)
+    id_, most = "battery.discharge", SELF_DISCHARGE_MOST
+    found.append(added(id_, None, "volts_per_coulomb", SELF_DISCHARGE, low=0.0, high=most))
+    for side, motor in (("left", model.left), ("right", model.right)):
+        times("motor.armature_resistance", side, motor.armature_resistance)
+        times("motor.back_emf_constant", side, motor.back_emf_constant)
+        times("drive.wheel_radius", side, model.drive.wheel_radius)
+        port = robot.drive.left if side == "left" else robot.drive.right
+        plus("bemf.offset", side, "counts", robot.motor(port).bemf_offset or model.bemf.offset)
+    for place in (None, *SIDES):  # robot.toml has one number of both wheels, which each has about
+        coulomb, viscous = (_part(each, place) for each in (model.friction.coulomb, model.friction.viscous))
+        if coulomb.value > 0.0:
+            times("friction.coulomb", place, coulomb, "torque")
+        else:
+            plus("friction.coulomb", place, "torque", coulomb)
+        plus("friction.viscous", place, "coefficient", viscous)
+    found.extend(_sliding(wheels, inside))
+    lag, delay = model.bemf.filter_time_constant, WOMBAT_LATENCY if wombat else LOOP_LATENCY
+    if free_running:
+        delay = math.hypot(delay, UNKNOWN_PHASE)
+        lag = replace(lag, std=math.hypot(lag.std, UNKNOWN_PHASE)) if lag.std > 0.0 else lag
+    for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
+        plus("bemf.filter_lag", side, "time_constant", lag)
+    found.append(added("actuation.latency", None, "seconds", delay, low=0.0, high=INSIDE))
+    plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
+    times("imu.gyro_scale", None, model.imu.gyro_scale)
+    if low_pass:
+        most = LOW_PASS_MOST
+        found.append(multiplied("imu.low_pass", None, LOW_PASS_WIDTH, -most, most, "time_constant", LOW_PASS))
+        late = max(LOW_PASS_DELAY, 0.5 / robot.controller.rate_hz)
+        most = INSIDE if wombat else LOW_PASS_DELAY_MOST
+        found.append(added("imu.latency", None, "seconds", late, low=0.0, high=most))
+    times("drive.track_width", None, model.drive.track_width)
+    for kind, number in (("straight", model.drive.inertia_straight), ("turn", model.drive.inertia_turn)):
+        if number.std > 0.0:
+            width = number.std / number.value
+            found.append(_inertia(kind, width, inside))
+    return tuple(found)
+
+
+def _part(number: Measured, place: str | None) -> Measured:
+    """A number of both wheels, or what one of them may differ from it by."""
+    return number if place is None else replace(number, std=OWN * number.std)
+
+
+def _sliding(wheels: Wheels, inside: float) -> Iterator[Coordinate]:
+    id_, width, most = "friction.presliding", PRESLIDING_WIDTH, PRESLIDING_MOST
+    if wheels is Wheels.GIVING:
+        for parameter, usual in PRESLIDING.items():
+            yield multiplied(id_, None, width, -most, most, parameter, usual)
+    if wheels is Wheels.CREEPING:
+        yield multiplied(id_, None, width, -inside, inside, "creep", CREEP)
+        yield added(id_, None, "creep_tail", CREEP_TAIL, 0.0, 1.0 / CREEP_TAIL)
+
+
+def _inertia(kind: str, width: float, inside: float) -> Coordinate:
+    keys = (("inertia", None, kind),)
+    return Coordinate(f"drive.inertia_{kind}", keys, lambda u: math.exp(width * u), True, -inside, inside)

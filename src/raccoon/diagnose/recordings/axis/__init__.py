@@ -1,0 +1,1 @@
+"""One motor or one axis: force, torque or voltage in, speed or position out."""

@@ -1,0 +1,127 @@
+"""What may be wrong with one motor or axis: the catalogue's effects that its channels can show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from raccoon.diagnose.recordings.axis.fit import Number
+from raccoon.diagnose.recordings.axis.log import AxisLog
+from raccoon.diagnose.recordings.axis.start import Rough
+
+SHARE = 0.95
+LATEST = 0.25
+LATENCIES = (0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
+DEAD = (0.4, 0.6, 0.8, 1.0, 1.25, 1.5, 1.8, 2.2, 2.7, 3.3, 4.0, 5.0)
+"""u that are tried before a fit."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisCause:
+    """An effect of the catalogue. numbers: of the axis model, that it frees. names: their names in the
+    contract. starts: u to begin a fit from. scan: u of its one number that are tried first, where a fit does
+    not find its way from afar. An effect may be here twice, with two rules; one of them is named."""
+
+    id: str
+    numbers: tuple[Number, ...]
+    names: tuple[str, ...]
+    starts: tuple[float, ...]
+    scan: tuple[float, ...] = ()
+
+
+def axis_causes(log: AxisLog, rough: Rough) -> tuple[AxisCause, ...]:
+    """Candidates in the order in which equal evidence prefers them.
+
+    Dry and viscous friction and a constant force are part of the base model where a force drives the axis:
+    any mechanism has them. A motor's base model is the textbook's, U = R I + L dI/dt + K_E w and an inertia.
+    There, viscous friction shows only with a current (else it is part of K_E). A dead band of volts is either
+    that of the simulated robot (nothing up to it, then linearly to everything at full) or a threshold (small
+    commands do nothing, larger ones all that they say).
+    """
+    mechanism = log.effort_unit != "V"
+    found = [] if mechanism else [_positive("friction.coulomb", "torque", "coulomb", 0.2 * rough.force, 0.3)]
+    if log.electrical:
+        width = 0.2 * rough.force / rough.speed
+        found.append(_positive("friction.viscous", "coefficient", "viscous", width, 0.2))
+    found += [
+        _positive("actuation.latency", "seconds", "latency", 0.02, 0.2, LATEST, LATENCIES),
+        _direction(log, mechanism),
+        _stiction(rough),
+        _positive("friction.load_dependent", "coefficient", "load", 0.2, 0.1, 0.9),
+        _positive("friction.quadratic", "coefficient", "quadratic", 0.2 * rough.force / rough.speed**2, 0.1),
+    ]
+    if not mechanism:
+        width, most = 0.05 * rough.effort, 0.5 * rough.effort
+        found += [
+            _positive("actuation.deadband", "duty", number, width, 0.3, most, DEAD)
+            for number in ("deadband", "dead_below")
+        ]
+        found.append(AxisCause("drive.slope", (constant_force(rough),), ("along_x",), (0.1,)))
+    return tuple(found)
+
+
+def _positive(
+    id: str,  # noqa: A002
+    name: str,
+    number: str,
+    width: float,
+    start: float,
+    high: float = math.inf,
+    scan: tuple[float, ...] = (),
+) -> AxisCause:
+    """A cause of one number that is not below 0."""
+    freed = Number(number, 0.0, width, low=0.0, high=high, prior=True)
+    return AxisCause(id, (freed,), (name,), (start,), scan)
+
+
+def constant_force(rough: Rough) -> Number:
+    """A force that pulls one way."""
+    return Number("offset", 0.0, 0.1 * rough.force, prior=True)
+
+
+def dry_asymmetry() -> Number:
+    """Of dry friction, forwards more than backwards."""
+    return Number("asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
+
+
+def _direction(log: AxisLog, mechanism: bool) -> AxisCause:
+    """Asymmetric dry friction is a constant force as long as the axis moves: where the base model has that
+    force, only the viscous part can be told."""
+    viscous = Number("viscous_asymmetry", 0.0, 0.4, low=-SHARE, high=SHARE, prior=True)
+    dry = dry_asymmetry()
+    id_ = "friction.direction_dependent"
+    if mechanism:
+        return AxisCause(id_, (viscous,), ("viscous_asymmetry",), (0.1,))
+    if log.electrical:
+        return AxisCause(id_, (dry, viscous), ("asymmetry", "viscous_asymmetry"), (0.1, 0.1))
+    return AxisCause(id_, (dry,), ("asymmetry",), (0.1,))
+
+
+def _stiction(rough: Rough) -> AxisCause:
+    torque = Number("stiction", 0.0, 0.1 * rough.force, low=0.0, prior=True)
+    most = 0.3 * rough.speed
+    speed = Number("stiction_speed", 0.05 * rough.speed, 0.7, positive=True, high=most, prior=True)
+    return AxisCause("friction.stiction", (torque, speed), ("torque", "speed"), (0.3, 0.0))
+
+
+def unit_of(name: str, log: AxisLog) -> str:
+    """Unit of a number of the model for this axis."""
+    torque, speed = log.torque_unit, log.speed_unit
+    per_speed = speed.replace("/s", "")
+    units: Mapping[str, str] = {
+        "resistance": "ohm",
+        "inductance": "H" if log.electrical else "s",
+        "back_emf": f"V s/{per_speed}",
+        "inertia": "kg" if torque == "N" else "kg m2" if torque == "N m" else f"V s2/{per_speed}",
+        "viscous": f"{torque} s/{per_speed}",
+        "coulomb": torque,
+        "stiction": torque,
+        "offset": torque,
+        "quadratic": f"{torque} s2/{per_speed}2",
+        "stiction_speed": speed,
+        "latency": "s",
+        "deadband": "V",
+        "dead_below": "V",
+    }
+    return units.get(name, "")

@@ -1,0 +1,242 @@
+"""Fit an axis' numbers to its motion by simulation error over stretches of two time constants.
+
+Why stretches: a position is an integral, so a free run over the whole recording is ruled by the few moments
+where the axis sticks, and finds no friction at all. A speed forgets, and is run on freely.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.recordings.axis.log import AxisLog
+from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
+Keep = Callable[[Rows], NDArray[np.bool_]]
+"""Which rows of a recording count."""
+
+SECANT = 1e-3
+DAMPINGS = (1e-6, 1e-2, 1.0, 100.0)
+ROUNDS = 20
+ENOUGH = 1e-5
+NEAR_END = 1.02
+ROWS_OF_POSITION, ROWS_OF_SPEED = 100, 8000
+FEWEST_STRETCHES = 10
+RUN_CONSTANTS, RUN_SECONDS = 20.0, 60.0
+"""A speed is run on freely for the longer of the two."""
+
+
+@dataclass(frozen=True, slots=True)
+class Number:
+    """One number of the model. start: value at u = 0. width: change at u = 1, in the logarithm where
+    `positive`.
+    low, high: bounds of the value. prior: whether u is held near 0 with a standard deviation of 1."""
+
+    name: str
+    start: float
+    width: float
+    positive: bool = False
+    low: float = -math.inf
+    high: float = math.inf
+    prior: bool = False
+
+    def at_its_end(self, value: float) -> bool:
+        """Whether a value of a number that is positive by nature stands at a bound: there it was not found,
+        only not allowed to go on."""
+        return self.positive and (value <= NEAR_END * self.low or value >= self.high / NEAR_END)
+
+    def value(self, u: Array) -> Array:
+        """The number at u."""
+        moved = self.start * np.exp(self.width * u) if self.positive else self.start + self.width * u
+        return np.asarray(np.clip(moved, self.low, self.high))
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFit:
+    """Fitted u of `numbers`, whitened residual (rows,) and Jacobian (rows, k) there, without prior rows.
+
+    group (rows,): the stretch of each row."""
+
+    numbers: tuple[Number, ...]
+    u: Array
+    residual: Array
+    jacobian: Array
+    group: NDArray[np.intp]
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """The numbers by name."""
+        return {
+            each.name: float(each.value(np.asarray(u))) for each, u in zip(self.numbers, self.u, strict=True)
+        }
+
+    @property
+    def misfit(self) -> float:
+        """Sum of the squares of the residual and the prior."""
+        held = np.array([each.prior for each in self.numbers])
+        return float(self.residual @ self.residual + self.u[held] @ self.u[held])
+
+    def stds(self) -> Mapping[str, float]:
+        """Standard deviations by the spread of the stretches' own scores (a sandwich): residuals within a
+        stretch are one push of the same disturbance, not so many independent ones."""
+        J = self.jacobian
+        prior = np.diag([float(each.prior) for each in self.numbers])
+        inverse = np.linalg.pinv(J.T @ J + prior)
+        count = int(self.group.max()) + 1
+        scores = np.zeros((count, len(self.u)))
+        np.add.at(scores, self.group, J * self.residual[:, None])
+        spread = scores.T @ scores * count / max(count - 1, 1) + prior
+        std = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse), 0.0))
+        return {
+            each.name: float(s * each.width * (abs(each.value(np.asarray(u))) if each.positive else 1.0))
+            for each, s, u in zip(self.numbers, std, self.u, strict=True)
+        }
+
+
+@dataclass(slots=True)
+class AxisData:
+    """A recording cut into stretches, with the scale of each channel's noise. scales: motion, current."""
+
+    log: AxisLog
+    parts: Stretches
+    scales: Array = field(default_factory=lambda: np.ones(2))
+
+    def residuals(self, numbers: Sequence[Number], points: Array) -> Array:
+        """Simulated minus measured over the scale, (points, rows); 0 where nothing is known or fitted."""
+        named = {name: np.full(len(points), value) for name, value in NEUTRAL.items()}
+        named["full"] = np.full(len(points), self.log.full)
+        for index, each in enumerate(numbers):
+            named[each.name] = each.value(points[:, index])
+        position, speed, current = simulated(
+            named, self.log.effort, self.log.step, self.parts, self.log.electrical
+        )
+        rows = [self._weighted(speed if self.log.is_speed else position, self.parts.measured, 0)]
+        if self.parts.current is not None:
+            rows.append(self._weighted(current, self.parts.current, 1))
+        return np.concatenate(rows, axis=1)
+
+    def _weighted(self, model: Array, measured: Array, channel: int) -> Array:
+        error = (model - measured[:, None, :]) * self.parts.weight[:, None, :] / self.scales[channel]
+        lanes = error.shape[1]
+        return np.asarray(np.nan_to_num(np.moveaxis(error, 1, 0).reshape(lanes, -1)))
+
+    def groups(self) -> NDArray[np.intp]:
+        """Index of a piece of time for each row of the residual."""
+        rows = self.parts.rows()
+        if len(self.parts.first) > 5:
+            group = np.broadcast_to(np.arange(rows.shape[1])[None, :], rows.shape)
+        else:
+            group = (12 * (rows - rows.min())) // (np.ptp(rows) + 1)
+        channels = 1 if self.parts.current is None else 2
+        return np.tile(np.asarray(group).ravel(), channels).astype(np.intp)
+
+
+def fit_axis(data: AxisData, numbers: Sequence[Number], start: Array | None = None) -> AxisFit:
+    """Levenberg-Marquardt; every step tries all dampings at once. start: u, by default 0."""
+    u = np.zeros(len(numbers)) if start is None else start
+    prior = np.array([float(each.prior) for each in numbers])
+    bounds = _bounds(numbers)
+    residual = data.residuals(numbers, u[None])[0]
+    J = _jacobian(data, numbers, u, residual, bounds)
+    cost = float(residual @ residual + prior @ u**2)
+    for _ in range(ROUNDS):
+        trials = _trials(J, residual, u, prior, bounds)
+        errors = data.residuals(numbers, trials)
+        costs = (errors**2).sum(axis=1) + (prior * trials**2).sum(axis=1)
+        best = int(np.argmin(costs))
+        gained = cost - float(costs[best])
+        if gained > 0.0:
+            u, residual, cost = trials[best], errors[best], float(costs[best])
+            J = _jacobian(data, numbers, u, residual, bounds)
+        if gained <= ENOUGH * cost:
+            break
+    return AxisFit(tuple(numbers), u, residual, J, data.groups())
+
+
+def _bounds(numbers: Sequence[Number]) -> tuple[Array, Array]:
+    """Limits of u."""
+
+    def inverse(each: Number, value: float) -> float:
+        if math.isinf(value):
+            return value
+        if each.positive:
+            return math.log(max(value, 1e-300) / each.start) / each.width
+        return (value - each.start) / each.width
+
+    return (
+        np.array([inverse(each, each.low) for each in numbers]),
+        np.array([inverse(each, each.high) for each in numbers]),
+    )
+
+
+def _jacobian(
+    data: AxisData, numbers: Sequence[Number], u: Array, residual: Array, bounds: tuple[Array, Array]
+) -> Array:
+    # At the upper bound the secant goes inwards.
+    steps = np.where(u + SECANT > bounds[1], -SECANT, SECANT)
+    errors = data.residuals(numbers, u + np.diag(steps))
+    return np.asarray((errors - residual).T / steps)
+
+
+def _trials(J: Array, residual: Array, u: Array, prior: Array, bounds: tuple[Array, Array]) -> Array:
+    A, b = J.T @ J + np.diag(prior), J.T @ residual + prior * u
+    size = np.maximum(np.diag(A), 1e-12 * float(np.diag(A).max()))
+    steps = [-np.linalg.lstsq(A + each * np.diag(size), b, rcond=None)[0] for each in DAMPINGS]
+    return np.clip(u + np.array(steps), *bounds)
+
+
+def nice_stretch(constant: float) -> float:
+    """s, two time constants, rounded (by ratio) to 1, 2 or 5 times a power of ten."""
+    wanted = math.log10(2.0 * constant)
+    whole = math.floor(wanted)
+    choices = [whole + math.log10(each) for each in (1.0, 2.0, 5.0, 10.0)]
+    return float(10.0 ** min(choices, key=lambda each: abs(each - wanted)))
+
+
+def cut(log: AxisLog, constant: float, keep: Keep, overlap: int) -> Stretches | None:
+    """Stretches for a time constant in s. keep: which rows count. overlap: stretches over any instant.
+
+    None where not a single one fits."""
+    count = len(log.time)
+    if log.is_speed:
+        length = min(count, round(max(RUN_CONSTANTS * constant, RUN_SECONDS) / log.step) + 1)
+        if length >= count:
+            return _stretches(log, np.zeros(1, np.intp), count, constant, keep)
+    else:
+        seconds = min(nice_stretch(constant), nice_stretch(0.5 * count * log.step / FEWEST_STRETCHES))
+        length = min(count, round(seconds / log.step) + 1)
+    first = np.arange(0, count - length + 1, max(1, (length - 1) // overlap)).astype(np.intp)
+    whole = [index for index in first if keep(np.arange(index, index + length, dtype=np.intp)).all()]
+    return _stretches(log, np.array(whole, np.intp), length, constant, keep) if whole else None
+
+
+def _every(log: AxisLog, length: int) -> int:
+    """Samples to a row: a position is smooth and needs few, a speed's noise averages over many."""
+    return max(1, (length - 1) // (ROWS_OF_SPEED if log.is_speed else ROWS_OF_POSITION))
+
+
+def _stretches(log: AxisLog, first: NDArray[np.intp], length: int, constant: float, keep: Keep) -> Stretches:
+    from scipy.signal import savgol_filter
+
+    known = np.isfinite(log.motion)
+    filled = np.interp(log.time, log.time[known], log.motion[known])
+    width = 2 * max(3, round(constant / 30.0 / log.step)) + 1
+    width = min(width, 2 * ((len(filled) - 1) // 2) - 1)
+    order = 0 if log.is_speed else 1
+    smooth = savgol_filter(filled, width, 2)
+    speed = smooth if order == 0 else savgol_filter(filled, width, 2, deriv=1, delta=log.step)
+    if log.is_speed:
+        speed = np.where(np.arange(len(speed)) == 0, filled[0], speed)
+    every = _every(log, length)
+    rows = first[None, :] + np.arange(0, length, every, dtype=np.intp)[:, None]
+    weight = keep(rows).astype(float)
+    weight[0] = 0.0 if not log.is_speed else weight[0]
+    current = None if log.current is None or not log.electrical else log.current[rows]
+    position = filled[first] if not log.is_speed else np.zeros(len(first))
+    return Stretches(first, len(rows), every, position, speed[first], log.motion[rows], current, weight)

@@ -1,0 +1,187 @@
+"""The equations of one motor or axis, many parameter sets and stretches of time at once.
+
+    force or torque u:   f = u, where `inductance` is given with a lag of as many seconds
+    voltage u:           L di/dt = u - R i - K w,   f = K i
+
+    M dw/dt = f - o - b (1 + d_b s) w - s (c (1 + d_c s) + c_s exp(-(w/w_s)^2) + q w^2 + l |f|),   s = sign(w)
+
+with u delayed and with a dead band where these are switched on. A dead band follows one of two rules: as in
+the simulated robot, nothing up to `deadband` and from there on linearly to all of it at `full`; or nothing
+below `dead_below` and all of it above (over a tenth of it to either side, so that a fit can follow). A step
+is exact for the winding, the moment at which a late effort changes, and viscous friction with the rest held;
+at rest the axis stays where it is until |f| exceeds its dry friction.
+Neutral values change nothing, exactly.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+NEUTRAL: Mapping[str, float] = {
+    "resistance": 1.0, "inductance": 0.0, "back_emf": 1.0, "inertia": 1.0, "coulomb": 0.0, "viscous": 0.0,
+    "offset": 0.0, "asymmetry": 0.0, "viscous_asymmetry": 0.0, "stiction": 0.0, "stiction_speed": 1.0,
+    "quadratic": 0.0, "load": 0.0, "latency": 0.0, "deadband": 0.0,
+    "dead_below": 0.0, "full": 1e9,
+}  # fmt: skip
+"""Every number of the model, neutral or (for the first four) to be set."""
+LONGEST_STEP, LONGEST_STEP_OF_A_WINDING = 0.001, 0.0005
+MOST_PARTS = 10
+TINY = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Stretches:
+    """Pieces of a recording that are simulated side by side, all of the same length.
+
+    first (n,): row of the recording where each begins. count: rows of a stretch, one for `every` samples.
+    position, speed (n,): where it starts. weight (rows, n): 1 where a row counts, else 0. measured, current
+    (rows, n).
+    """
+
+    first: NDArray[np.intp]
+    count: int
+    every: int
+    position: Array
+    speed: Array
+    measured: Array
+    current: Array | None
+    weight: Array
+
+    def rows(self) -> NDArray[np.intp]:
+        """Row of the recording of each sample, (rows, n)."""
+        return np.asarray(self.first[None, :] + self.every * np.arange(self.count)[:, None])
+
+
+def simulated(
+    numbers: Mapping[str, Array], effort: Array, step: float, parts: Stretches, electrical: bool
+) -> tuple[Array, Array, Array]:
+    """Position, speed and current, each (rows, lanes, stretches), for numbers (lanes,)."""
+    out = np.empty((3, parts.count, len(numbers["inertia"]), len(parts.first)))
+    longest = LONGEST_STEP_OF_A_WINDING if np.any(numbers["inductance"]) else LONGEST_STEP
+    pieces = min(MOST_PARTS, max(1, int(np.ceil(step / longest - 1e-9))))
+    compiled = _compiled()
+    if compiled is None:
+        _side_by_side(numbers, effort, step, parts, electrical, pieces, out)
+    else:
+        table = np.column_stack([np.asarray(numbers[name], float) for name in NEUTRAL])
+        starts = (parts.first, parts.position, parts.speed)
+        compiled(table, effort, step, *starts, parts.every, pieces, electrical, out)
+    return out[0], out[1], out[2]
+
+
+@cache
+def _compiled() -> Any:
+    """The kernel compiled, None without numba."""
+    if importlib.util.find_spec("numba") is None:
+        return None
+    import numba
+
+    from raccoon.diagnose.recordings.axis.kernel import run
+
+    return numba.njit(cache=True, error_model="numpy")(run)
+
+
+def _side_by_side(
+    numbers: Mapping[str, Array],
+    effort: Array,
+    step: float,
+    parts: Stretches,
+    electrical: bool,
+    pieces: int,
+    out: Array,
+) -> None:
+    """The same with arrays over lanes and stretches, for where numba is not installed."""
+    p = {name: np.asarray(value, float)[:, None] for name, value in numbers.items()}
+    state = _State.start(parts, len(p["inertia"]), p, effort, electrical)
+    for row in range(parts.count):
+        out[:, row] = state.position, state.speed, state.current
+        for sample in range(row * parts.every, (row + 1) * parts.every):
+            at = np.minimum(parts.first + sample, len(effort) - 1)
+            sooner, later, share = _commanded(effort, at, step, p)
+            for piece in range(pieces):
+                part = np.clip(share * pieces - piece, 0.0, 1.0)
+                _advance(state, (sooner, later, part), p, step / pieces, electrical)
+
+
+@dataclass(slots=True)
+class _State:
+    position: Array
+    speed: Array
+    current: Array
+
+    @classmethod
+    def start(
+        cls, parts: Stretches, lanes: int, p: Mapping[str, Array], effort: Array, electrical: bool
+    ) -> _State:
+        shape = (lanes, len(parts.first))
+        speed = np.broadcast_to(parts.speed, shape).copy()
+        running = (parts.first > 0)[None, :]
+        before = effort[np.maximum(parts.first - 1, 0)]
+        if electrical:
+            before = (before - p["back_emf"] * speed) / p["resistance"]
+        current = np.broadcast_to(np.where(running, before, 0.0), shape).copy()
+        return cls(np.broadcast_to(parts.position, shape).copy(), speed, current)
+
+
+def _commanded(
+    effort: Array, rows: NDArray[np.intp], step: float, p: Mapping[str, Array]
+) -> tuple[Array, Array, Array]:
+    """The efforts that act at these rows, late and with a dead band, (lanes, stretches): the one before, the
+    one after it changes, and the share of the sample until then."""
+    late = p["latency"] / step
+    whole = np.floor(late).astype(np.intp)
+    efforts = (_at(effort, rows[None, :] - whole - back) for back in (1, 0))
+    sooner, later = (_with_dead_band(each, p) for each in efforts)
+    return sooner, later, np.asarray(late - whole)
+
+
+def _with_dead_band(u: Array, p: Mapping[str, Array]) -> Array:
+    if p["deadband"].any():
+        stretch = p["full"] / np.maximum(p["full"] - p["deadband"], 1e-9)
+        moved = np.sign(u) * np.maximum(np.abs(u) - p["deadband"], 0.0) * stretch
+        u = np.where(p["deadband"] > 0.0, moved, u)
+    if p["dead_below"].any():
+        acts = np.clip(5.0 * (np.abs(u) / np.maximum(p["dead_below"], TINY) - 0.9), 0.0, 1.0)
+        u = np.where(p["dead_below"] > 0.0, u * acts, u)
+    return np.asarray(u)
+
+
+def _at(effort: Array, rows: NDArray[np.intp]) -> Array:
+    return np.asarray(np.where(rows >= 0, effort[np.maximum(rows, 0)], 0.0))
+
+
+def _advance(
+    state: _State, acting: tuple[Array, Array, Array], p: Mapping[str, Array], step: float, electrical: bool
+) -> None:
+    w = state.speed
+    sooner, later, part = acting
+    decay = step * p["resistance"] / np.maximum(p["inductance"], TINY)
+    mean = np.zeros_like(w)
+    for u, length in ((sooner, part), (later, 1.0 - part)):
+        settled = (u - p["back_emf"] * w) / p["resistance"] if electrical else u
+        kept = np.exp(-decay * length)
+        mean = mean + settled * length + (state.current - settled) * (1.0 - kept) / decay
+        state.current = settled + (state.current - settled) * kept
+    force = (p["back_emf"] * mean if electrical else mean) - p["offset"]
+    side = np.sign(w)
+    side = np.where(side == 0.0, np.sign(force), side)
+    dry = p["coulomb"] * (1.0 + p["asymmetry"] * side) + p["load"] * np.abs(force)
+    if p["stiction"].any():
+        dry = dry + p["stiction"] * np.exp(-((w / p["stiction_speed"]) ** 2))
+    drag = p["viscous"] * (1.0 + p["viscous_asymmetry"] * side) + p["quadratic"] * np.abs(w)
+    rate = np.maximum(drag / p["inertia"] * step, TINY)
+    kept = np.exp(-rate)
+    new = w * kept + (force - side * dry) * step / p["inertia"] * (1.0 - kept) / rate
+    stops = (w * new < 0.0) | ((w == 0.0) & (np.abs(force) <= dry))
+    new = np.where(stops, 0.0, new)
+    state.position = state.position + 0.5 * step * (w + new)
+    state.speed = new

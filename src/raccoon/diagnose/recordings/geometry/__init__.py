@@ -1,0 +1,1 @@
+"""Wheel angles beside a reference of the pose, without commands."""

@@ -1,0 +1,229 @@
+"""Wheel angles against a reference of the pose (motion capture), without commands: what is the geometry?"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.findings.extend import with_causes
+from raccoon.diagnose.recordings.broken import OTHER_ROBOT
+from raccoon.diagnose.recordings.geometry.fit import (
+    Errors,
+    Fitted,
+    candidates,
+    combined,
+    differences,
+    leaves_its_wheels,
+)
+from raccoon.diagnose.recordings.geometry.words import geometry_cause
+from raccoon.diagnose.recordings.reference.units import check_reference
+from raccoon.diagnose.reports.wording import MANOEUVRES
+from raccoon.diagnose.result import (
+    CauseResult,
+    ChannelResult,
+    Curve,
+    Diagnosis,
+    ParameterResult,
+    Rejected,
+    Unexplained,
+    Verdict,
+)
+from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
+from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.sim.parameters import Parameters
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+LEAST_GAIN = 0.03
+FAR = 3.0
+"""Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
+make of it."""
+SHARE_FITTED = 0.7
+SLOWEST = 0.9
+"""S a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
+POSITION, HEADING = "truth position", "truth.heading"
+NO_COMMANDS = "not identifiable: motor.N.duty is missing, so what drove the wheels is unknown"
+
+
+def diagnose_geometry(
+    runs: Sequence[Columns],
+    robot: RobotConfig,
+    *,
+    holdout: Sequence[Columns] = (),
+    device: Device = SI_WORDS,
+) -> Diagnosis:
+    """Compare dead reckoning with the reference, over one or many runs of the same robot.
+
+    holdout: runs to judge on; without them every second run, or the last 30 % of a single one. What one
+    turning direction cannot tell is `not_identifiable`. Raises CalibrationError naming a column that is not
+    usable, and TraceError for a time or a reference in other units.
+    """
+    begin = time.perf_counter()
+    for each in (*runs, *holdout):
+        moments = np.unique(np.asarray(each["t"], float))  # a sample that was written twice does no harm here
+        check_time(moments[np.isfinite(moments)], SLOWEST)
+        check_reference(each, robot, device)
+    fitted, unseen = _shared(runs, holdout, robot, device)
+    try:
+        found = calibrate_drive(robot, fitted, device=device)
+    except CalibrationError as error:
+        return _cannot_tell(str(error), fitted, robot, begin)
+    radius, track = robot.model.drive.wheel_radius.value, robot.model.drive.track_width.value
+    pairs = ((found.left_radius, radius), (found.right_radius, radius), (found.track_width, track))
+    whole = np.array([number.value / nominal for number, nominal in pairs])
+    stds = np.array([number.std / nominal for number, nominal in pairs])
+    return _judged(Fitted(robot, whole, stds, fitted, unseen), begin)
+
+
+def _shared(
+    runs: Sequence[Columns], holdout: Sequence[Columns], robot: RobotConfig, device: Device
+) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
+    made = [manoeuvre(each, robot, device=device) for each in runs]
+    if holdout:
+        return made, [manoeuvre(each, robot, device=device) for each in holdout]
+    if len(made) > 1:
+        return made[::2], made[1::2]
+    count = len(made[0].t)
+    split = int(SHARE_FITTED * count)
+    return [made[0].piece(0, split)], [made[0].piece(split, count)]
+
+
+def _judged(fit: Fitted, begin: float) -> Diagnosis:
+    nominal = np.ones(3)
+    before = fit.errors(nominal)
+    parts = candidates(fit)
+    named = [each for each in parts if each.sure]
+    after_factors = combined(named)
+    after = fit.errors(after_factors)
+    causes, useless = [], []
+    for each in named:
+        without = fit.errors(combined([other for other in named if other is not each]))
+        if after.position > (1.0 - LEAST_GAIN) * without.position:
+            useless.append(each)
+        else:
+            causes.append((without, each))
+    causes.sort(key=lambda pair: -pair[0].position)
+    floor = replace(fit, unseen=fit.fitted).errors(fit.factors)
+    results = tuple(
+        geometry_cause(*pair, (before, after, floor), rank + 1, fit.robot.model.drive)
+        for rank, pair in enumerate(causes)
+    )
+    rejected = [
+        Rejected(each.name, "inside its deviation" if each not in useless else "it does not help unseen runs")
+        for each in parts
+        if each in useless or not each.sure
+    ]
+    far = after.position > FAR * floor.position
+    return Diagnosis(
+        _verdict(bool(results), far),
+        _channels(before, after, floor),
+        results,
+        (*rejected, *_without_commands()),
+        Unexplained(float(np.clip(after.position**2 / max(before.position**2, 1e-300), 0.0, 1.0))),
+        (),
+        time.perf_counter() - begin,
+        with_causes(Parameters.from_robot(fit.robot), results),
+        (_shared_how(fit), *other_robot(results), *([leaves_its_wheels(fit, after_factors)] if far else [])),
+        _identified(fit),
+        (),
+        _curves(fit, nominal, after_factors),
+    )
+
+
+def _verdict(causes: bool, far: bool) -> Verdict:
+    if far:
+        return Verdict.PARTLY if causes else Verdict.UNKNOWN
+    return Verdict.EXPLAINED if causes else Verdict.ADEQUATE
+
+
+def other_robot(causes: Sequence[CauseResult]) -> list[str]:
+    """A question about robot.toml where a length is so far off that it is hardly this robot's."""
+    far = [each for each in causes if abs(math.log(each.parameters["factor"].value)) > OTHER_ROBOT]
+    return [
+        f"{each.name} is off by {100.0 * (each.parameters['factor'].value - 1.0):+.0f} %: is this robot.toml "
+        "of this robot?"
+        for each in far[:1]
+    ]
+
+
+def _shared_how(fit: Fitted) -> str:
+    fitted, unseen = len(fit.fitted), len(fit.unseen)
+    if fitted == unseen == 1 and fit.fitted[0].t[-1] < fit.unseen[0].t[0]:
+        return f"the first {100 * SHARE_FITTED:.0f} % of the run was fitted, the rest is there to judge on"
+    return (
+        f"{fitted} run{'' if fitted == 1 else 's'} fitted, {unseen} other{'' if unseen == 1 else 's'} to "
+        "judge on"
+    )
+
+
+def _channels(before: Errors, after: Errors, floor: Errors) -> tuple[ChannelResult, ...]:
+    return (
+        ChannelResult(POSITION, "m", before.position, after.position, floor.position, 0.0),
+        ChannelResult(HEADING, "rad", before.heading, after.heading, floor.heading, 0.0),
+    )
+
+
+def _identified(fit: Fitted) -> Mapping[str, ParameterResult]:
+    drive = fit.robot.model.drive
+    radius, track = drive.wheel_radius.value, drive.track_width.value
+    left, right, wide = fit.factors
+    return {
+        "wheel_radius@left": ParameterResult(radius * left, radius * fit.stds[0], "m", radius),
+        "wheel_radius@right": ParameterResult(radius * right, radius * fit.stds[1], "m", radius),
+        "track_width": ParameterResult(track * wide, track * fit.stds[2], "m", track),
+    }
+
+
+def _without_commands() -> tuple[Rejected, ...]:
+    return tuple(
+        Rejected(each, NO_COMMANDS) for each in ("motor.*", "friction.*", "actuation.*", "battery.*")
+    )
+
+
+def _curves(fit: Fitted, before: Array, after: Array) -> tuple[Curve, ...]:
+    """Distance from the reference along the unseen runs, put one behind the other."""
+    times, curves, offset = [], [], 0.0
+    for each in fit.unseen:
+        pair = [np.hypot(*differences(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]
+        times.append(offset + each.t - each.t[0])
+        curves.append(np.column_stack(pair))
+        offset += float(each.t[-1] - each.t[0])
+    table = np.concatenate(curves)
+    return (
+        Curve(
+            "distance from the reference", "m", np.concatenate(times), np.zeros(len(table)), table[:, 0],
+            table[:, 1],
+        ),
+    )  # fmt: skip
+
+
+def _cannot_tell(reason: str, runs: Sequence[Manoeuvre], robot: RobotConfig, begin: float) -> Diagnosis:
+    rejected = tuple(
+        Rejected(each, f"not identifiable: {reason}")
+        for each in ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
+    )
+    channels: tuple[ChannelResult, ...] = ()
+    if all(each.truth is not None for each in runs):
+        nominal = Fitted(robot, np.ones(3), np.zeros(3), runs, runs).errors(np.ones(3))
+        channels = _channels(nominal, nominal, nominal)
+    return Diagnosis(
+        Verdict.NOT_IDENTIFIABLE,
+        channels,
+        (),
+        (*rejected, *_without_commands()),
+        Unexplained(1.0),
+        (MANOEUVRES["turns"],),
+        time.perf_counter() - begin,
+        None,
+        (reason,),
+    )

@@ -1,0 +1,127 @@
+"""What dead reckoning leaves with given factors on wheels and track width, and which factors are causes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.diagnose.hypotheses.coordinates import cause_name
+from raccoon.estimate.drive_calibration.columns import Manoeuvre
+from raccoon.estimate.drive_calibration.fit import path
+
+Array = NDArray[np.float64]
+
+SURE = 3.0
+"""Standard deviations from the configured value at which a factor is a cause."""
+LEAST_FACTOR = 0.001
+"""A wheel that is 0.1 % off is as good as a wheel gets."""
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Pooled root mean squares: position m, heading rad."""
+
+    position: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """Factors (3,) on left way, right way and track width, with deviations, and the runs."""
+
+    robot: RobotConfig
+    factors: Array
+    stds: Array
+    fitted: Sequence[Manoeuvre]
+    unseen: Sequence[Manoeuvre]
+
+    def errors(self, factors: Array) -> Errors:
+        """Over the unseen runs; each starts at the reference's pose."""
+        parts = [differences(factors, self.robot, each) for each in self.unseen]
+        whole = np.concatenate(parts)
+        return Errors(
+            float(np.sqrt((whole[:, :2] ** 2).sum(axis=1).mean())), float(np.sqrt((whole[:, 2] ** 2).mean()))
+        )
+
+
+def differences(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+    """Dead reckoning minus reference, (n, 3), from the reference's first pose on."""
+    if each.truth is None:
+        raise CalibrationError("a run to judge on has no truth.x, truth.y and truth.heading")
+    driven, start = path(factors, robot, each), each.truth[0]
+    c, s = math.cos(start[2]), math.sin(start[2])
+    turned = np.column_stack(
+        [c * driven[:, 0] - s * driven[:, 1], s * driven[:, 0] + c * driven[:, 1], driven[:, 2]]
+    )
+    return np.asarray(turned + start - each.truth)
+
+
+WINDOW = 1.0
+"""S over which is looked for where a robot leaves its wheels."""
+
+
+def leaves_its_wheels(fit: Fitted, factors: Array) -> str:
+    """Where the unseen runs' paths part from their wheels most, in a sentence."""
+    most, when = 0.0, 0.0
+    for each in fit.unseen:
+        rest = differences(factors, fit.robot, each)
+        ends = np.searchsorted(each.t, np.arange(each.t[0], each.t[-1], 0.25 * WINDOW))
+        ahead = np.minimum(np.searchsorted(each.t, each.t[ends] + WINDOW), len(each.t) - 1)
+        moved = rest[ahead] - rest[ends]
+        away = np.hypot(moved[:, 0], moved[:, 1])
+        worst = int(np.argmax(away))
+        if away[worst] > most:
+            most, when = float(away[worst]), float(each.t[ends[worst]])
+    return (
+        f"from {when:.1f} s on the robot and its wheels part by {1000 * most:.0f} mm within {WINDOW:.0f} s, "
+        "which no size of wheels explains: was it held or pushed, or did it slip?"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One factor that may be a cause, and what it does to (left, right, track)."""
+
+    id: str
+    where: str | None
+    factor: float
+    std: float
+    factors: Array
+
+    @property
+    def name(self) -> str:
+        return cause_name(self.id, self.where)
+
+    @property
+    def sure(self) -> bool:
+        return abs(self.factor - 1.0) > max(SURE * self.std, LEAST_FACTOR)
+
+
+def candidates(fit: Fitted) -> list[Candidate]:
+    """Both wheels' common factor, what the left has beyond it, and the track.
+
+    Wheels that differ by less than their deviations are one cause, both wheels'; else each is its own.
+    """
+    left, right, track = (float(each) for each in fit.factors)
+    one, two, wide = (float(each) for each in fit.stds)
+    found = [Candidate("drive.track_width", None, track, wide, np.array([1.0, 1.0, track]))]
+    if abs(left - right) > SURE * math.hypot(one, two):
+        found.append(Candidate("drive.wheel_radius", "left", left, one, np.array([left, 1.0, 1.0])))
+        found.append(Candidate("drive.wheel_radius", "right", right, two, np.array([1.0, right, 1.0])))
+    else:
+        both = 0.5 * (left + right)
+        found.append(
+            Candidate("drive.wheel_radius", None, both, 0.5 * (one + two), np.array([left, right, 1.0]))
+        )
+    return found
+
+
+def combined(parts: Sequence[Candidate]) -> Array:
+    """Factors (3,) of all together."""
+    return np.asarray(np.prod([np.ones(3), *(each.factors for each in parts)], axis=0))

@@ -1,0 +1,139 @@
+"""Whether a reference of the pose has the units and the signs of the format, by what gyro and wheels say."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import Device
+from raccoon.diagnose.recordings.reference.stretches import (
+    FEWEST,
+    LEAST_TURN,
+    LEAST_WAY,
+    MOST_ASKEW,
+    STRETCH,
+    Columns,
+    Stretches,
+    heading_at,
+    place_at,
+    stretches_of,
+    wheel_ways,
+)
+
+Array = NDArray[np.float64]
+
+DEGREES = 180.0 / math.pi
+LENGTHS = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37}
+OTHER_UNIT = 15.0
+"""Factor beyond which no robot.toml is as wrong as that: it is a unit."""
+SAME, LIKE = 2.5, 0.8
+"""Factor within which two sensors agree on what they both see; correlation from which they see the same."""
+
+
+def check_reference(columns: Columns, robot: RobotConfig, device: Device) -> None:
+    """Raise TraceError where `truth.*` is in another unit than the format's, or mirrored."""
+    seen = stretches_of(columns, robot, device)
+    if seen is not None:
+        check_stretches(seen, columns, robot, device)
+
+
+def check_stretches(seen: Stretches, columns: Columns, robot: RobotConfig, device: Device) -> None:
+    """`check_reference` of stretches that were taken already."""
+    others = {} if seen.gyro is None else {"imu.gyro.z": seen.gyro[0]}
+    if seen.wheels is not None:
+        left, right = seen.wheels[0].T
+        others["the wheels"] = (right - left) / robot.model.drive.track_width.value
+    others = {
+        name: each
+        for name, each in others.items()
+        if float(np.abs(each).sum()) > LEAST_TURN / 2.0 and np.ptp(each) > 1e-3
+    }
+    if not others or np.ptp(seen.turn) == 0.0:
+        return
+    in_degrees = np.diff(heading_at(seen.time, columns["truth.heading"], 360.0)[seen.ends])
+    _check_turns(in_degrees, others, (DEGREES / SAME, DEGREES * SAME))
+    _check_turns(seen.turn, others, (0.0, math.inf))
+    if "the wheels" in others and seen.wheels is not None:
+        turns = _agreement(seen.turn, {"the wheels": others["the wheels"]})
+        if turns is not None and 1.0 / (2.0 * SAME) < turns < 2.0 * SAME:
+            _check_place(columns, robot, device)
+
+
+def _agreement(turn: Array, others: Mapping[str, Array]) -> float | None:
+    """By how much the reference turns more than the others do; None where they do not agree on that."""
+    factors = []
+    for each in others.values():
+        if abs(float(np.corrcoef(each, turn)[0, 1])) < LIKE:
+            return None
+        factors.append(float(each @ turn / (each @ each)))
+    low, high = min(factors, key=abs), max(factors, key=abs)
+    return factors[0] if low * high > 0.0 and high / low < SAME else None
+
+
+def _check_turns(turn: Array, others: Mapping[str, Array], between: tuple[float, float]) -> None:
+    factor = _agreement(turn, others)
+    if factor is None or not between[0] < abs(factor) < between[1]:
+        return
+    names = " and ".join(others)
+    if DEGREES / SAME < abs(factor) < DEGREES * SAME:
+        raise TraceError(
+            f"truth.heading turns {abs(factor):.3g} times as much as {names}: it looks like degrees, not "
+            "radians"
+        )
+    if factor < 0.0:
+        raise TraceError(
+            f"truth.heading turns against {names} ({factor:.3g} times as much): it is mirrored. It counts "
+            "counter-clockwise, seen from above"
+        )
+    if len(others) > 1 and not 1.0 / OTHER_UNIT < factor < OTHER_UNIT:
+        raise TraceError(
+            f"truth.heading turns {factor:.3g} times as much as {names}: it is in another unit than radians"
+        )
+
+
+def _check_place(columns: Columns, robot: RobotConfig, device: Device) -> None:
+    """Whether the place moves where the heading points, and as far as the wheels say."""
+    time = np.asarray(columns["t"], float)
+    place = place_at(columns, time)
+    if place is None:
+        return
+    heading = heading_at(time, columns["truth.heading"], 2.0 * math.pi)
+    known = np.isfinite(columns["truth.x"]) & np.isfinite(columns["truth.heading"])
+    ends = np.searchsorted(time, np.arange(time[known][0], time[known][-1], 0.2 * STRETCH))
+    wheels = wheel_ways(columns, robot, device, time, ends)
+    if wheels is None or len(ends) < FEWEST:
+        return
+    way, moved = wheels[0].mean(axis=1), np.diff(place[ends])
+    middle = 0.5 * (heading[ends][1:] + heading[ends][:-1])
+    size = math.sqrt(float(way @ way) * float((np.abs(moved) ** 2).sum()))
+    if float(np.abs(way).sum()) < LEAST_WAY or size == 0.0:
+        return
+    expected = way * np.exp(-1j * middle)
+    along, mirrored = complex(expected @ moved), complex(expected @ moved.conj())
+    if abs(mirrored) > LIKE * size and abs(along) < 0.5 * abs(mirrored):
+        raise TraceError(
+            "truth.x or truth.y is mirrored: they move where truth.heading points only with the sign of one "
+            "of them changed. x and y are to each other as forward is to left"
+        )
+    if abs(along) < LIKE * size:
+        return
+    askew = cmath.phase(along)
+    if abs(askew) > MOST_ASKEW:
+        raise TraceError(
+            f"truth.x and truth.y move at {math.degrees(askew):.0f} degrees to truth.heading: it is 0 where "
+            "the robot points along x"
+        )
+    factor = abs(along) / float(way @ way)
+    if not 1.0 / OTHER_UNIT < factor < OTHER_UNIT:
+        near = min(LENGTHS, key=lambda each: abs(math.log(LENGTHS[each] / factor)))
+        unit = near if abs(math.log(LENGTHS[near] / factor)) < math.log(1.5) else "another unit"
+        raise TraceError(
+            f"truth.x and truth.y move {factor:.3g} times as far as the wheels: it looks like {unit}, not "
+            "metres"
+        )

@@ -1,0 +1,1 @@
+"""Reflectance sensors: readings over white and black, and what explains them."""

@@ -1,0 +1,126 @@
+"""Reflectance recordings: is it light from outside, the sensor's gain, its height, or noise?
+
+The simulated reading is factor * counts(height) + offset. White and black are two levels, so one of the three
+can be told from the others, and two together only by what usual deviations are; where that does not decide,
+all that fit are listed. A level that is cut off says only that it is beyond, so then one number is left.
+Levels that jump are judged before and after apart; levels that drift have no one cause.
+"""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.findings.extend import with_causes
+from raccoon.diagnose.recordings.tophats.fit import Nominal
+from raccoon.diagnose.recordings.tophats.judge import SensorResult, judge_tophat
+from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT, NOISE
+from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
+from raccoon.sim.effects import effect
+from raccoon.sim.parameters import Parameters
+
+Array = NDArray[np.float64]
+SLOWEST = 0.9
+"""S between samples: a sensor that is held over a surface may be read slowly. A time in ms advances by more.
+"""
+Columns = Mapping[str, Array]
+
+
+def tophat_ports(columns: Columns, robot: RobotConfig) -> list[int]:
+    """Analog ports of the robot's tophats that were recorded; all recorded ones where it names none."""
+    recorded = _recorded(columns)
+    named = [each.analog for each in robot.tophats.values() if each.analog in recorded]
+    return named or recorded
+
+
+def _recorded(columns: Columns) -> list[int]:
+    return sorted(int(name.split(".")[1]) for name in columns if name.startswith("analog."))
+
+
+def _left_out(columns: Columns, ports: list[int]) -> tuple[str, ...]:
+    """A note on ports that were recorded but are no tophat of the robot."""
+    others = [port for port in _recorded(columns) if port not in ports]
+    if not others:
+        return ()
+    names = ", ".join(f"analog.{port}" for port in others)
+    return (
+        f"{names} {'was' if len(others) == 1 else 'were'} not judged: robot.toml has no tophat there; add "
+        f"[tophat.NAME] with analog = {others[0]} to have it judged",
+    )
+
+
+def diagnose_tophats(
+    columns: Columns,
+    robot: RobotConfig,
+    model: Parameters | None = None,
+    truth_free: bool = False,
+    of_a_drive: bool = False,
+) -> Diagnosis:
+    """Compare recorded tophats with the simulated ones. truth_free: do not use `truth.surface.N`. of_a_drive:
+    of a recording that was not made for them, so what could not be judged is no news.
+
+    Raises TraceError for a time that is no number, does not advance or is in another unit.
+    """
+    begin = clock.perf_counter()
+    check_time(columns["t"], SLOWEST)
+    ports = tophat_ports(columns, robot)
+    parts = [
+        judge_tophat(
+            columns["t"],
+            columns[f"analog.{port}"],
+            None if truth_free else columns.get(f"truth.surface.{port}"),
+            port,
+            _nominal(model, port),
+        )
+        for port in ports
+    ]
+    causes = [cause for each in parts for cause in each.causes]
+    causes.sort(key=lambda each: each.gain.heldout_rmse_after - each.gain.heldout_rmse_before)
+    ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(causes, start=1))
+    channels = tuple(each.channel for each in parts if each.channel is not None)
+    return Diagnosis(
+        _verdict(bool(channels), bool(causes), any(each.unknown for each in parts)),
+        channels,
+        ranked,
+        tuple(rejected for each in parts for rejected in each.rejected),
+        Unexplained(
+            float(np.mean([each.rest for each in parts])) if parts else 1.0,
+            tuple(dict.fromkeys(name for each in parts for name in each.unknown)),
+        ),
+        tuple(dict.fromkeys(text for each in parts for text in each.advice)),
+        clock.perf_counter() - begin,
+        with_causes(model or Parameters.from_robot(robot), ranked) if robot.tophats else None,
+        _notes(parts, columns, ports, of_a_drive),
+        {name: value for each in parts for name, value in each.identified.items()},
+        tuple(fault for each in parts for fault in each.faults),
+        tuple(curve for each in parts for curve in each.curves),
+    )
+
+
+def _notes(
+    parts: Sequence[SensorResult], columns: Columns, ports: list[int], of_a_drive: bool
+) -> tuple[str, ...]:
+    if of_a_drive:
+        return tuple(note for each in parts if each.channel is not None for note in each.notes)
+    return (*(note for each in parts for note in each.notes), *_left_out(columns, ports))
+
+
+def _verdict(seen: bool, causes: bool, unknown: bool) -> Verdict:
+    if not seen:
+        return Verdict.NOT_IDENTIFIABLE
+    if causes:
+        return Verdict.PARTLY if unknown else Verdict.EXPLAINED
+    return Verdict.UNKNOWN if unknown else Verdict.ADEQUATE
+
+
+def _nominal(model: Parameters | None, port: int) -> Nominal:
+    names = {AMBIENT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
+    if model is None:
+        return Nominal(height=float(effect(HEIGHT).parameters[0].neutral or 0.007))
+    return Nominal(*(model.value(id_, name, str(port)) for id_, name in names.items()))

@@ -1,0 +1,217 @@
+"""White and black levels of a tophat explained by light from outside, gain, height, or several of them.
+
+Light is an added offset in the contract, as a converter's is. Real light lowers both levels, black far more,
+and the older make of the sensor reads both otherwise (`raccoon.model.reflectance`): no offset and no factor
+does. So levels are compared with these as well, and what fits is said in the contract's numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT
+from raccoon.model.reflectance import FULL_SCALE, LEAST_HEIGHT, MOST_HEIGHT, counts
+from raccoon.sim.tophats import GENERATION
+
+Array = NDArray[np.float64]
+
+WIDTHS = {AMBIENT: 200.0, GAIN: 0.2, HEIGHT: 0.006}
+"""Twice the catalogue's width of a usual deviation."""
+LIGHT = "light"
+"""Real light, fitted in place of an offset."""
+OLDER = "old"
+PENALTY = 6.0
+"""What a number more costs, and the other make of sensor."""
+ROUNDS = 40
+FITS = 9.0
+"""Misfit up to which levels count as explained."""
+MOST_OF_TWO = 0.8
+"""How probable each of two names is at the most: of sensors with two of the causes hidden, and whose levels
+took two, three names in four were right."""
+USUAL_LIGHT = 0.1
+"""Share of direct sun that recorded calibrations had at the most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Nominal:
+    """What the simulation assumes of one sensor."""
+
+    offset: float = 0.0
+    factor: float = 1.0
+    height: float = 0.007
+    sd: float = 0.0
+
+    def level(self, black: bool | float, offset: float, factor: float, height: float) -> float:
+        """Counts over a surface with changes of the three on top."""
+        return float(np.clip(self.uncut(black, offset, factor, height), 0.0, FULL_SCALE))
+
+    def uncut(
+        self,
+        black: float,
+        offset: float,
+        factor: float,
+        height: float,
+        light: float = 0.0,
+        generation: str = GENERATION,
+    ) -> float:
+        """The same before the converter cuts it off. light: share of direct sun."""
+        at = float(np.clip(self.height + height, LEAST_HEIGHT, MOST_HEIGHT))
+        return self.factor * factor * counts(float(black), generation, at, light) + self.offset + offset
+
+
+@dataclass(frozen=True, slots=True)
+class LevelFit:
+    """Causes with their values. cost: misfit of the levels plus that of usual deviations.
+
+    numbers: how many were fitted. light: share of direct sun, where the levels fall as light makes them, and
+    falls by how many counts over white and black; the offset is then the mean of these. generation: the make
+    of sensor that was assumed; where it is not the simulation's, the factor is the one that is least wrong.
+    The misfit is that of the light and of the make.
+    """
+
+    ids: tuple[str, ...]
+    values: Array
+    stds: Array
+    misfit: float
+    cost: float
+    numbers: int
+    light: float = 0.0
+    falls: tuple[float, float] = (0.0, 0.0)
+    generation: str = GENERATION
+
+    @property
+    def exact(self) -> bool:
+        """Whether the numbers of the causes give the levels that were fitted."""
+        return self.light == 0.0 and self.generation == GENERATION
+
+
+def level_fits(table: Array, nominal: Nominal, cut: tuple[int, int] = (0, 0)) -> list[LevelFit]:
+    """No cause, each alone, and several; each must earn its place.
+
+    table: `Levels.both`. cut: of white and black, as `Levels` has it. A level that is cut off says only that
+    it is beyond, and one level that is left tells no two causes.
+    """
+    alone: list[tuple[str, ...]] = [(), *((each,) for each in WIDTHS)]
+    if cut != (0, 0):
+        return [_fit(table, nominal, each, cut) for each in alone]
+    in_light: list[tuple[str, ...]] = [(LIGHT,), (HEIGHT, LIGHT)]
+    newer = [_fit(table, nominal, each) for each in (*alone, *combinations(WIDTHS, 2), *in_light)]
+    older = [_fit(table, nominal, each, generation=OLDER) for each in ((), (HEIGHT,), *in_light)]
+    return [*newer, *older]
+
+
+def _fit(
+    table: Array,
+    nominal: Nominal,
+    free: tuple[str, ...],
+    cut: tuple[int, int] = (0, 0),
+    generation: str = GENERATION,
+) -> LevelFit:
+    """Gauss-Newton on the levels with usual deviations as priors."""
+    black, level, weight = table[:, 0], table[:, 1], 1.0 / table[:, 2]
+
+    def residual(u: Array) -> Array:
+        pair = _pair(nominal, _moved(free, u), generation)
+        return _beyond(np.where(black > 0.5, pair[1], pair[0]) - level, black, cut) * weight
+
+    def slopes(u: Array, r: Array) -> Array:
+        return np.column_stack([(residual(u + 1e-4 * row) - r) / 1e-4 for row in np.eye(len(free))])
+
+    # Of light the root is fitted, which keeps it above 0; from 0 itself it would not move.
+    u = np.array([0.3 if each == LIGHT else 0.0 for each in free])
+    for _ in range(ROUNDS if free else 0):
+        r = residual(u)
+        J = slopes(u, r)
+        step = np.linalg.solve(J.T @ J + np.eye(len(free)), J.T @ r + u)
+        u = u - np.clip(step, -0.5, 0.5)
+        if np.abs(step).max() < 1e-6:
+            break
+    r = residual(u)
+    misfit = float(r @ r)
+    # Large deviations are rare but happen: their cost grows as a logarithm.
+    usual = 2.0 * float(np.log1p(u**2).sum())
+    numbers = len(free) + (generation != GENERATION)
+    cost = misfit + usual + PENALTY * numbers
+    std = np.zeros(0)
+    if free:
+        J = slopes(u, r)
+        std = np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.eye(len(free)))))
+    return _in_contract(nominal, free, u, std, misfit, cost, numbers, generation)
+
+
+def _moved(free: Sequence[str], u: Array) -> dict[str, float]:
+    """Changes of the causes and the light for coordinates."""
+    return {
+        each: USUAL_LIGHT * float(at) ** 2 if each == LIGHT else WIDTHS[each] * float(at)
+        for each, at in zip(free, u, strict=True)
+    }
+
+
+def _in_contract(
+    nominal: Nominal,
+    free: Sequence[str],
+    u: Array,
+    std: Array,
+    misfit: float,
+    cost: float,
+    numbers: int,
+    generation: str,
+) -> LevelFit:
+    """Light as the offset, and another make as the factor, that are least wrong over white and black."""
+    moved = _moved(free, u)
+    found = {
+        each: (moved[each], WIDTHS[each] * float(off)) for each, off in zip(free, std, strict=True)
+        if each != LIGHT
+    }  # fmt: skip
+    height, light = moved.get(HEIGHT, 0.0), moved.get(LIGHT, 0.0)
+    dark = [nominal.uncut(side, 0.0, 1.0, height, 0.0, generation) for side in (0.0, 1.0)]
+    if generation != GENERATION:
+        usual = np.array([nominal.uncut(side, 0.0, 1.0, height) for side in (0.0, 1.0)])
+        factors = np.array(dark) / usual
+        factor = float(usual @ np.array(dark) / (usual @ usual))
+        found[GAIN] = factor - 1.0, 0.5 * float(np.ptp(factors))
+    falls = (0.0, 0.0)
+    if light:
+        lit = [nominal.uncut(side, 0.0, 1.0, height, light, generation) for side in (0.0, 1.0)]
+        falls = dark[0] - lit[0], dark[1] - lit[1]
+        found[AMBIENT] = -0.5 * (falls[0] + falls[1]), 0.5 * abs(falls[1] - falls[0])
+    ids = tuple(each for each in WIDTHS if each in found)
+    values, stds = (np.array([found[each][index] for each in ids]) for index in (0, 1))
+    return LevelFit(ids, values, stds, misfit, cost, numbers, light, falls, generation)
+
+
+def _beyond(left: Array, black: Array, cut: tuple[int, int]) -> Array:
+    """Errors of the levels; none where a level that is cut off is beyond the end."""
+    side = np.where(black > 0.5, cut[1], cut[0])
+    below = np.where(side < 0, np.maximum(left, 0.0), left)
+    return np.asarray(np.where(side > 0, np.minimum(left, 0.0), below))
+
+
+def probability(fits: Sequence[LevelFit], id_: str) -> float:
+    """Of a cause among all that was fitted: 0.99 at the most, `MOST_OF_TWO` where the best has two."""
+    best = min(fits, key=lambda each: each.cost)
+    least, most = best.cost, 0.99 if best.numbers < 2 else MOST_OF_TWO
+    weights = [math.exp(-0.5 * (each.cost - least)) for each in fits]
+    mine = sum(weight for each, weight in zip(fits, weights, strict=True) if id_ in each.ids)
+    return min(most, mine / sum(weights))
+
+
+def _pair(nominal: Nominal, moved: Mapping[str, float], generation: str = GENERATION) -> tuple[float, float]:
+    """Counts over white and black with changes of the causes and light, not cut off."""
+    offset, height, light = (moved.get(each, 0.0) for each in (AMBIENT, HEIGHT, LIGHT))
+    factor = max(1.0 + moved.get(GAIN, 0.0), 0.01)
+    white, black = (nominal.uncut(side, offset, factor, height, light, generation) for side in (0.0, 1.0))
+    return white, black
+
+
+def predicted(black: Array, nominal: Nominal, ids: Sequence[str], values: Array) -> Array:
+    """Counts over each surface (1 black, 0 white) with changes `values` of the causes `ids`."""
+    moved = {each: float(value) for each, value in zip(ids, values, strict=True)}
+    pair = np.clip(_pair(nominal, moved), 0.0, FULL_SCALE)
+    return np.asarray(np.where(black > 0.5, pair[1], pair[0]))

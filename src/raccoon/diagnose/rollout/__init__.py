@@ -1,0 +1,1 @@
+"""The simulator along the commands of a recording, with what is known of its controller."""

@@ -1,0 +1,140 @@
+"""Which wheels' small readings are missing: what a histogram says of dead zones and a simulation does not.
+
+A fit sees where the speed was while a reading was 0, and no more: that no reading of 1 or 2 counts ever came
+is nothing to it. Of a robot whose wheels both were deaf below 3.2 counts one wheel was named.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.sim.parameters import SIDES
+
+Array = NDArray[np.float64]
+
+ZONE = "bemf.dead_zone"
+SILENT = 0.1
+"""Part of the readings that are to be expected below a gap, up to which it is one."""
+HEARS = 0.5
+"""The same from which a wheel has small readings like any other."""
+LIFTED = 0.05
+"""Part of them that noise lifts out of a zone."""
+FEWEST = 20.0
+"""Readings that are to be expected there, below which a histogram says nothing."""
+ALIKE = 0.2
+"""Part of it, or that many counts and one, by which two wheels' gaps may differ and be one zone."""
+WIDEST = 200
+"""Counts: what is silent up to more is no dead zone."""
+MOST = 40.0
+"""Log evidence that a gap has at most: it is sure then, and need not help elsewhere."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gaps:
+    """What the readings of both wheels say. histograms: how often each size comes; widths: of the gaps, 0
+    where there is none or nothing can be said."""
+
+    histograms: Mapping[str, Array]
+    widths: Mapping[str, int]
+
+    @classmethod
+    def of(cls, log: Log) -> Gaps:
+        """Those of a log."""
+        histograms = {side: _histogram(log, side) for side in SIDES}
+        return cls(histograms, {side: gap(each) for side, each in histograms.items()})
+
+    def places(self) -> tuple[str | None, ...]:
+        """Where a dead zone may be: on both wheels (None), or on one."""
+        wide = [side for side in SIDES if self.widths[side]]
+        if len(wide) == len(SIDES):
+            narrow, other = sorted(self.widths.values())
+            return (None,) if other - narrow <= 1.0 + ALIKE * narrow else SIDES
+        if not wide:
+            return (None, *SIDES)
+        other_hears = _heard_below(self.histograms[_other(wide[0])], self.widths[wide[0]]) > HEARS
+        return (wide[0],) if other_hears else (None, wide[0])
+
+    def evidence(self, place: str | None) -> float:
+        """Log evidence of a dead zone at one of the places, by what is missing there; the best has `MOST` at
+        most, and the others as much less as they have."""
+        best = max(self._missing(each) for each in self.places())
+        return self._missing(place) - max(best - MOST, 0.0)
+
+    def _missing(self, place: str | None) -> float:
+        widest = max(self.widths.values())
+        sides = {side: self.widths[side] or widest for side in (SIDES if place is None else (place,))}
+        return sum(_missing(self.histograms[side], each) for side, each in sides.items())
+
+    def least(self, place: str | None) -> float:
+        """Counts: half of what a zone there must have."""
+        sides = SIDES if place is None else (place,)
+        return 0.5 * min((self.widths[side] for side in sides if self.widths[side]), default=0)
+
+
+def asked_for(causes: Sequence[Cause], log: Log) -> tuple[Cause, ...]:
+    """The causes without those dead zones that the readings themselves rule out: of one wheel where both miss
+    the same small readings, and of a wheel that has them."""
+    places = Gaps.of(log).places()
+    return tuple(each for each in causes if each.id != ZONE or each.where in places)
+
+
+def told(causes: Mapping[str, Cause], log: Log) -> dict[str, tuple[float, float]]:
+    """The dead zones that the readings show, with the log evidence of that and half of their size in widths:
+    as many readings are missing as are to be expected."""
+    gaps = Gaps.of(log)
+    if not any(gaps.widths.values()):
+        return {}
+    found = [each for each in causes.values() if each.id == ZONE and each.where in gaps.places()]
+    widths = {each.name: each.coordinates[0].value(1.0) for each in found}
+    return {
+        each.name: (gaps.evidence(each.where), gaps.least(each.where) / widths[each.name]) for each in found
+    }
+
+
+def _other(side: str) -> str:
+    return SIDES[1 - SIDES.index(side)]
+
+
+def gap(histogram: Array) -> int:
+    """The largest size of a reading below which there are next to none but 0, though there are many of that
+    size and up to twice it; 0 where there is no such gap."""
+    total = np.concatenate([[0.0], np.cumsum(histogram)])
+    widths = np.arange(2, len(histogram) // 2)
+    # At least three quarters of numbers are their lower quartile or more: few widths need a closer look.
+    most = (widths - 1) * (total[2 * widths + 2] - total[widths]) / (widths + 2) / 0.75
+    near = widths[(total[widths] - total[1] <= SILENT * most) & (most >= FEWEST)]
+    return max((int(width) for width in near if _heard_below(histogram, int(width)) <= SILENT), default=0)
+
+
+def _histogram(log: Log, side: str) -> Array:
+    """How often each size of a reading comes, from 0 counts on."""
+    channel = log.channel(f"bemf_{side}")
+    if channel is None:
+        return np.zeros(2 * WIDEST)
+    sizes = np.abs(channel.values[np.isfinite(channel.values)])
+    return np.asarray(np.bincount(np.minimum(sizes, 2.0 * WIDEST).astype(int), minlength=2 * WIDEST), float)
+
+
+def _expected_below(histogram: Array, width: int) -> float:
+    """Readings below a size that are not 0, as many as the rarer ones just above it let expect."""
+    return (width - 1) * float(np.quantile(histogram[width : 2 * width + 2], 0.25))
+
+
+def _heard_below(histogram: Array, width: int) -> float:
+    """What part of them there is; NaN where they are too few to expect any."""
+    expected = _expected_below(histogram, width)
+    return float(histogram[1:width].sum()) / expected if expected >= FEWEST else math.nan
+
+
+def _missing(histogram: Array, width: int) -> float:
+    """Log evidence, of counts by Poisson, that next to none of the readings below a size are there and not as
+    many as are to be expected."""
+    expected, heard = _expected_below(histogram, width), float(histogram[1:width].sum())
+    return (1.0 - LIFTED) * expected + heard * math.log(LIFTED)

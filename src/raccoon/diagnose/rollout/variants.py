@@ -1,0 +1,300 @@
+"""The simulator along a recording's commands, many variants of the robot at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import Measured, RobotConfig
+from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.sample_clock import in_force
+from raccoon.diagnose.hypotheses.coordinates import Settings, neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import Wheels
+from raccoon.diagnose.own import OwnEffect, Simulated
+from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
+from raccoon.sim.chain import Chain
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.physical import (
+    LOOSE_STEP,
+    SHORTEST,
+    plant_numbers,
+    safe_step,
+    sample_slots,
+    time_constants,
+    wiring_signs,
+)
+from raccoon.sim.quantities import Plant
+from raccoon.sim.rollout import Lanes, rollout
+
+Array = NDArray[np.float64]
+Possible = NDArray[np.bool_]
+
+
+AT_ONCE = 64
+"""Variants that are simulated side by side: their samples in 40 s take some 30 MB."""
+
+
+class Rollout(Protocol):
+    """What a diagnosis asks of a simulator."""
+
+    def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
+        """Simulated samples (some variants, channels, rows) of the log's channels at the log's times, a part
+        of the variants after the other, and s of the steps that make them, as long for all: what steps of
+        another length make is a little different."""
+        ...
+
+
+def parameters_of(settings: Settings, neutral: Settings, robot: RobotConfig, chain: Chain) -> Parameters:
+    """The simulator's parameters with everything switched on that differs from neutral; effects of a team's
+    own are none of the simulator's."""
+    effects: dict[tuple[str, str | None], dict[str, float]] = {}
+    for (id_, place, name), value in settings.items():
+        if id_ != "inertia" and value != neutral.get((id_, place, name), value):
+            effects.setdefault((id_, place), {})[name] = value
+    straight = settings[("inertia", None, "straight")]
+    turn = settings[("inertia", None, "turn")]
+    if straight != 1.0 or turn != 1.0:
+        robot = _with_inertia(robot, straight, turn)
+    for (id_, place), named in effects.items():
+        for key, value in settings.items():
+            if key[:2] == (id_, place):
+                named.setdefault(key[2], value)
+    return Parameters(robot, effects, chain)
+
+
+def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConfig:
+    drive = robot.model.drive
+
+    def scaled(number: Measured, factor: float) -> Measured:
+        return replace(number, value=number.value * factor)
+
+    changed = replace(
+        drive,
+        inertia_straight=scaled(drive.inertia_straight, straight),
+        inertia_turn=scaled(drive.inertia_turn, turn),
+    )
+    return replace(robot, model=replace(robot.model, drive=changed))
+
+
+_ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")]
+COLUMNS = {
+    "bemf_left": "motor.{left}.bemf",
+    "bemf_right": "motor.{right}.bemf",
+    "speed_left": "motor.{left}.speed",
+    "speed_right": "motor.{right}.speed",
+    "gyro": "imu.gyro.z",
+    "battery": "battery.voltage",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
+    whether the command of a row was in force until then (past) instead of from then on, how wheels slide, and
+    whether the gyro's chip smooths the turn rate (low_pass). swing: s in which commands swing, 0 where they
+    do not; see `quality.swing`. firmware: the controller's, where the recording names it; nothing of it is
+    asked for then."""
+
+    chain: Chain
+    brake: bool
+    past: bool = False
+    wheels: Wheels = Wheels.GIVING
+    low_pass: bool = False
+    swing: float = 0.0
+    firmware: Firmware | None = None
+
+    @property
+    def wombat(self) -> bool:
+        """Whether the recording names a Wombat's firmware."""
+        return self.firmware is not None and self.firmware.wombat
+
+
+class PlantRollout:
+    """The package's plant along one log's commands.
+
+    A dead zone of the readings acts where the log's readings are silent; see `heard`. plain: it acts where
+    the simulated ones are small, as in the simulator: for a log that holds no readings yet, and to judge what
+    a simulator would say. own: effects that are Python instead of terms of the plant.
+    """
+
+    def __init__(
+        self,
+        log: Log,
+        robot: RobotConfig,
+        habits: Habits,
+        plain: bool = False,
+        own: Sequence[OwnEffect] = (),
+    ) -> None:
+        self._robot = replace(robot, motors={})  # the log's signs of wiring are already taken away
+        self._habits = replace(habits, chain=replace(habits.chain, cycle=_cycle(log, habits.chain.cycle)))
+        self._neutral = neutral_settings(robot)
+        ports = {"left": robot.drive.left, "right": robot.drive.right}
+        self._heard = {} if plain else _readings(log)
+        self._silent = 0.0 if habits.firmware is None else habits.firmware.silent
+        self._names = tuple(COLUMNS[each.role].format(**ports) for each in log.channels)
+        self._roles = tuple(each.role for each in log.channels)
+        self._own = tuple(own)
+        self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)
+        self._clocks = log.clocks
+        if habits.past:
+            self._duty = np.concatenate([self._duty[1:], self._duty[-1:]])
+        self._commands = self._commanded(self._duty)
+
+    def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
+        lanes = self._lanes(variants)
+        possible = time_constants(lanes.plant) >= SHORTEST
+        step = min(LOOSE_STEP, safe_step(lanes.plant[possible])) if possible.any() else LOOSE_STEP
+        parts = (slice(start, start + AT_ONCE) for start in range(0, len(variants), AT_ONCE))
+        return (self._of(variants[each], _some(lanes, each), possible[each], step) for each in parts), step
+
+    def samples(self, variants: Sequence[Settings]) -> Array:
+        """Simulated samples of all variants, (variants, channels, rows)."""
+        return np.concatenate(list(self(variants)[0]))
+
+    def _of(self, variants: Sequence[Settings], lanes: Lanes, possible: Possible, step: float) -> Array:
+        """No numbers for robots that cannot be: a fit on its way tries such as have next to no inertia."""
+        if possible.all():
+            return self._compared(variants, lanes, step)
+        samples = np.full((len(variants), len(self._roles), len(self._time)), np.nan)
+        if possible.any():
+            able = [each for each, can in zip(variants, possible, strict=True) if can]
+            samples[possible] = self._compared(able, _some(lanes, possible), step)
+        return samples
+
+    def _compared(self, variants: Sequence[Settings], lanes: Lanes, step: float) -> Array:
+        """Samples as they are compared with the log's: silent where a dead zone makes them so."""
+        samples = self._with_own(variants, step) if self._own else self._samples(lanes, self._commands, step)
+        for index, (side, measured, flickers) in self._heard.items():
+            zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
+            deaf = np.flatnonzero(zones >= LEAST_ZONE)
+            loud = samples[deaf, index]
+            samples[deaf, index] = heard(loud, zones[deaf, None], measured, flickers, self._silent)
+        return samples
+
+    def _commanded(self, duty: Array) -> Commands:
+        given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
+        wheels = ((given.left, given.closed_left), (given.right, given.closed_right))
+        (left, closed_left), (right, closed_right) = (
+            each if clock is None else in_force(clock, self._time, *each)
+            for clock, each in zip(self._clocks, wheels, strict=True)
+        )
+        return Commands(self._time, left, right, closed_left, closed_right)
+
+    def _samples(self, lanes: Lanes, commands: Commands, step: float) -> Array:
+        """What the sensors say, (variants, channels, rows)."""
+        run = rollout(lanes, commands, channels=self._names, longest_step=step, readings_only=True)
+        lying = np.stack([run[name].T for name in self._names])  # in memory as the lanes lie: no turning
+        return lying.transpose(2, 0, 1)
+
+    def _with_own(self, variants: Sequence[Settings], step: float) -> Array:
+        """The same with a team's own effects: robots whose commands are the same run side by side."""
+        acting = [
+            [(own, values) for own in self._own if (values := _values(own, each)) != own.neutral()]
+            for each in variants
+        ]
+        alike: dict[str, list[int]] = {}
+        for index, found in enumerate(acting):
+            driven = [(own.id, values) for own, values in found if own.commands is not None]
+            alike.setdefault(repr(driven), []).append(index)
+        samples = np.empty((len(variants), len(self._roles), len(self._time)))
+        for same in alike.values():
+            duty = self._duty
+            for own, values in acting[same[0]]:
+                duty = own.commanded(self._time, duty, values)
+            lanes = self._lanes([variants[each] for each in same])
+            samples[same] = self._samples(lanes, self._commanded(duty), step)
+        for index, found in enumerate(acting):
+            for own, values in found:
+                readings = dict(zip(self._roles, samples[index], strict=True))
+                changed = own.read(Simulated(self._time, self._duty, readings), values)
+                samples[index] = [changed[role] for role in self._roles]
+        return samples
+
+    def path(self, settings: Settings) -> tuple[Array, Array]:
+        """x and y in m along the commands."""
+        asked = ("truth.x", "truth.y")
+        run = rollout(self._lanes([settings]), self._commands, channels=asked, longest_step=LOOSE_STEP)
+        return run["truth.x"][0], run["truth.y"][0]
+
+    def _lanes(self, variants: Sequence[Settings]) -> Lanes:
+        """Packed by hand, since `Lanes.of` asks for one robot.toml and the inertias differ."""
+        chain = self._habits.chain
+        turned: dict[tuple[float, float], RobotConfig] = {}
+        robots = [cast(Parameters, Variant(self._turned(each, turned), chain, each)) for each in variants]
+        first = robots[0]
+        plant = np.array([plant_numbers(each) for each in robots])
+        if self._heard:
+            plant[:, _ZONES] = 0.0
+        return Lanes(
+            plant=plant,
+            gyro=np.array([_gyro(each, self._robot) for each in variants]),
+            signs=wiring_signs(first),
+            ports=(self._robot.drive.left, self._robot.drive.right),
+            slots=sample_slots(first),
+            cycle=chain.cycle,
+        )
+
+    def _turned(self, settings: Settings, made: dict[tuple[float, float], RobotConfig]) -> RobotConfig:
+        """The robot with these inertias. made: those by their factors, of which most variants share one."""
+        straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
+        if (straight, turn) not in made:
+            plain = straight == turn == 1.0
+            made[straight, turn] = self._robot if plain else _with_inertia(self._robot, straight, turn)
+        return made[straight, turn]
+
+
+def _some(lanes: Lanes, which: slice | Possible) -> Lanes:
+    """Some of the robots."""
+    return replace(lanes, plant=lanes.plant[which], gyro=lanes.gyro[which])
+
+
+def _cycle(log: Log, usual: float) -> float:
+    """How often the controller samples, s: the recording's usual row is a whole number of its cycles.
+
+    Rows much shorter than a cycle say nothing of it.
+    """
+    row = float(np.median(np.diff(log.time)))
+    cycles = round(row / usual)
+    return row / cycles if cycles else usual
+
+
+def _values(own: OwnEffect, settings: Settings) -> dict[str, float]:
+    return {each.name: settings[(own.id, None, each.name)] for each in own.parameters}
+
+
+def _readings(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
+    """The back-EMF channels of a log by their place: side, samples, which of them flicker."""
+    return {
+        index: (each.role.removeprefix("bemf_"), each.values, flickering(each.values))
+        for index, each in enumerate(log.channels)
+        if each.role.startswith("bemf_")
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """As much of `Parameters` as the plant's numbers ask for: a diagnosis packs some thousand of them."""
+
+    robot: RobotConfig
+    chain: Chain
+    settings: Settings
+
+    def value(self, id: str, name: str, where: str | None = None) -> float:  # noqa: A002
+        """The setting."""
+        return self.settings[(id, where, name)]
+
+
+def _gyro(settings: Settings, robot: RobotConfig) -> tuple[float, float, float, float]:
+    """Scale, bias, drift, latency."""
+    return (
+        settings[("imu.gyro_scale", None, "factor")] * robot.model.imu.gyro_scale.value,
+        settings[("imu.gyro_bias", None, "rate")],
+        settings[("imu.gyro_drift", None, "rate_per_second")],
+        settings[("imu.latency", None, "seconds")],
+    )

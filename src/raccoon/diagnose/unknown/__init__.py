@@ -1,0 +1,1 @@
+"""What no catalogue lists: what the unexplained depends on."""

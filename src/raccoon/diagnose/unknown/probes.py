@@ -1,0 +1,271 @@
+"""Generic directions for causes that no catalogue lists: what does the unexplained depend on?
+
+A probe is a free curve over a covariate (the wheel's angle, the place, the speed ...), as a torque at a wheel
+or as an addition to a sensor. The robot forgets a torque within 0.1 s, so the response to a torque that
+varies more slowly is the response to a constant one, times its course: no further simulation is needed.
+
+Angles and places come from the readings, as the working point understands them: an offset of two counts that
+was left in them turned a wheel by 2 rad too much in 40 s, and a motor that cogs was not seen. Speeds come
+from the simulation: a curve over a reading would hold that reading's own noise, and so explain it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.hypotheses.coordinates import Settings
+from raccoon.sim.parameters import SIDES
+
+Array = NDArray[np.float64]
+
+PREFIX = "unknown: "
+PLACE = "position"
+INERTIA = "drive.inertia"
+INERTIA_SHARE = "growth of inertia"
+TORQUE = 0.03
+GYRO = 0.02
+BATTERY = 0.02
+HARMONICS = 6
+RATE = "rad/s of the wheels"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Probe(Group):
+    """A free curve over what something may depend on. quantity, unit: what the curve is. over (bins,), in
+    over_unit: what it runs along. curves (count, bins): what one unit of each column is of the quantity
+    (of an inertia the logarithm of its factor)."""
+
+    quantity: str
+    unit: str
+    over: Array
+    over_unit: str
+    curves: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Torque:
+    """A torque over a covariate. wheel: None for both. friction: whether it opposes the motion."""
+
+    name: str
+    wheel: int | None
+    friction: bool
+    curves: Array
+    over: Array
+    over_unit: str
+    parts: tuple[tuple[int, ...], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """How the robot moved, by bins. Arrays (bins,) or (bins, 2), left before right."""
+
+    speed: Array
+    angle: Array
+    heading: Array
+    x: Array
+    y: Array
+    time: Array
+
+
+def motion_of(problem: Problem, settings: Settings) -> Motion | None:
+    """Motion from back-EMF (or speeds) and gyro, with the settings of a working point; None where no wheel is
+    measured."""
+    features = problem.features
+    speed = _wheel_speed(problem, features.measured, settings)
+    if speed is None:
+        return None
+    drive = problem.robot.model.drive
+    way = speed * [
+        drive.wheel_radius.value * settings[("drive.wheel_radius", side, "factor")] for side in SIDES
+    ]
+    track = drive.track_width.value * settings[("drive.track_width", None, "factor")]
+    rate = (way[:, 1] - way[:, 0]) / track
+    if "gyro" in features.roles:
+        scale = problem.robot.model.imu.gyro_scale.value * settings[("imu.gyro_scale", None, "factor")]
+        bias = settings[("imu.gyro_bias", None, "rate")]
+        rate = (features.measured[:, features.roles.index("gyro")] - bias) / scale
+    heading = np.cumsum(rate) * features.width
+    forward = way.mean(axis=1) * features.width
+    return Motion(
+        speed,
+        np.cumsum(speed, axis=0) * features.width,
+        heading,
+        np.cumsum(forward * np.cos(heading)),
+        np.cumsum(forward * np.sin(heading)),
+        features.time,
+    )
+
+
+def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
+    """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
+    point."""
+    model, roles = problem.robot.model, problem.features.roles
+    columns = []
+    for side, motor in (("left", model.left), ("right", model.right)):
+        if f"speed_{side}" in roles:
+            columns.append(readings[:, roles.index(f"speed_{side}")])
+        elif f"bemf_{side}" in roles:
+            counts = readings[:, roles.index(f"bemf_{side}")] - settings[("bemf.offset", side, "counts")]
+            factor = settings[("motor.back_emf_constant", side, "factor")]
+            volts = counts * BEMF_VOLTS_PER_COUNT / settings[("bemf.scale", side, "factor")]
+            columns.append(volts / (motor.back_emf_constant.value * factor))
+    return np.column_stack(columns) if len(columns) == 2 else None
+
+
+def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
+    """The probes of a recording; their curves and responses follow the working point."""
+
+    def probes(linear: Linear) -> Sequence[Probe]:
+        settings = problem.settings(linear.point)
+        motion = motion_of(problem, settings)
+        wheels = _wheel_speed(problem, problem.features.measured - linear.residual, settings)
+        if motion is None or wheels is None:
+            return ()
+        if not np.isfinite(wheels).all():
+            raise TraceError(
+                "the simulation of this robot.toml gives no numbers along these commands: are ports, "
+                "[motor.N] inverted and [model] those of the robot that was recorded?"
+            )
+        speed = np.abs(wheels).mean(axis=1)
+        every = [*_torque_curves(motion), _Torque("speed", None, True, _hats(speed, 6), speed, RATE)]
+        return [
+            *_torque_probes(problem, linear, motion, every),
+            *_inertia_probes(problem, linear, motion),
+            *_gyro_over_speed(problem.features, wheels.mean(axis=1)),
+            *_sensor_probes(problem.features, motion),
+        ]
+
+    return probes
+
+
+def _hats(values: Array, count: int) -> Array:
+    """(count, n): triangles over the range of the values."""
+    low, high = float(np.quantile(values, 0.01)), float(np.quantile(values, 0.99))
+    knots = np.linspace(low, high, count)
+    width = max(high - low, 1e-9) / (count - 1)
+    return np.maximum(0.0, 1.0 - np.abs(np.clip(values, low, high)[None] - knots[:, None]) / width)
+
+
+def _bent(curves: Array, values: Array) -> Array:
+    """The curves without their straight part: a bias and a drift are in the catalogue."""
+    straight = np.stack([np.ones_like(values), values - values.mean()])
+    straight /= np.linalg.norm(straight, axis=1)[:, None]
+    return np.asarray(curves - (curves @ straight.T) @ straight, float)
+
+
+def _waves(angle: Array, harmonics: int) -> Array:
+    orders = np.arange(1, harmonics + 1)[:, None] * angle[None]
+    return np.concatenate([np.sin(orders), np.cos(orders)])
+
+
+def _torque_curves(motion: Motion) -> list[_Torque]:
+    found: list[_Torque] = []
+    for wheel, side in enumerate(("left", "right")):
+        angle = motion.angle[:, wheel]
+        found.append(
+            _Torque(
+                f"wheel angle {side}",
+                wheel,
+                False,
+                _waves(angle, HARMONICS),
+                _turned(angle),
+                "rad",
+                tuple((order, order + HARMONICS) for order in range(HARMONICS)),
+            )
+        )
+    for name, along in (("x", motion.x), ("y", motion.y)):
+        count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
+        found.append(_Torque(f"{PLACE} {name}", None, True, _hats(along, count) - 1.0 / count, along, "m"))
+    heading = motion.heading
+    found.append(_Torque("heading", None, False, _waves(heading, 3), _turned(heading), "rad"))
+    return found
+
+
+def _turned(angle: Array) -> Array:
+    """The angle within one turn."""
+    return np.asarray(np.mod(angle, 2.0 * np.pi), float)
+
+
+def _torque_probes(
+    problem: Problem, linear: Linear, motion: Motion, torques: Sequence[_Torque]
+) -> list[Probe]:
+    responses = _torque_responses(problem, linear)
+    if responses is None:
+        return []
+    found = []
+    for each in torques:
+        total = np.zeros((len(each.curves), *linear.residual.shape))
+        for wheel in (0, 1) if each.wheel is None else (each.wheel,):
+            course = each.curves if each.friction else -each.curves * np.sign(motion.speed[:, wheel])
+            total += course[:, :, None] * responses[wheel][None]
+        kind = "friction of each wheel" if each.friction else "torque forward"
+        found.append(
+            Probe(
+                PREFIX + each.name, TORQUE * total, quantity=kind, unit="N m", over=each.over,
+                over_unit=each.over_unit, curves=TORQUE * each.curves,
+                over_place=each.name.startswith(PLACE), parts=each.parts,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _torque_responses(problem: Problem, linear: Linear) -> tuple[Array, Array] | None:
+    """Responses to one N m of Coulomb friction at the left and at the right wheel."""
+    left, right = (coulomb_response(problem, linear, side) for side in ("left", "right"))
+    return None if left is None or right is None else (left, right)
+
+
+def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Probe]:
+    column = linear.column(INERTIA)
+    if column is None:
+        return []
+    share = (motion.time - motion.time[0]) / max(motion.time[-1] - motion.time[0], 1e-9)
+    steps = np.stack([(share >= edge).astype(float) for edge in np.arange(0.0, 1.0, 0.125)])
+    (coordinate,) = problem.causes[INERTIA].coordinates
+    width = math.log(coordinate.value(1.0))
+    return [
+        Probe(
+            PREFIX + "time (inertia)", steps[:, :, None] * column[None], quantity=INERTIA_SHARE,
+            unit="%", over=motion.time, over_unit="s", curves=width * steps,
+        )
+    ]  # fmt: skip
+
+
+def _gyro_over_speed(features: Features, forward: Array) -> list[Probe]:
+    curves = GYRO * _hats(forward, 6)
+    return _sensor_probe(features, "gyro", "gyro over speed", curves, forward, RATE)
+
+
+def _sensor_probes(features: Features, motion: Motion) -> list[Probe]:
+    over_time = _bent(_hats(motion.time, 8), motion.time)
+    return [
+        *_sensor_probe(features, "gyro", "gyro over time", GYRO * over_time, motion.time, "s"),
+        *_sensor_probe(features, "battery", "battery over time", BATTERY * over_time, motion.time, "s"),
+    ]
+
+
+def _sensor_probe(
+    features: Features, role: str, name: str, curves: Array, over: Array, over_unit: str
+) -> list[Probe]:
+    """Curves (count, bins) added to a sensor, if there is one."""
+    if role not in features.roles:
+        return []
+    columns = np.zeros((len(curves), *features.measured.shape))
+    columns[:, :, features.roles.index(role)] = curves
+    unit = {"gyro": "rad/s", "battery": "V"}[role]
+    return [
+        Probe(
+            PREFIX + name, columns, quantity=f"error of the {role}'s reading", unit=unit, over=over,
+            over_unit=over_unit, curves=curves,
+        )
+    ]  # fmt: skip

@@ -1,0 +1,248 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.drives.quality import check_units
+from raccoon.diagnose.experiment.manoeuvres import manoeuvre
+from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.repeated import without_repeated
+from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.unknown.probes import probes_for
+
+ROBOT = RobotConfig()
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def good() -> Columns:
+    return dict(make(4, seconds=8.0).columns)
+
+
+def check(columns: Columns, robot: RobotConfig = ROBOT) -> None:
+    check_units(log_from_columns(columns, robot), robot)
+
+
+def test_a_good_recording_passes(good: Columns) -> None:
+    check(good)
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "said"),
+    [
+        ("motor.0.duty", 100.0, "percent"),
+        ("motor.0.duty", 255.0, "PWM of 8 bits"),
+        ("motor.0.duty", 400.0, "a Wombat's PWM"),
+        ("motor.0.duty", 1500.0, "ticks a second"),
+        ("imu.gyro.z", 57.3, "degrees"),
+        ("imu.gyro.z", 954.0, "the sensor's own counts"),
+        ("motor.1.bemf", 0.0033, "volts"),
+        ("battery.voltage", 1 / 0.008862, "counts"),
+        ("battery.voltage", 1000.0, "millivolts"),
+        ("imu.gyro.z", 1 / 6.2832, "turns a second"),
+        ("battery.voltage", 0.5, "about 6.8 V drive the motors: it looks like one cell's"),
+        ("motor.1.bemf", 3.296, "millivolts, not counts"),
+        ("motor.0.bemf", -1.0, "opposite sign"),
+        ("imu.gyro.z", -1.0, "swapped"),
+    ],
+)
+def test_wrong_units_and_signs_are_said(good: Columns, column: str, factor: float, said: str) -> None:
+    with pytest.raises(TraceError, match=said):
+        check({**good, column: factor * good[column]})
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (57.3, "degrees a second"),
+        (9.549, "turns a minute"),
+        (1 / 6.2832, "turns a second"),
+        (0.0345, "metres a second"),
+        (34.5, "millimetres a second"),
+        (5.0, "is it in rad/s, and robot.toml this robot's"),
+    ],
+)
+def test_an_encoder_in_another_unit_is_said(good: Columns, factor: float, said: str) -> None:
+    """One in turns a minute, nearly ten times too large, was diagnosed as a robot that is as assumed."""
+    encoders = {name: each for name, each in good.items() if "bemf" not in name}
+    for port in (0, 1):
+        volts = good[f"motor.{port}.bemf"] * BEMF_VOLTS_PER_COUNT
+        encoders[f"motor.{port}.speed"] = volts / ROBOT.model.left.back_emf_constant.value
+    check(encoders)
+    with pytest.raises(TraceError, match=said):
+        check({**encoders, "motor.1.speed": factor * encoders["motor.1.speed"]})
+
+
+def test_a_battery_that_robot_toml_has_wrong_is_no_wrong_unit(good: Columns) -> None:
+    """Back-EMF and the battery's own reading agree: that is for the diagnosis to say."""
+    check(good, parse_robot({"model": {"battery": {"open_circuit_voltage": 4.5}}}))
+
+
+def test_a_gyro_that_does_not_turn_with_the_robot_is_said(good: Columns) -> None:
+    """The column of another axis, or wheels in the air."""
+    noise = 0.02 * np.random.default_rng(2).standard_normal(len(good["t"]))
+    with pytest.raises(TraceError, match="another axis, or were the wheels off the floor"):
+        check({**good, "imu.gyro.z": noise})
+
+
+def test_volts_in_millivolts_are_said(good: Columns) -> None:
+    volts = {name: each for name, each in good.items() if "duty" not in name and "battery" not in name}
+    volts |= {f"motor.{port}.voltage": 6800.0 * good[f"motor.{port}.duty"] for port in (0, 1)}
+    with pytest.raises(TraceError, match=r"motor\.N\.voltage reaches .* millivolts"):
+        diagnose_recording(volts, ROBOT)
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_one_motor_that_turns_the_other_way_is_said(good: Columns, port: int) -> None:
+    """Command and reading of a motor that is wired the other way agree; its turns do not suit the gyro."""
+    names = (f"motor.{port}.duty", f"motor.{port}.bemf")
+    with pytest.raises(TraceError, match=rf"motor {port} turns the other way .*\[motor\.{port}\] inverted"):
+        check({**good, **{name: -good[name] for name in names}})
+    wrong = parse_robot({"motor": {str(port): {"inverted": True}}})
+    with pytest.raises(TraceError, match=f"motor {port} turns the other way"):
+        check(good, wrong)
+
+
+@pytest.mark.parametrize("kind", ["duty", "bemf"])
+def test_columns_of_the_two_wheels_that_are_swapped_are_said(good: Columns, kind: str) -> None:
+    left, right = (f"motor.{port}.{kind}" for port in (0, 1))
+    with pytest.raises(TraceError, match="follows the command of motor"):
+        check({**good, left: good[right], right: good[left]})
+
+
+def test_an_encoder_that_counts_against_its_command_is_said_without_a_gyro(good: Columns) -> None:
+    encoders = {name: each for name, each in good.items() if "bemf" not in name and "gyro" not in name}
+    for port, sign in ((0, 1.0), (1, -1.0)):
+        encoders[f"motor.{port}.speed"] = sign * good[f"motor.{port}.bemf"] / 303.4 / 1.08
+    with pytest.raises(TraceError, match=r"motor\.1\.speed has the opposite sign"):
+        check(encoders)
+
+
+def test_a_simulation_without_numbers_is_an_error_that_says_what_to_check(problem: Problem) -> None:
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb@left"])
+    nowhere = replace(linear, residual=np.full_like(linear.residual, np.nan))
+    with pytest.raises(TraceError, match="gives no numbers"):
+        probes_for(problem)(nowhere)
+
+
+def test_a_straight_line_says_nothing_of_the_gyros_sign() -> None:
+    """A robot that pulls to the left while the right counter reads too little is wired well."""
+    straight = dict(make(4, drive=manoeuvre("back and forth")).columns)
+    straight["imu.gyro.z"] = straight["imu.gyro.z"] + 0.1 * straight["motor.0.duty"]
+    straight["motor.1.bemf"] = 0.85 * straight["motor.1.bemf"]
+    check(straight)
+
+
+def test_empty() -> None:
+    with pytest.raises(TraceError, match="empty"):
+        diagnose({"t": np.zeros(0)}, ROBOT)
+
+
+def test_two_samples(good: Columns) -> None:
+    with pytest.raises(TraceError, match="2 samples"):
+        diagnose({key: column[:2] for key, column in good.items()}, ROBOT)
+
+
+def test_what_is_a_moment_too_short_is_not_said_to_be_long_enough(good: Columns) -> None:
+    with pytest.raises(TraceError, match=r"400 samples over 1\.995 s"):
+        check({**{key: column[:400] for key, column in good.items()}, "t": 0.005 * np.arange(400)})
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds")])
+def test_time_in_another_unit(good: Columns, factor: float, unit: str) -> None:
+    with pytest.raises(TraceError, match=f"looks like {unit}, not seconds"):
+        check({**good, "t": factor * good["t"]})
+
+
+@pytest.mark.parametrize("kind", ["drive", "geometry"])
+def test_time_in_another_unit_is_no_fault_of_a_reference_or_of_the_wheels(good: Columns, kind: str) -> None:
+    """The heading was said to be in another unit, and without commands the wheels to be a fifth as large."""
+    turned = 1e3 * good["t"]
+    columns = {**good, "t": turned, **{f"truth.{name}": np.cos(good["t"]) for name in ("x", "y", "heading")}}
+    if kind == "geometry":
+        columns = {name: each for name, each in columns.items() if "duty" not in name}
+    with pytest.raises(TraceError, match="looks like milliseconds, not seconds"):
+        diagnose_recording(columns, ROBOT)
+
+
+def test_rows_in_which_commands_change_are_refused(good: Columns) -> None:
+    """Every second row is enough. A controller whose cycles are as long has commands that are known."""
+    check({key: column[::2] for key, column in good.items()})
+    third = {key: column[::3] for key, column in good.items()}
+    with pytest.raises(TraceError, match=r"a row every 15 ms.*controller\.rate_hz = 66\."):
+        check(third)
+    check(third, parse_robot({"controller": {"rate_hz": 66.7}}))
+    with pytest.raises(
+        TraceError, match=r"a row every 60 ms.*at least every 12\.5 ms$"
+    ):  # no robot is as slow
+        check({key: column[::12] for key, column in good.items()})
+
+
+def test_time_that_goes_back(good: Columns) -> None:
+    time = good["t"].copy()
+    time[100] = time[90]
+    with pytest.raises(TraceError, match="must advance"):
+        diagnose({**good, "t": time}, ROBOT)
+
+
+def test_time_that_is_no_number(good: Columns) -> None:
+    time = good["t"].copy()
+    time[100] = np.nan
+    with pytest.raises(TraceError, match="not a number"):
+        diagnose({**good, "t": time}, ROBOT)
+
+
+def test_no_commands(good: Columns) -> None:
+    columns = {key: column for key, column in good.items() if "duty" not in key}
+    with pytest.raises(TraceError, match="no commands"):
+        diagnose(columns, ROBOT)
+
+
+def test_another_robots_ports(good: Columns) -> None:
+    with pytest.raises(TraceError, match=r"motor\.2\.duty is not in the recording"):
+        diagnose(good, parse_robot({"drive": {"left": 2, "right": 3}}))
+
+
+def test_constant_commands_cannot_tell(good: Columns) -> None:
+    still = {**good, "motor.0.duty": 0.0 * good["t"], "motor.1.duty": 0.0 * good["t"]}
+    still["motor.0.bemf"] = still["motor.1.bemf"] = 0.0 * good["t"]
+    assert diagnose(still, ROBOT).verdict is Verdict.NOT_IDENTIFIABLE
+
+
+def test_inverted_wiring_is_taken_away(good: Columns) -> None:
+    robot = parse_robot({"motor": {"0": {"inverted": True}}})
+    flipped = {**good, "motor.0.duty": -good["motor.0.duty"], "motor.0.bemf": -good["motor.0.bemf"]}
+    plain, turned = log_from_columns(good, ROBOT), log_from_columns(flipped, robot)
+    assert np.array_equal(plain.duty, turned.duty)
+    assert np.array_equal(plain.channels[0].values, turned.channels[0].values, equal_nan=True)
+
+
+def test_a_missing_channel_is_named(good: Columns) -> None:
+    log = log_from_columns({key: each for key, each in good.items() if "gyro" not in key}, ROBOT)
+    assert "imu.gyro.z" in log.missing
+    assert log.channel("gyro") is None
+
+
+def test_samples_that_were_written_twice_are_left_out_of_the_recording_and_of_what_judges_it(
+    good: Columns,
+) -> None:
+    again = np.insert(np.arange(len(good["t"])), [500, 900], [499, 899])
+    twice = {name: each[again] for name, each in good.items()}
+    once, said = without_repeated(twice)
+    assert "2 samples have the time of the one before and are left out" in said[0]
+    for name, each in good.items():
+        np.testing.assert_array_equal(once[name], each)
+    found = diagnose_recording(twice, ROBOT, holdout=twice)
+    assert said[0] in found.notes
+    assert without_repeated(good) == (good, ())
+    assert without_repeated({}) == ({}, ())

@@ -1,0 +1,66 @@
+"""What is seen of a recording's commands before anything is simulated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.drives import contest, exciting
+from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.quality import swing
+from raccoon.diagnose.experiment.advice import planned_log
+from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, manoeuvre
+
+RATE = 200.0
+
+
+def steered(turns: np.ndarray, forward: float = 0.4) -> Log:
+    """A drive that steers by turns (n,) at 200 Hz, with a rest and a turn on the spot in it."""
+    duty = np.stack([forward - turns, forward + turns], axis=1)
+    duty[1000:1200] = 0.0
+    duty[1200:1300] = [-0.3, 0.3]
+    return planned_log(duty)
+
+
+def bang_bang(frequency: float, wanders: float, seconds: float = 20.0) -> np.ndarray:
+    """To one side and the other, as often as frequency says, each swing longer or shorter by that part."""
+    rng = np.random.default_rng(3)
+    turns: list[float] = []
+    side = 1.0
+    while len(turns) < seconds * RATE:
+        length = 0.5 / frequency * (1.0 + wanders * rng.standard_normal())
+        turns += [0.2 * side] * max(round(length * RATE), 1)
+        side = -side
+    return np.array(turns[: int(seconds * RATE)])
+
+
+@pytest.mark.parametrize("frequency", [5.0, 7.0, 10.0])
+def test_a_line_that_is_followed_by_bang_bang_is_a_swing(frequency: float) -> None:
+    assert 1.0 / swing(steered(bang_bang(frequency, 0.15))) == pytest.approx(frequency, rel=0.1)
+
+
+def test_a_recorder_that_is_late_now_and_then_sees_the_same_swing() -> None:
+    log = steered(bang_bang(7.0, 0.15))
+    late = np.abs(np.random.default_rng(1).normal(0.0, 3e-4, len(log.time)))
+    assert swing(replace(log, time=log.time + late)) == pytest.approx(swing(log), rel=0.02)
+
+
+def test_what_a_clock_swings_and_what_is_slow_are_no_swings() -> None:
+    assert swing(steered(bang_bang(7.0, 0.0))) == 0.0  # on purpose: it says all about a robot
+    assert swing(steered(bang_bang(2.5, 0.15))) == 0.0
+    assert swing(steered(np.zeros(4000))) == 0.0
+    assert swing(planned_log(np.zeros((4000, 2)))) == 0.0
+
+
+@pytest.mark.parametrize("name", list(MANOEUVRES))
+def test_no_manoeuvre_swings(name: str) -> None:
+    assert swing(planned_log(manoeuvre(name))) == 0.0
+
+
+@pytest.mark.parametrize("drive", [exciting, contest])
+def test_neither_an_exciting_drive_nor_a_contest_swings(drive: object) -> None:
+    assert callable(drive)
+    for seed in range(5):
+        assert swing(planned_log(drive(np.random.default_rng(seed), 30.0))) == 0.0

@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.diagnose.experiment.advice import Plan, advise, reach_of
+from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE, manoeuvre
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+
+ROBOT = RobotConfig()
+
+
+@pytest.mark.parametrize("name", sorted(MANOEUVRES))
+def test_a_manoeuvre_is_a_legal_command(name: str) -> None:
+    duty = manoeuvre(name)
+    assert duty.shape[1] == 2
+    assert np.abs(duty).max() <= 1.0
+
+
+def test_standing_still_is_never_advised() -> None:
+    """It would show the battery's voltage, but of a robot that does not move no diagnosis is made."""
+    drives = [each.manoeuvre for each in advise(ROBOT, "battery.open_circuit_voltage")]
+    assert "still" in MANOEUVRES
+    assert drives
+    assert "still" not in drives
+
+
+def test_backlash_is_told_from_gyro_latency_by_turning() -> None:
+    best = advise(ROBOT, "drive.backlash", ["imu.latency"])[0]
+    assert best.manoeuvre in ("spin", "steps", "creep")
+
+
+def test_twins_cannot_be_told_apart_by_any_drive() -> None:
+    alone = advise(ROBOT, "imu.gyro_scale")[0].evidence
+    against = advise(ROBOT, "imu.gyro_scale", ["drive.track_width"])[0].evidence
+    assert against < 0.2 * alone
+
+
+def test_a_slope_is_shown_by_a_drive_that_meets_it_from_all_sides() -> None:
+    """Back and forth shows its part along the drive only; what lies across would stay unseen."""
+    slope = {each.manoeuvre: each.evidence for each in advise(ROBOT, "drive.slope")}
+    assert slope["spin"] > 30.0
+    assert slope["back and forth"] < 1.0
+
+
+def test_what_another_cause_imitates_in_a_drive_is_no_evidence() -> None:
+    """Straight on, friction that differs by direction is a constant torque, as a slope is."""
+    uneven = {each.manoeuvre: each.evidence for each in advise(ROBOT, "friction.direction_dependent")}
+    assert uneven["straight"] < 0.2 * uneven["creep"]
+
+
+def test_the_area_is_minded() -> None:
+    assert all(each.reach <= 0.3 for each in advise(ROBOT, "friction.viscous", within=0.3))
+
+
+def test_the_checkup_needs_little_room_and_shows_something_of_everything() -> None:
+    duty = manoeuvre("checkup")
+    assert reach_of(ROBOT, duty) < 0.7
+    assert len(duty) / RATE == pytest.approx(40.0, abs=0.5)
+    shown = Plan.of(ROBOT, duty).shows()
+    assert set(shown) == {each.id for each in drive_causes()}
+    assert [id_ for id_, size in shown.items() if not size or "usual" in size] == []
+
+
+def test_what_a_drive_cannot_show_is_said_before_it_is_driven() -> None:
+    shown = Plan.of(ROBOT, manoeuvre("straight")).shows()
+    assert shown["imu.gyro_scale"] == ""  # it never turns
+    assert shown["friction.stiction"].endswith("more than is usual")  # it never creeps
+    assert shown["friction.coulomb"].startswith("from about 0.0")
+
+
+def test_an_unknown_name_is_refused() -> None:
+    with pytest.raises(ConfigError, match="moon phase"):
+        advise(ROBOT, "moon phase")
+    with pytest.raises(ConfigError, match="pirouette"):
+        manoeuvre("pirouette")
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("tophat.gain@0", "no drive shows it; hold the tophats over black and over white"),
+        ("drive.track_width@left", "has no side; name drive.track_width"),
+        ("drive.wheel_eccentricity", "it has a side; name drive.wheel_eccentricity@left or"),
+        ("bemf.scale@2", "it has a side; name bemf.scale, bemf.scale@left or bemf.scale@right"),
+        ("tophat.moon", "there is none of that name"),
+    ],
+)
+def test_a_name_that_no_drive_shows_is_refused_with_the_reason(name: str, why: str) -> None:
+    for asked in ((name, ()), ("drive.inertia", [name])):
+        with pytest.raises(ConfigError, match=why):
+            advise(ROBOT, *asked)
+
+
+def test_a_cause_is_no_rival_of_itself() -> None:
+    with pytest.raises(ConfigError, match=r"rival 'imu.latency': it is the cause itself"):
+        advise(ROBOT, "imu.latency", ["drive.backlash", "imu.latency"])

@@ -1,0 +1,75 @@
+"""How sure the numbers of a fit are said to be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.findings.naming import parameters
+from raccoon.diagnose.findings.spread import LEARNT, Spread, coordinate_covariance
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from unit.diagnose.searches import searched
+
+CAUSES = {
+    each.name: each
+    for each in drive_causes()
+    if each.id in ("imu.latency", "drive.wheel_slip", "imu.gyro_bias", "friction.coulomb")
+}
+
+
+@pytest.fixture(scope="module")
+def causes() -> dict[str, Cause]:
+    return CAUSES
+
+
+def test_what_is_held_at_a_bound_does_not_make_others_seem_to_disagree(problem: Problem) -> None:
+    """How much blocks of time disagree is a question to the coordinates that are free. One that is held and
+    acts just like a free one leaves the number less sure, as it may be the other's, by what the curvature
+    says and by nothing else."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    search = searched(problem, late, late)
+    fit, held, own = search.fit, 0, len(problem.base)
+    factors = []
+    for alike in (0.0, 0.9999):
+        columns = fit.jacobian.copy()
+        columns[held] = alike * columns[own]
+        free = fit.free.copy()
+        free[held] = False
+        bound = replace(search, fit=replace(fit, jacobian=columns, free=free))
+        said = coordinate_covariance(bound)
+        curvature = np.linalg.inv(np.eye(len(columns)) + columns @ columns.T)
+        factors.append(said[own, own] / curvature[own, own])
+    time = problem.features.time
+    assert factors[1] == pytest.approx(factors[0])
+    assert factors[0] >= 1.0 + LEARNT / float(time[-1] - time[0])
+
+
+def test_numbers_of_a_short_drive_are_less_sure(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    search = searched(problem, late, late)
+    features, key = problem.features, ("imu.latency", None, "seconds")
+    longer = replace(problem, features=replace(features, time=10.0 * features.time))
+    stds = [Spread.of(each).std(key) for each in (search, replace(search, problem=longer))]
+    span = float(features.time[-1] - features.time[0])
+    assert (stds[0] / stds[1]) ** 2 == pytest.approx((1.0 + LEARNT / span) / (1.0 + 0.1 * LEARNT / span))
+
+
+def test_beside_another_cause_a_number_is_less_sure(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By what is not named and looks like it, and by what is inexact of the other."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    both = late.with_cause("imu.gyro_bias", np.array([1.0]))
+    cause, stds = CAUSES["imu.latency"], {}
+    for point, unnamed in ((late, 0.0), (late, 0.05), (both, 0.0), (both, 0.05)):
+        monkeypatch.setattr("raccoon.diagnose.findings.spread.UNNAMED", unnamed)
+        search = searched(problem, point, point)
+        stds[len(point.active), unnamed] = parameters(search, cause, Spread.of(search))["seconds"].std
+    assert stds[1, 0.0] == stds[1, 0.05]
+    assert stds[1, 0.0] < stds[2, 0.0] < stds[2, 0.05]
+    slip = CAUSES["drive.wheel_slip"].coordinates[0].value(1.0)  # s: a little of it bends the latency as much
+    assert stds[2, 0.05] < 0.05 * slip

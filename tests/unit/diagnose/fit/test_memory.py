@@ -1,0 +1,51 @@
+"""How much memory one diagnosis takes: half of a Raspberry Pi 3's at most (docs/diagnosis.md)."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+TESTS = Path(__file__).resolve().parents[3]
+WHOLE, GROWTH = 512, 200
+"""MB: of a whole process, and of what 40 s take beside a drive of 8. Measured were 311 and 106."""
+PROGRAM = """
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.sim.parameters import Parameters
+from simulated_drives import recorded
+
+def peak():
+    # Of this program alone: what getrusage says may be that of the process it was started from.
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) // 1024 for line in file if line.startswith("VmHWM"))
+
+robot = RobotConfig()
+for seconds in (8.0, 40.0):
+    found = diagnose(recorded(Parameters.from_robot(robot), seconds), robot)
+    print(peak(), found.verdict.value)
+"""
+
+
+def measured() -> subprocess.CompletedProcess[str]:
+    places = os.pathsep.join([str(TESTS), *(each for each in sys.path if each)])
+    return subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        env=os.environ | {"PYTHONPATH": places, "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_diagnosis_of_40_s_takes_half_of_a_small_controllers_memory() -> None:
+    """The first drive loads what it needs; what is left between the two is the longer one's."""
+    ran = measured()
+    if "compiling" in ran.stderr:  # the first time only; the compiler alone takes 350 MB
+        ran = measured()
+    assert ran.returncode == 0, ran.stderr
+    short, long = (line.split() for line in ran.stdout.splitlines())
+    assert long[1] == "adequate"
+    assert int(long[0]) - int(short[0]) < GROWTH
+    assert int(long[0]) < WHOLE

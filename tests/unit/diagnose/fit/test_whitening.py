@@ -1,0 +1,115 @@
+"""Noise is what cannot be foreseen, not what a fit of everything leaves."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.noise import EVENT, white_noise
+from raccoon.diagnose.fit.whitening import (
+    FAINT,
+    FLOOR_SHARES,
+    NEGLIGIBLE,
+    SPARED,
+    WORST,
+    acting,
+    expected_share,
+    faint_parts,
+    foreseen_error,
+)
+
+BINS, CHANNELS = 6 * EVENT, 2
+
+
+def foreseen(columns: np.ndarray, target: np.ndarray, sizes: float | np.ndarray = 1.0) -> np.ndarray:
+    white, goal = columns.reshape(len(columns), -1), target.reshape(-1)
+    gram = Gram.of(white.T, goal).matrix
+    return foreseen_error(gram, white, columns, goal, target, np.broadcast_to(sizes, len(columns)), EVENT)
+
+
+def test_a_prior_is_as_wide_as_its_size_says() -> None:
+    rng = np.random.default_rng(6)
+    columns, target = rng.standard_normal((5, BINS, CHANNELS)), rng.standard_normal((BINS, CHANNELS))
+    sizes = np.array([1.0, 0.05, 0.3, 2.0, 0.0])
+    narrow = foreseen(columns, target, sizes)
+    assert narrow == pytest.approx(foreseen(columns * sizes[:, None, None], target))
+    assert narrow != pytest.approx(foreseen(columns, target), abs=1e-3)
+
+
+def test_each_half_second_is_foreseen_by_a_fit_of_all_others() -> None:
+    rng = np.random.default_rng(1)
+    columns = rng.standard_normal((5, BINS, CHANNELS))
+    target = rng.standard_normal((BINS, CHANNELS))
+    error = foreseen(columns, target)
+    for start in range(0, BINS, EVENT):
+        inside = np.zeros(BINS, bool)
+        inside[start : start + EVENT] = True
+        x, y = columns[:, ~inside].reshape(5, -1), target[~inside].reshape(-1)
+        mean = np.linalg.solve(np.eye(5) + x @ x.T, x @ y)
+        direct = target[inside] - np.tensordot(mean, columns[:, inside], axes=1)
+        assert error[inside] == pytest.approx(direct)
+
+
+def test_noise_in_a_moment_in_which_everything_acts_is_not_swallowed() -> None:
+    """A fit of forty directions that act in one event leaves almost nothing of the noise there."""
+    rng = np.random.default_rng(2)
+    columns = 0.01 * rng.standard_normal((40, BINS, CHANNELS))
+    columns[:, :EVENT] *= 1000.0
+    noise = rng.standard_normal((BINS, CHANNELS))
+    flat = columns.reshape(40, -1)
+    fitted = np.linalg.solve(np.eye(40) + flat @ flat.T, flat @ noise.reshape(-1))
+    left = noise - np.tensordot(fitted, columns, axes=1)
+    assert left[:EVENT].std() < 0.6
+    assert foreseen(columns, noise)[:EVENT].std() > 0.9
+
+
+def test_how_much_a_floor_wanders_is_what_is_expected_not_what_is_likeliest() -> None:
+    known = [0.0 if share == 0.04 else -1000.0 for share in FLOOR_SHARES]
+    assert expected_share(known) == pytest.approx(0.04)
+    nobody_knows = expected_share([5.0] * len(FLOOR_SHARES))
+    assert nobody_knows == pytest.approx(np.sqrt(np.mean(np.square(FLOOR_SHARES))))
+    a_little_for_none = expected_share([-0.5 * share / 0.02 for share in FLOOR_SHARES])
+    assert 0.015 < a_little_for_none < nobody_knows
+
+
+def test_a_direction_that_one_moment_alone_shows_tells_no_noise() -> None:
+    """A reading that jumps in one bin as soon as a number moves: what others foresee of it is the prior."""
+    rng = np.random.default_rng(5)
+    columns = rng.standard_normal((5, BINS, CHANNELS))
+    columns[0] = 0.0
+    columns[0, 30, 0] = 900.0
+    noise = rng.standard_normal((BINS, CHANNELS))
+    error = foreseen(columns, noise + 0.4 * columns[0])
+    assert np.abs(error).max() < 5.0
+
+
+def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
+    rng = np.random.default_rng(3)
+    base = np.zeros((1, 400, CHANNELS))
+    strong = 5.0 * rng.standard_normal((1, 400, CHANNELS))
+    weak = 0.1 * rng.standard_normal((1, 400, CHANNELS))
+    size = float(np.sqrt((strong**2).mean()))
+    assert faint_parts(["actuation.latency"], base, strong)[0] == pytest.approx(FAINT / size)
+    assert faint_parts(["drive.inertia"], base, weak)[0] == pytest.approx(NEGLIGIBLE)
+    assert faint_parts(["imu.gyro_bias"], base, weak)[0] < NEGLIGIBLE  # a reading's own error is known
+    assert faint_parts(["drive.slope"], base, weak)[0] > NEGLIGIBLE  # no floor is as even as a model
+    beside = faint_parts(["actuation.latency"], base, strong, strength=3.0)[0]
+    assert beside > faint_parts(["actuation.latency"], base, strong)[0]  # what acts has a form error too
+    spared = faint_parts(["actuation.latency"], base, strong, strength=SPARED)[0]
+    assert spared == pytest.approx(FAINT / size)  # and the gates know of it
+    assert faint_parts(["actuation.latency"], base, strong, strength=1e9)[0] == pytest.approx(
+        WORST * FAINT / size
+    )
+    absorbed = faint_parts(["actuation.latency"], strong, strong)[0]
+    assert absorbed > faint_parts(["actuation.latency"], base, strong)[0]  # base numbers do most of it
+
+
+def test_a_cause_counts_for_as_much_as_its_form_is_inexact() -> None:
+    response = np.ones((BINS, CHANNELS))
+    noise = white_noise(np.full(CHANNELS, 0.5), np.zeros(BINS, np.intp))
+    assert acting({}, noise) == 0.0
+    assert acting({"friction.load_dependent": response}, noise) == pytest.approx(2.0)
+    assert acting({"actuation.latency": response}, noise) < 0.5
+    both = {"friction.load_dependent": response, "friction.coulomb": 2.0 * response}
+    assert acting(both, noise) == pytest.approx(np.hypot(2.0, 4.0))

@@ -1,0 +1,481 @@
+"""What a recording does not say of the controller, and how it is found out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from blind.drives import exciting
+from blind.generator import make
+from blind.hidden import Hidden, draw
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.drives.quality import swing
+from raccoon.diagnose.experiment.advice import planned_log
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.fit.descent import ROUGH
+from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
+from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem, problem_of
+from raccoon.diagnose.habits.notes import PAST, notes_of
+from raccoon.diagnose.habits.others import (
+    DOUBT,
+    LOST,
+    MOST_KEPT,
+    Under,
+    _ended_behind,
+    as_wheels_give,
+    best_of,
+    if_ahead,
+    leads,
+    started,
+    with_a_slow_battery,
+)
+from raccoon.diagnose.habits.searching import _as_logged, _sooner, _under_another_filter, searched
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import Wheels
+from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.rollout.variants import Habits, _cycle
+from raccoon.diagnose.select.joint import explains_more
+from raccoon.diagnose.select.outlook import Search, look_around
+from raccoon.diagnose.select.search import begun
+from raccoon.sim.chain import Chain
+from raccoon.sim.parameters import Parameters
+from simulated_drives import recorded
+from unit.diagnose.searches import search_at, standing
+
+Array = NDArray[np.float64]
+Effects = dict[tuple[str, str | None], dict[str, float]]
+
+ROBOT = RobotConfig()
+CAUSES = drive_causes()
+SLIDING: dict[Wheels, Effects] = {
+    Wheels.RIGID: {},
+    Wheels.GIVING: {("friction.presliding", None): {"compliance": 0.001, "damping": 0.3}},
+    Wheels.CREEPING: {("friction.presliding", None): {"creep": 0.08, "creep_tail": 0.3}},
+}
+
+
+def test_a_late_gyro_is_not_taken_for_another_filter_of_the_controller() -> None:
+    hidden = [
+        draw(each, np.random.default_rng(3)) for each in ("battery.open_circuit_voltage", "imu.latency")
+    ]
+    log = log_from_columns(make(3, hidden, seconds=10.0).columns, ROBOT)
+    _, habits = problem_of(log, ROBOT, CAUSES)
+    assert habits.chain == Chain.firmware()
+
+
+@pytest.mark.parametrize("chain", [Chain(), Chain.firmware()])
+def test_the_controllers_filter_is_found_out(chain: Chain) -> None:
+    sticky = {"torque": 0.05, "speed": 0.5}
+    robot = Parameters(
+        ROBOT, {("friction.stiction", "left"): sticky, ("friction.stiction", "right"): sticky}, chain
+    )
+    _, habits = problem_of(log_from_columns(recorded(robot, 10.0), ROBOT), ROBOT, CAUSES)
+    assert habits.chain == chain
+
+
+@pytest.mark.parametrize("chain", [Chain(), Chain.firmware()])
+def test_the_filter_of_a_gentle_drive_is_the_one_under_which_robot_toml_is_right(chain: Chain) -> None:
+    """Commands that go up and down within 0.4 s, and 20 counts of noise: the plain filter saves less than is
+    asked of it, but the firmware's would need another time constant, which was named."""
+    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], chain)
+    columns = recorded(robot, 8.0, softened=80, noise={"motor.0.bemf": 20.0, "motor.1.bemf": 20.0})
+    _, habits = problem_of(log_from_columns(columns, ROBOT), ROBOT, CAUSES)
+    assert habits.chain == chain
+
+
+@pytest.mark.parametrize("seconds", [0.02, 0.1])
+def test_a_slow_filter_of_the_battery_is_seen_before_any_cause_is_known(seconds: float) -> None:
+    """Beside a deadband one of 0.1 s was taken for 0.05, once a wrong scale and friction were named."""
+    chain = replace(Chain.firmware(), battery_time_constant=seconds)
+    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING] | {("actuation.deadband", None): {"duty": 0.05}}, chain)
+    _, habits = problem_of(log_from_columns(recorded(robot, 8.0), ROBOT), ROBOT, CAUSES)
+    assert habits.chain == chain
+
+
+def test_a_battery_that_creeps_after_its_current_is_nothing_unknown() -> None:
+    """By 10 mohm more after 8 s."""
+    robot = Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain.firmware())
+    columns = dict(recorded(robot, 20.0))
+    sag = ROBOT.model.battery.open_circuit_voltage.value - columns["battery.voltage"]
+    late, stays = np.zeros_like(sag), math.exp(-0.005 / 8.0)
+    for row in range(1, len(sag)):
+        late[row] = stays * late[row - 1] + (1.0 - stays) * sag[row]
+    part = 0.01 / ROBOT.model.battery.internal_resistance.value
+    said = diagnose(columns | {"battery.voltage": columns["battery.voltage"] - part * late}, ROBOT)
+    assert said.verdict is Verdict.ADEQUATE
+    assert said.causes == ()
+
+
+HIDING = {
+    "actuation.deadband": {"duty": 0.066},
+    "bemf.scale": {"factor": 1.08},
+    "motor.current_limit": {"limit": 1.6},
+}
+
+
+@pytest.mark.parametrize("id_", HIDING)
+def test_what_no_base_number_can_stand_in_for_does_not_hide_the_filter(id_: str) -> None:
+    wrong = Parameters.from_robot(ROBOT).with_effect(
+        id_, "left" if id_ == "bemf.scale" else None, **HIDING[id_]
+    )
+    _, habits = problem_of(log_from_columns(recorded(wrong, 20.0, seed=1), ROBOT), ROBOT, CAUSES)
+    assert habits.chain == Chain()
+
+
+def test_a_resistance_that_an_unpaused_controller_imitates_is_said_so() -> None:
+    """What is measured of a motor is the same where it is unpowered a tenth of the time."""
+    lower: Effects = {("motor.armature_resistance", place): {"factor": 0.9} for place in ("left", "right")}
+    for robot in (
+        Parameters(ROBOT, SLIDING[Wheels.GIVING] | lower, Chain.firmware()),
+        Parameters(ROBOT, SLIDING[Wheels.GIVING], replace(Chain.firmware(), coast_share=0.0)),
+    ):
+        said = diagnose(recorded(robot, 6.0), ROBOT)
+        assert [each.name for each in said.causes] == ["motor.armature_resistance"]
+        assert any("does not pause for its samples" in each for each in said.notes)
+
+
+def taken_for(habits: Habits, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make what is found out before any cause is known these habits."""
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.controller_of", lambda log, *_: (log, habits))
+
+
+FIRMWARE = Habits(Chain.firmware(), False)
+SEVERAL = ("battery.internal_resistance", "bemf.offset@left")
+NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+
+
+def test_the_filter_is_asked_again_once_a_cause_is_known() -> None:
+    """Where the habits were taken for the firmware's all the same."""
+    dead = Parameters(ROBOT, {("actuation.deadband", None): {"duty": 0.066}}, Chain())
+    search, under = standing(recorded(dead, 6.0, seed=1), FIRMWARE, {"actuation.deadband": 1.0})
+    search, habits = _under_another_filter(search, FIRMWARE, under)
+    assert set(search.fit.point.active) == {"actuation.deadband"}
+    assert habits.chain == Chain()
+
+
+def test_where_nothing_is_named_no_other_filter_is_asked_for() -> None:
+    """Wheel loops and a floor that is not alike everywhere: under the firmware's filter with another time
+    constant 24 more were explained of a robot that is as robot.toml says."""
+
+    def ask(habits: Habits) -> Problem:
+        raise AssertionError(habits)
+
+    search, _ = standing(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain()), 3.0), FIRMWARE, {})
+    assert _under_another_filter(search, FIRMWARE, Under(ask)) == (search, FIRMWARE)
+
+
+def test_the_filter_of_the_battery_is_asked_for_before_that_of_the_wheels(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A sound robot with a plain filter and a slow battery reading had another filter of the wheels, under
+    which the battery suited better by chance."""
+    search, under = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), FIRMWARE, {"imu.latency": 0.3})
+    asked = []
+    for name in ("_under_another_filter", "as_wheels_give", "with_a_slow_battery", "with_readings_that_lag"):
+
+        def note(search: Search, habits: Habits, *_: object, name: str = name) -> tuple[Search, Habits]:
+            asked.append(name)
+            return search, habits
+
+        monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", note)
+    _sooner(search, FIRMWARE, under)
+    assert asked.index("with_a_slow_battery") < asked.index("_under_another_filter")
+
+
+@pytest.mark.parametrize(
+    ("named", "ahead", "other"),
+    [({}, 1.0, True), ({}, -1.0, False), ({"drive.inertia": 0.5}, 1.0, False)],
+)
+def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
+    named: dict[str, float], ahead: float, other: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sound robot whose friction creeps had something unknown over the speed, which is 8 behind."""
+    columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING]), 3.0)
+    creeps = replace(FIRMWARE, wheels=Wheels.CREEPING)
+    search, under = standing(columns, FIRMWARE, {"friction.viscous": 0.5})
+    second, _ = standing(columns, creeps, named)
+    under.beginnings[creeps] = second
+    monkeypatch.setattr("raccoon.diagnose.habits.others.leads", lambda *_: DOUBT)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: ahead)
+    _, habits = if_ahead(search, FIRMWARE, under, creeps, under(creeps), [search.fit.point], by=begun)
+    assert (habits == creeps) is other
+
+
+def test_late_commands_are_not_a_late_gyro_behind_the_firmwares_median() -> None:
+    """The median delays the wheels' readings by nearly as much as the commands are late."""
+    late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.008}}, Chain())
+    search, under = standing(recorded(late, 6.0, seed=1), FIRMWARE, {"imu.latency": 0.3})
+    search, habits = _under_another_filter(search, FIRMWARE, under)
+    assert set(search.fit.point.active) == {"actuation.latency"}
+    settings = search.problem.settings(search.fit.point)
+    assert settings[("actuation.latency", None, "seconds")] == pytest.approx(0.008, abs=0.0005)
+    assert habits.chain == Chain()
+
+
+def test_a_median_and_a_filtered_gyro_are_no_late_commands() -> None:
+    """Both delay by a sample of 5 ms: as if all commands were late under the plain filter, which the wheels
+    alone hardly tell from it."""
+    columns = dict(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], Chain(median=True)), 5.0))
+    lag = 1.0 / (2.0 * math.pi * 41.0)
+    rate, follows = columns["imu.gyro.z"], 0.005 / (0.005 + lag)
+    filtered = [rate[0]]
+    for each in rate[1:]:
+        filtered.append(filtered[-1] + follows * (each - filtered[-1]))
+    said = diagnose({**columns, "imu.gyro.z": np.array(filtered)}, ROBOT)
+    assert said.causes == ()
+    assert said.model is not None
+    assert said.model.chain == Chain(median=True)
+    assert said.model.value("imu.low_pass", "time_constant") == pytest.approx(lag, abs=0.0008)
+    assert any("chip's filter" in each for each in said.notes)
+
+
+def test_whether_duty_0_brakes_is_asked_again_once_the_search_is_over(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    columns = recorded(Parameters.from_robot(ROBOT), 12.0, seed=1, brake=True)
+    taken_for(Habits(Chain(), False), monkeypatch)
+    search, habits, _ = searched(log_from_columns(columns, ROBOT), ROBOT, CAUSES, None)
+    assert habits == Habits(Chain(), True)
+    assert not search.fit.point.active
+
+
+def test_beside_several_causes_commands_that_swing_are_compared_over_whole_swings(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The program of a robot that follows a line hears of a push before the wheels' readings do, and answers
+    it ten times a second."""
+    steers = Hidden("unknown", None, {}, {"line_steer": 0.7, "own_cycle": 0.0053, "gyro_smooth": 0.0039})
+    log = log_from_columns(make(2, [steers], drive="legs", seconds=12.0).columns, ROBOT)
+    known = Habits(FREE_RUNNING, False, low_pass=True)
+    taken_for(known, monkeypatch)
+    steps = ("_sooner", "_under_another_filter", "as_wheels_give", "_braking", "_as_logged")
+    for name in steps:
+        asked = f"raccoon.diagnose.habits.searching.{name}"
+        monkeypatch.setattr(asked, lambda search, habits, *_: (search, habits))
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.gone_on", lambda search: search)
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.with_lost_changes", lambda log, *_: log)
+    for names, seconds in ((SEVERAL, swing(log)), (SEVERAL[:1], 0.0)):
+
+        def begun(start: Search, names: tuple[str, ...] = names) -> Search:
+            point = start.fit.point
+            for each in names:
+                point = point.with_cause(each, np.array([1.0]))
+            return look_around(start.problem, start.probes, point, start.whitener)
+
+        monkeypatch.setattr("raccoon.diagnose.habits.searching.begun", begun)
+        _, habits, _ = searched(log, ROBOT, CAUSES, None)
+        assert habits == replace(known, swing=seconds)
+    said = notes_of(replace(known, swing=swing(log)), (), NOTHING_FITTED)
+    assert any("times a second" in each for each in said)
+
+
+@pytest.mark.parametrize("wheels", [Wheels.RIGID, Wheels.GIVING])
+def test_whether_wheels_give_before_they_slide_is_found_out(wheels: Wheels) -> None:
+    robot = Parameters(ROBOT, SLIDING[wheels], Chain.firmware())
+    _, habits = problem_of(log_from_columns(recorded(robot, 12.0), ROBOT), ROBOT, CAUSES)
+    assert habits == Habits(Chain.firmware(), False, wheels=wheels)
+
+
+@pytest.mark.parametrize(
+    ("wheels", "taken"),
+    [(Wheels.RIGID, Wheels.GIVING), (Wheels.GIVING, Wheels.RIGID), (Wheels.CREEPING, Wheels.GIVING)],
+)
+def test_how_wheels_slide_is_asked_again_once_a_cause_is_known(wheels: Wheels, taken: Wheels) -> None:
+    """Where it was taken for the other all the same. Rigid wheels, taken for ones that give, had a fifth of
+    their inertia and five times their resistance; friction that is a curve over the speed was viscous."""
+    heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
+    columns = recorded(Parameters(ROBOT, heavy | SLIDING[wheels], Chain.firmware()), 14.0)
+    first = replace(FIRMWARE, wheels=taken)
+    search, under = standing(columns, first, {"drive.inertia": 0.5})
+    search, habits = as_wheels_give(search, first, under)
+    assert habits == replace(FIRMWARE, wheels=wheels)
+    assert set(search.fit.point.active) == {"drive.inertia"}
+    settings = search.problem.settings(search.fit.point)
+    creep = SLIDING[wheels].get(("friction.presliding", None), {}).get("creep", 0.0)
+    assert settings[("friction.presliding", None, "creep")] == pytest.approx(creep, abs=0.02)
+
+
+def test_a_beginning_is_searched_once_and_handed_out_as_it_was(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Search] = []
+
+    def begun(start: Search) -> Search:
+        made.append(start)
+        return start
+
+    monkeypatch.setattr("raccoon.diagnose.habits.others.begun", begun)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.started", lambda its: search_at(its, its.nominal()))
+    under = Under(lambda _: problem)
+    under.beginning(FIRMWARE, problem).failed["drive.inertia"] = "explains too little"
+    assert under.beginning(FIRMWARE, problem).failed == {}
+    assert len(made) == 1
+    others = [replace(FIRMWARE, swing=0.1 * each) for each in range(1, MOST_KEPT + 1)]
+    for each in (*others, others[0], FIRMWARE):  # which the last of the others took the place of
+        under.beginning(each, problem)
+    assert len(made) == 1 + MOST_KEPT + 1
+    under.forget()
+    under.beginning(FIRMWARE, problem)
+    assert len(made) == 1 + MOST_KEPT + 2
+
+
+def test_a_beginning_that_ended_far_behind_with_the_same_cause_is_not_gone_on_with(problem: Problem) -> None:
+    measured = problem.predict([problem.nominal()])[0]
+    driven = replace(problem, features=replace(problem.features, measured=measured))
+
+    def search(name: str, u: float) -> Search:
+        return search_at(driven, driven.nominal().with_cause(name, np.array([u])))
+
+    found = search("drive.inertia", 0.0)
+    near, far = (explains_more(search("drive.inertia", u), found) for u in (0.01, 1.0))
+    assert -DOUBT < near < DOUBT < 2.0 * DOUBT < -far
+    assert _ended_behind(search("drive.inertia", 1.0), found, 0.0)
+    assert not _ended_behind(search("drive.inertia", 1.0), found, far)
+    assert not _ended_behind(search("drive.inertia", 0.01), found, 0.0)
+    assert not _ended_behind(search("motor.back_emf_constant", 1.0), found, 0.0)
+
+
+def test_the_likeliest_of_several_starts_is_fitted_as_if_it_were_the_only_one() -> None:
+    heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
+    log = log_from_columns(recorded(Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING]), 10.0), ROBOT)
+    gives, slides = (
+        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, wheels=wheels), None)
+        for wheels in (Wheels.GIVING, Wheels.RIGID)
+    )
+    nothing = gives.nominal()
+    starts = [nothing.with_cause("actuation.latency", np.array([0.3])), nothing]
+    right = nothing.with_cause("drive.inertia", np.array([0.5]))
+    search = started(gives)
+    found = best_of(search, slides, [*starts, right])
+    alone = best_of(search, slides, [right])
+    assert set(found.point.active) == {"drive.inertia"}
+    assert found.cost == pytest.approx(alone.cost, abs=2.0 * ROUGH)  # each stops where no step gains as much
+    np.testing.assert_allclose(
+        found.point.active["drive.inertia"], alone.point.active["drive.inertia"], rtol=0.1
+    )
+
+
+@pytest.mark.parametrize("cause", ["drive.inertia", "imu.latency"])
+def test_habits_that_are_far_behind_are_given_up_with_the_columns_that_are_known(
+    cause: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The simulator's filter is none that a start with the search's cause, or with another one, makes up
+    for."""
+    heavy: Effects = {("drive.inertia", None): {"factor": 1.4}}
+    robot = Parameters(ROBOT, heavy | SLIDING[Wheels.GIVING], Chain.firmware())
+    log = log_from_columns(recorded(robot, 20.0), ROBOT)
+    right, wrong = (
+        drive_problem(log, ROBOT, CAUSES, Habits(chain, False), None) for chain in (Chain.firmware(), Chain())
+    )
+    start = started(right)
+    inertia = start.fit.point.with_cause("drive.inertia", np.array([0.5]))
+    search = look_around(right, start.probes, best_of(start, right, [inertia]).point, start.whitener)
+    point = start.fit.point.with_cause(cause, np.array([0.5]))
+    simulated = []
+    predictions = Problem.predictions
+
+    def counted(self: Problem, points: Sequence[Point]) -> Iterator[Array]:
+        simulated.append(len(points))
+        return predictions(self, points)
+
+    monkeypatch.setattr(Problem, "predictions", counted)
+    assert leads(search, wrong, [point]) < -LOST
+    assert sum(simulated) < len(wrong.base)
+
+
+def test_a_point_carried_to_other_habits_keeps_the_numbers_that_both_have() -> None:
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    gives, slides = (
+        drive_problem(log, ROBOT, CAUSES, Habits(Chain(), False, wheels=wheels), None)
+        for wheels in (Wheels.GIVING, Wheels.RIGID)
+    )
+    rng = np.random.default_rng(2)
+    point = Point(rng.standard_normal(len(gives.base)), {"drive.inertia": np.array([0.3])})
+    there = carried(point, gives, slides)
+    assert (
+        slides.settings(there).items()
+        >= {
+            key: value for key, value in gives.settings(point).items() if key[0] != "friction.presliding"
+        }.items()
+    )
+    rows = carried_rows(gives, slides)
+    assert rows is not None
+    np.testing.assert_array_equal(point.base[rows], there.base)
+    assert carried_rows(slides, gives) is None
+    back = carried(there, slides, gives)
+    lost = [each.settings[0][0] == "friction.presliding" for each in gives.base]
+    np.testing.assert_array_equal(back.base, np.where(lost, 0.0, point.base))
+    assert back.active == point.active
+
+
+@pytest.mark.parametrize(("cause", "named"), [(None, "friction.load_dependent"), ("drive.inertia",) * 2])
+def test_commands_that_were_in_force_until_their_rows_are_no_fault(cause: str | None, named: str) -> None:
+    """A logger that writes what it has just done, beside readings of now."""
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(3))]
+    columns = dict(make(4, hidden, seconds=8.0).columns)
+    for name in ("motor.0.duty", "motor.1.duty"):
+        columns[name] = np.concatenate([columns[name][:1], columns[name][:-1]])
+    search, under = standing(columns, FIRMWARE, {named: 0.4})
+    search, habits = _as_logged(search, FIRMWARE, under)
+    assert list(search.fit.point.active) == [each.name for each in hidden]
+    assert habits == replace(FIRMWARE, past=True)
+
+
+def test_a_logger_of_what_was_done_is_said() -> None:
+    assert notes_of(replace(FIRMWARE, past=True), (), NOTHING_FITTED) == (PAST,)
+    assert notes_of(FIRMWARE, (), NOTHING_FITTED) == ()
+
+
+@pytest.mark.parametrize(("cause", "named"), [(None, "battery.internal_resistance"), ("drive.inertia",) * 2])
+def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | None, named: str) -> None:
+    """As RaccoonOS has it: 0.05 of each new reading."""
+    hidden = [] if cause is None else [draw(cause, np.random.default_rng(3))]
+    columns = dict(make(4, hidden, seconds=8.0).columns)
+    slow = columns["battery.voltage"].copy()
+    new = np.flatnonzero(np.isfinite(slow))
+    for before, now in pairwise(new):
+        slow[now] = 0.95 * slow[before] + 0.05 * slow[now]
+    columns["battery.voltage"] = slow
+    search, under = standing(columns, FIRMWARE, {named: -0.4})
+    search, habits = with_a_slow_battery(search, FIRMWARE, under)
+    assert list(search.fit.point.active) == [each.name for each in hidden]
+    assert habits.chain.battery_time_constant == 0.2  # of readings every 10 ms
+    (said,) = notes_of(habits, (), NOTHING_FITTED)
+    assert said.startswith("the battery's reading follows with a filter of 0.2 s")
+
+
+def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_wheels() -> None:
+    chain = Chain(median=True, battery_time_constant=0.02)
+    weak: Effects = {("motor.armature_resistance", "left"): {"factor": 1.2}}
+    slow = Habits(replace(chain, battery_time_constant=0.05), brake=False)
+    columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING] | weak, chain), 8.0)
+    search, under = standing(columns, slow, {"motor.armature_resistance@left": 0.8})
+    search, habits = with_a_slow_battery(search, slow, under)
+    assert habits.chain == chain
+    assert list(search.fit.point.active) == ["motor.armature_resistance@left"]
+
+
+def test_commands_from_their_rows_on_are_taken_so() -> None:
+    columns = make(4, [draw("actuation.latency", np.random.default_rng(3))], seconds=6.0).columns
+    search, under = standing(columns, FIRMWARE, {"actuation.latency": 0.4})
+    search, habits = _as_logged(search, FIRMWARE, under)
+    assert list(search.fit.point.active) == ["actuation.latency"]
+    assert habits == FIRMWARE
+
+
+@pytest.mark.parametrize(
+    ("row", "cycle"), [(0.005, 0.005), (0.02, 0.005), (0.0042, 0.0042), (0.011, 0.0055), (0.001, 0.005)]
+)
+def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: float) -> None:
+    log = planned_log(exciting(np.random.default_rng(1), 2.0))
+    shaken = row * (np.arange(len(log.time)) + np.random.default_rng(2).uniform(-0.05, 0.05, len(log.time)))
+    assert _cycle(replace(log, time=shaken), 0.005) == pytest.approx(cycle, rel=0.02)

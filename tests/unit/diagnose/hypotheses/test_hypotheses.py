@@ -1,0 +1,62 @@
+"""What coordinates do to the settings of the simulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.habits.controller import starting_settings
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, neutral_settings
+from raccoon.diagnose.rollout.variants import Variant, parameters_of
+from raccoon.sim.chain import Chain
+from raccoon.sim.effects import effect
+from raccoon.sim.physical import plant_numbers
+
+ROBOT = RobotConfig()
+CAUSES = {each.name: each for each in drive_causes()}
+
+
+def test_a_variant_has_the_numbers_of_the_parameters_it_stands_for(problem: Problem) -> None:
+    point = Point(np.full(len(problem.base), 0.3), {"motor.heating@left": np.array([0.5, 0.2])})
+    settings = problem.settings(point)
+    chain = Chain.firmware()
+    whole = parameters_of(settings, problem.neutral, ROBOT, chain)
+    variant = Variant(whole.robot, chain, settings)
+    assert plant_numbers(variant) == pytest.approx(plant_numbers(whole))  # type: ignore[arg-type]
+
+
+def test_friction_is_found_where_robot_toml_has_none() -> None:
+    cause = CAUSES["friction.coulomb"]
+    settings = neutral_settings(ROBOT)
+    usual = settings[("friction.coulomb", "left", "torque")]
+    cause.apply(settings, [1.0])
+    assert settings[("friction.coulomb", "left", "torque")] > usual
+    for side in ("left", "right"):
+        settings[("friction.coulomb", side, "torque")] = 0.0
+    cause.apply(settings, [1.0])
+    width = WIDTH_FACTOR * effect("friction.coulomb").parameters[0].prior_width
+    assert settings[("friction.coulomb", "right", "torque")] == pytest.approx(width)
+    cause.apply(none := {**settings, ("friction.coulomb", "left", "torque"): 0.0}, [-1.0])
+    assert none[("friction.coulomb", "left", "torque")] == 0.0
+
+
+def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
+    settings = neutral_settings(ROBOT)
+    settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8
+    model = parameters_of(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
+    assert starting_settings(ROBOT, model) == pytest.approx(settings)
+
+
+def test_friction_by_direction_does_not_change_with_the_friction(problem: Problem) -> None:
+    uneven = problem.nominal().with_cause("friction.direction_dependent", np.array([0.3, 0.4]))
+    both = uneven.with_cause("friction.viscous", np.array([0.5]))
+    parts = []
+    for point in (uneven, both):
+        settings = problem.settings(point)
+        asymmetry = settings[("friction.direction_dependent", "left", "viscous_asymmetry")]
+        parts.append(asymmetry * settings[("friction.viscous", "left", "coefficient")])
+    assert parts[0] == pytest.approx(parts[1])
+    assert parts[0] > 0.0

@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.result import Verdict
+from raccoon.trace.loading import Run, load_runs
+from shared_data import data_path
+
+Columns = dict[str, np.ndarray]
+ROBOT = parse_robot(
+    {
+        "motor": {str(port): {"radians_per_tick": {"value": 0.002, "std": 0.0}} for port in (0, 1)},
+        "model": {"drive": {"wheel_radius": 0.04, "track_width": 0.2}},
+    }
+)  # fmt: skip
+
+
+def driven(seed: int, radius: float = 1.0, track: float = 1.0, both_ways: bool = True) -> Columns:
+    """A drive of straights and quarter turns at 20 Hz, seen by a reference with 0.5 mm of noise."""
+    rng = np.random.default_rng(seed)
+    forward, turn = [], []
+    for piece in range(8):
+        side = -1.0 if both_ways and piece % 2 else 1.0
+        forward += [0.2] * 40 + [0.0] * 20
+        turn += [0.0] * 40 + [side * math.pi / 2] * 20
+    v, w = np.array(forward), np.array(turn)
+    time = 0.05 * np.arange(len(v) + 1)
+    heading = np.concatenate([[0.0], np.cumsum(0.05 * w)])
+    middle = heading[:-1] + 0.025 * w
+    x = np.concatenate([[0.0], np.cumsum(0.05 * v * np.cos(middle))])
+    y = np.concatenate([[0.0], np.cumsum(0.05 * v * np.sin(middle))])
+    columns: Columns = {"t": time}
+    for port, side in ((0, -1.0), (1, 1.0)):
+        way = np.concatenate([[0.0], np.cumsum(0.05 * (v + side * w * 0.1 * track))])
+        columns[f"motor.{port}.position"] = np.round(way / (0.04 * radius * 0.002))
+    noise = 5e-4 * rng.standard_normal((3, len(time)))
+    return {
+        **columns,
+        "truth.x": x + noise[0],
+        "truth.y": y + noise[1],
+        "truth.heading": heading + 0.002 * noise[2],
+    }
+
+
+def test_radius_and_track_are_found_on_runs_that_were_not_fitted() -> None:
+    runs = [driven(seed, radius=0.98, track=1.02) for seed in range(4)]
+    found = diagnose_geometry(runs, ROBOT)
+    factors = {each.name: each.parameters["factor"].value for each in found.causes}
+    assert factors["drive.wheel_radius"] == pytest.approx(0.98, abs=0.002)
+    assert factors["drive.track_width"] == pytest.approx(1.02, abs=0.003)
+    assert found.channels[0].rmse_after < 0.1 * found.channels[0].rmse_before
+    assert found.model is not None
+    assert found.model.value("drive.track_width", "factor") == factors["drive.track_width"]
+    assert "not identifiable" in next(each.reason for each in found.rejected if each.id == "friction.*")
+
+
+def test_a_robot_as_configured_is_adequate() -> None:
+    found = diagnose_geometry([driven(seed) for seed in range(4)], ROBOT)
+    assert found.verdict is Verdict.ADEQUATE
+    assert found.causes == ()
+
+
+def test_one_turning_direction_is_refused_with_what_to_drive() -> None:
+    found = diagnose_recording(driven(3, track=1.02, both_ways=False), ROBOT)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert any("one turning direction" in each.reason for each in found.rejected)
+    assert found.suggested_manoeuvres
+
+
+def test_without_commands_and_reference_the_missing_channels_are_named() -> None:
+    columns = {name: each for name, each in driven(3).items() if not name.startswith("truth")}
+    found = diagnose_recording(columns, RobotConfig())
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert "motor.0.duty" in found.rejected[0].reason
+    assert "truth.x" in found.rejected[0].reason
+
+
+def test_truth_free_takes_the_reference_away() -> None:
+    assert diagnose_recording(driven(3), ROBOT, truth_free=True).channels == ()
+
+
+def held(columns: Columns, after: float) -> Columns:
+    """The same wheels, but from then on a wall holds the robot for two seconds."""
+    time = columns["t"]
+    stays = (time[1:] > after) & (time[1:] < after + 2.0)
+    moved = {
+        name: columns[name][0]
+        + np.concatenate([[0.0], np.cumsum(np.where(stays, 0.0, np.diff(columns[name])))])
+        for name in ("truth.x", "truth.y")
+    }
+    return {**columns, **moved}
+
+
+def test_a_path_that_leaves_its_wheels_is_not_adequate() -> None:
+    """33 mm beside 2 of the runs that were fitted was called nothing that matters."""
+    columns = held(driven(3), after=21.0)
+    found = diagnose_recording(columns, ROBOT)
+    assert found.channels[0].rmse_after > 10.0 * found.channels[0].noise_floor
+    assert (found.verdict, found.causes) == (Verdict.UNKNOWN, ())
+    (note,) = (each for each in found.notes if "part by" in each)
+    assert 20.0 < float(note.split()[1]) < 22.0
+    off = [driven(seed, radius=0.98) for seed in range(4)]
+    found = diagnose_geometry([*off, off[0], held(off[1], after=15.0)], ROBOT)
+    assert found.verdict is Verdict.PARTLY
+    assert [each.name for each in found.causes] == ["drive.wheel_radius"]
+
+
+def test_wheels_of_another_robot_are_a_diagnosis_and_a_question() -> None:
+    found = diagnose_geometry([driven(seed, radius=0.45) for seed in range(4)], ROBOT)
+    (cause,) = found.causes
+    assert cause.parameters["factor"].value == pytest.approx(0.45, abs=0.002)
+    assert "drive.wheel_radius is off by -55 %: is this robot.toml of this robot?" in found.notes
+    assert found.model is not None
+    assert found.model.value("drive.wheel_radius", "factor", "left") == 0.5
+
+
+def test_runs_are_counted_as_they_are() -> None:
+    (note,) = diagnose_recording(driven(3), ROBOT).notes
+    assert note == "the first 70 % of the run was fitted, the rest is there to judge on"
+    (note,) = diagnose_recording(driven(3), ROBOT, holdout=driven(4)).notes
+    assert note == "1 run fitted, 1 other to judge on"
+    (note,) = diagnose_geometry([driven(seed) for seed in range(4)], ROBOT).notes
+    assert note == "2 runs fitted, 2 others to judge on"
+
+
+def odd(run: Run) -> bool:
+    return int(run.name.rpartition("-")[2]) % 2 == 1
+
+
+def test_real_runs_fitted_on_odd_ones_hold_on_even_ones() -> None:
+    runs = load_runs(data_path("optiodom"))
+    robot = runs[0].robot
+    assert robot is not None
+    found = diagnose_geometry(
+        [each.recording.columns for each in runs if odd(each)],
+        robot,
+        holdout=[each.recording.columns for each in runs if not odd(each)],
+    )
+    assert {each.id for each in found.causes} == {"drive.wheel_radius", "drive.track_width"}
+    assert found.channels[0].rmse_after <= 8.1e-3
+    assert found.channels[0].rmse_before > 0.02
+    one_way = diagnose_recording(runs[0].recording.columns, robot)
+    assert one_way.verdict is Verdict.NOT_IDENTIFIABLE

@@ -1,0 +1,100 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from blind.hidden import draw
+from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
+from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
+from raccoon.diagnose.result import Verdict
+
+ROBOT = RobotConfig()
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def weak_right() -> Columns:
+    """A drive whose right motor has another K_E."""
+    hidden = draw("motor.back_emf_constant", np.random.default_rng(8))
+    return dict(make(8, [hidden], seconds=6.0).columns)
+
+
+def without(columns: Columns, *words: str) -> Columns:
+    return {name: each for name, each in columns.items() if not any(word in name for word in words)}
+
+
+def test_volts_instead_of_duty_hide_the_battery_and_nothing_else(weak_right: Columns) -> None:
+    known = np.isfinite(weak_right["battery.voltage"])
+    battery = np.interp(weak_right["t"], weak_right["t"][known], weak_right["battery.voltage"][known])
+    volts = without(weak_right, "duty", "battery")
+    for port in (0, 1):
+        volts[f"motor.{port}.voltage"] = weak_right[f"motor.{port}.duty"] * battery
+    assert kind_of(volts, ROBOT) is Kind.DRIVE
+    found = diagnose_recording(volts, ROBOT)
+    assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
+    reasons = {each.id: each.reason for each in found.rejected}
+    assert "motor.N.voltage is recorded instead" in reasons["battery.internal_resistance"]
+
+
+def test_without_gyro_and_battery_the_rest_is_named_and_the_columns_too(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "gyro", "battery"), ROBOT)
+    assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
+    reasons = {each.id: each.reason for each in found.rejected}
+    assert reasons["imu.gyro_scale"] == "not identifiable: imu.gyro.z is missing"
+    assert reasons["battery.discharge"] == "not identifiable: battery.voltage is missing"
+    assert any(each.startswith("not checked, since imu.gyro.z is missing: ") for each in found.notes)
+
+
+def test_without_any_wheel_nothing_is_identifiable(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "bemf", "position"), ROBOT)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert any("motor.0.bemf or motor.0.speed" in each.reason for each in found.rejected)
+
+
+def test_without_any_wheel_it_is_said_what_to_record(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "bemf", "position"), ROBOT)
+    assert (
+        "record the back-EMF of both motors (motor.0.bemf and motor.1.bemf)" in found.suggested_manoeuvres[0]
+    )
+    assert {"imu.*", "battery.*"} <= {each.id for each in found.rejected}
+
+
+def test_the_reading_of_one_side_is_not_known_where_only_the_other_is_recorded(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "motor.0.bemf"), ROBOT)
+    reasons = {each.id: each.reason for each in found.rejected}
+    start = "not identifiable at the left: motor.0.bemf is missing"
+    assert reasons["bemf.scale"].startswith(f"{start}; at the right: ")
+    assert "motor.0.bemf is missing: what only that wheel shows is not checked" in found.notes
+
+
+def test_numbers_without_std_are_as_well_known_as_by_default() -> None:
+    model = {"motor": {"armature_resistance": 3.6, "right": {"back_emf_constant": 1.0}}}
+    robot = parse_robot({"model": {**model, "bemf": {"offset": -4.0}, "friction": {"coulomb": 0.0}}})
+    opened, keys = with_usual_stds(robot)
+    assert opened.model.left.armature_resistance.std == pytest.approx(0.06)
+    assert opened.model.bemf.offset.std == 1.0
+    assert opened.model.friction.coulomb.std == 0.0
+    assert opened.model.left.back_emf_constant == robot.model.left.back_emf_constant
+    assert set(keys) == {
+        "model.motor.left.armature_resistance", "model.motor.right.armature_resistance",
+        "model.motor.right.back_emf_constant", "model.bemf.offset",
+    }  # fmt: skip
+    assert with_usual_stds(ROBOT) == (ROBOT, ())
+
+
+def test_numbers_without_std_are_said_in_one_note(weak_right: Columns) -> None:
+    robot = parse_robot({"model": {"motor": {"armature_resistance": 1.8}, "imu": {"gyro_scale": 1}}})
+    found = diagnose_recording(weak_right, robot)
+    assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
+    notes = [each for each in found.notes if "no std" in each]
+    assert len(notes) == 1
+    assert "no std for model.motor.armature_resistance, model.imu.gyro_scale: " in notes[0]
+
+
+def test_commands_of_another_robot_are_an_error(weak_right: Columns) -> None:
+    other = {name.replace("motor.1", "motor.3"): each for name, each in weak_right.items()}
+    with pytest.raises(TraceError, match=r"motor\.1\.duty is not in the recording"):
+        diagnose_recording(other, ROBOT)

@@ -1,0 +1,331 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.reports import html
+from raccoon.diagnose.reports.html import page, save_html
+from raccoon.diagnose.reports.terminal import shape_text, terminal_report
+from raccoon.diagnose.reports.wording import explanation, told
+from raccoon.diagnose.result import (
+    CauseResult,
+    ChannelResult,
+    Curve,
+    Diagnosis,
+    Gain,
+    ParameterResult,
+    Rejected,
+    SensorFault,
+    Shape,
+    Unexplained,
+    Verdict,
+)
+
+TIME = np.linspace(0.0, 5.0, 400)
+CAUSE = CauseResult(
+    "motor.back_emf_constant", "left", 1, {"factor": ParameterResult(0.959, 0.004, "", 1.0)},
+    Gain(4.2, 1.1, 0.93), 0.99, ("bemf.scale@left",),
+    "The K_E of the left motor is 4.1 % lower than assumed: calibrate the left motor.",
+)  # fmt: skip
+FOUND = Diagnosis(
+    Verdict.PARTLY,
+    (ChannelResult("motor.0.bemf", "counts", 40.0, 11.0, 10.0, 0.4),),
+    (CAUSE,),
+    (
+        Rejected("drive.slope", "explains nothing that is left"),
+        Rejected("imu.gyro_scale", "not identifiable: imu.gyro.z is missing"),
+    ),
+    Unexplained(0.12, ("heading",)),
+    ("ten counted full turns",),
+    3.2,
+    None,
+    ("a note",),
+    {"battery resistance": ParameterResult(0.12, 0.01, "ohm", 0.0)},
+    (SensorFault("motor.1.current", "dead", "motor.1.current shows <no> current"),),
+    (Curve("motor.0.bemf", "counts", TIME, np.sin(TIME), 0.8 * np.sin(TIME), np.sin(TIME)),),
+    (
+        Shape(
+            "gyro over speed", "error of the gyro's reading", "rad/s", TIME, "rad/s of the wheels",
+            0.02 * np.maximum(TIME - 4.0, 0.0), np.full(len(TIME), 0.001),
+        ),
+    ),
+)  # fmt: skip
+
+
+@pytest.fixture
+def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages whose figures are made but not turned into pictures, which takes half a second a page."""
+    monkeypatch.setattr(html, "png", lambda _: "AAAA")
+
+
+@pytest.mark.usefixtures("words_only")
+def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white() -> None:
+    early = np.where(np.abs(TIME - 1.7) < 0.2, 1.0, 0.0)
+    curve = Curve("motor.0.bemf", "counts", TIME, np.zeros(400), early, early)
+    assert curve.worst == 1.75
+    channel = replace(FOUND.channels[0], rmse_after=20.0, whiteness_p=1e-5)
+    found = replace(FOUND, channels=(channel,), curves=(curve,))
+    assert "furthest off around 1.8 s" in terminal_report(found)
+    assert "not white (p 1e-05), furthest off around 1.8 s" in page(found, "run")
+    assert "furthest off" not in terminal_report(FOUND)  # noise is not worth a word
+    assert "white (p 0.4)" in page(FOUND, "run")
+
+
+def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
+    (shape,) = FOUND.shapes
+    assert shape.size.value == pytest.approx(0.02)
+    assert shape.size.std == pytest.approx(0.001 * np.sqrt(2.0))
+    assert shape_text(shape) == (
+        "error of the gyro's reading varies by 0.02 +- 0.0014 rad/s over the speed, "
+        "highest at 5 rad/s of the wheels"
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(0.12, "12 % of"), (0.001, "small here and depends on: heading")]
+)
+def test_a_share_of_nothing_is_not_said_to_be_left(share: float, said: str) -> None:
+    assert said in terminal_report(replace(FOUND, unexplained=Unexplained(share, ("heading",))))
+
+
+def test_the_terminal_says_cause_number_evidence_refusals_and_what_to_do() -> None:
+    text = terminal_report(FOUND)
+    for part in (
+        "K_E of the left motor is 4.1 % lower", "0.959 +- 0.004",
+        "4.20 times the noise without it, 1.10 with it",
+        "1. One of these, which cannot be told apart here: motor.back_emf_constant@left or bemf.scale@left.",
+        "If it is motor.back_emf_constant@left, the K_E of",
+        "0.99 that it is motor.back_emf_constant@left and",
+        "12 % of the error's power is left; it depends on: heading",
+        "Sensor: motor.1.current shows", "imu.gyro_scale: not identifiable: imu.gyro.z is missing",
+        "To learn more: ten counted full turns.", "0.12 +- 0.01 ohm", "Note: a note.",
+    ):  # fmt: skip
+        assert part in text
+
+
+def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_path: Path) -> None:
+    save_html(FOUND, tmp_path / "out.html", "run <1>")
+    text = (tmp_path / "out.html").read_text()
+    assert text.count("data:image/png;base64,") == 4
+    assert "run &lt;1&gt;" in text
+    assert "shows &lt;no&gt; current" in text
+    for part in (
+        "The K_E of the left motor is 4.1 % lower than assumed.", "<b>To do:</b> Calibrate the left motor.",
+        "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
+        "lower than assumed; or bemf.scale@left acts instead.", "cannot tell it from bemf.scale@left",
+        "What was considered and not named",
+        "explains nothing that is left",
+        "What this recording cannot show", "ten counted full turns", "a note",
+    ):  # fmt: skip
+        assert part in text
+
+
+@pytest.mark.usefixtures("words_only")
+def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
+    lag, other = replace(CAUSE, gain=Gain(1.11, 1.1, 0.01)), replace(CAUSE, where="right", rank=2)
+    said = "without it the others would make up for it"
+    for report in (terminal_report, lambda found: page(found, "run")):
+        assert said in report(replace(FOUND, causes=(lag, other)))
+        assert said not in report(replace(FOUND, causes=(lag,)))
+        assert said not in report(replace(FOUND, causes=(CAUSE, replace(other, gain=lag.gain))))
+        small = replace(CAUSE, gain=Gain(2.1, 1.0, 0.04))  # of much that could be gained a little, and missed
+        assert said not in report(replace(FOUND, causes=(small, other)))
+
+
+@pytest.mark.usefixtures("words_only")
+@pytest.mark.parametrize(("change", "said"), [(0.04, True), (0.06, False), (np.nan, False)])
+def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) -> None:
+    small = replace(CAUSE, change=change, unabsorbed=0.6 * change)
+    assert small.little is said
+    found = replace(
+        FOUND, verdict=Verdict.ADEQUATE if said else Verdict.EXPLAINED, causes=(small,), sensor_faults=()
+    )
+    text, shown = terminal_report(found), page(found, "run")
+    assert ("real, but too small to matter" in text) is ("real, but too small to matter" in shown) is said
+    headline = shown.partition('class="big">')[2].partition("<")[0]
+    assert headline.startswith("The simulation fits" if said else "The K_E of the left motor")
+    assert ("<b>To do" in shown) is not said  # nobody at the table has time for it
+    sizes = (
+        "oves a reading by up to 0.04 times its noise; over all readings 0.024 times is more than the "
+        "tolerances in robot.toml explain"
+    )
+    assert (sizes in text) is (sizes in shown) is said
+    assert ("oves a reading by" in text) is bool(np.isfinite(change))  # nothing where no drive was recorded
+
+
+@pytest.mark.usefixtures("words_only")
+def test_the_headline_says_what_else_it_may_be() -> None:
+    two = replace(CAUSE, confounded_with=("bemf.scale@left", "drive.wheel_radius@left"))
+    text = page(replace(FOUND, causes=(two,)), "run")
+    assert "; or one of bemf.scale@left, drive.wheel_radius@left acts instead." in text
+    alone = page(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)), "run")
+    assert "acts instead" not in alone
+
+
+def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
+    empty = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
+    text = page(empty, "run")
+    shown, _, as_text = text.partition("<pre")
+    assert shown.count("nothing that matters is wrong") == 1
+    assert "nothing that matters is wrong" in as_text
+    assert "data:image" not in text
+    assert "The simulation is wrong; a part of it has a name." in page(FOUND, "run")
+
+
+@pytest.mark.usefixtures("words_only")
+@pytest.mark.parametrize("errors", [(1.29, 1.30), (0.85, 0.85), (1.0, 0.999)])
+def test_data_that_does_not_show_a_cause_is_said_not_to(errors: tuple[float, float]) -> None:
+    cause = replace(CAUSE, gain=Gain(*errors, 0.0))
+    for text in (
+        terminal_report(replace(FOUND, causes=(cause,))),
+        page(replace(FOUND, causes=(cause,)), "run"),
+    ):
+        shown = text.partition("<pre")[0]
+        assert "was kept for judging does not show it; it was named for what it explains elsewhere" in shown
+        assert "without it" not in shown
+    assert "93 % of what could be gained" in page(FOUND, "run")
+
+
+def test_a_cause_without_rivals_is_not_one_of_several() -> None:
+    text = terminal_report(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)))
+    assert "1. The K_E of the left motor" in text
+    assert "One of these" not in text
+    assert "probability 0.99\n" in text
+
+
+def test_a_large_change_is_no_power_of_ten() -> None:
+    text = terminal_report(replace(FOUND, causes=(replace(CAUSE, change=440.0, unabsorbed=178.0),)))
+    assert "up to 440 times its noise; over all readings 178 times" in text
+
+
+def test_a_finding_is_a_note_and_no_advice() -> None:
+    found = replace(FOUND, suggested_manoeuvres=("the commands never change: drive", "ten turns"))
+    text = terminal_report(replace(found, notes=("the commands never change: drive",)))
+    assert text.count("the commands never change") == 1
+    assert "Note: the commands never change: drive." in text
+    assert "To learn more: ten turns." in text
+
+
+@pytest.mark.usefixtures("words_only")
+def test_what_is_wholly_unknown_comes_with_something_to_do() -> None:
+    reason = "not visible in this recording: a usual deviation would not show"
+    lost = replace(
+        FOUND, verdict=Verdict.UNKNOWN, causes=(), unexplained=Unexplained(0.0), shapes=(),
+        rejected=(Rejected("motor.heating", f"{reason}; would show from about 3.9e+19 % on"),
+                  Rejected("drive.inertia", f"{reason}; would show from about 2.1e+02 % on")),
+    )  # fmt: skip
+    for text in (terminal_report(lost), page(lost, "run")):
+        assert "raccoon excite --record again.jsonl.gz" in text
+        assert "ten counted full turns" not in text  # it would show a cause that nobody has named
+        assert "would show from" not in text
+    known = terminal_report(replace(lost, unexplained=Unexplained(0.3, ("heading",))))
+    assert "ten counted full turns" in known
+    assert "2.1e+02 %" in known
+    assert "e+19" not in known  # no robot is that far off
+
+
+def number(value: float, nominal: float = 0.0, std: float = 0.001) -> ParameterResult:
+    return ParameterResult(value, std, "", nominal)
+
+
+@pytest.mark.usefixtures("words_only")
+@pytest.mark.parametrize(
+    ("id_", "values", "what", "todo"),
+    [
+        ("battery.open_circuit_voltage", [7.3, 6.8], "more than the 6.80 V", "Put this value into"),
+        ("battery.open_circuit_voltage", [6.3, 6.8], "only 6.30 V", "Charge it, or put"),
+        ("battery.internal_resistance", [0.001, 0.05], "sags less than assumed", "Put this value"),
+        ("battery.internal_resistance", [0.12, 0.05], "sags more", "Take a fresh battery"),
+        ("motor.armature_resistance", [1.2, 1.0], "20.0 % higher", "Look for worn brushes"),
+        ("motor.armature_resistance", [0.8, 1.0], "20.0 % lower", "Calibrate the left motor."),
+        ("friction.coulomb", [0.099, 0.18], "only 0.099 N m instead of 0.180", "Put this value"),
+        ("friction.coulomb", [0.23, 0.18], "0.230 N m instead of 0.180", "Check axles"),
+        ("friction.viscous", [0.002, 0.004], "is only 0.0020", "Put this value"),
+        ("friction.viscous", [0.008, 0.004], "is 0.0080", "Check bearings"),
+        ("bemf.offset", [-7.0, 2.0], "-7 counts at standstill, not +2", "Calibrate its offset."),
+        ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22 ms", "Put this value"),
+    ],
+)  # fmt: skip
+def test_a_sentence_and_its_advice_fit_both_signs(
+    id_: str, values: list[float], what: str, todo: str
+) -> None:
+    assert_told(id_, {"number": number(*values)}, what, todo)
+
+
+def assert_told(id_: str, numbers: dict[str, ParameterResult], what: str, todo: str) -> None:
+    """Text and page say both; the page apart from each other."""
+    where = None if id_.startswith(("battery", "drive")) else "left"
+    cause = replace(
+        CAUSE, id=id_, where=where, parameters=numbers, explanation=explanation(id_, where, numbers)
+    )
+    assert what in told(cause).what
+    html = page(replace(FOUND, causes=(cause,), channels=(), curves=(), shapes=()), "run")
+    assert f"<b>To do:</b> {todo}" in html
+    assert what in html.partition("<h2>")[0]  # the headline
+    assert told(cause).todo not in html.partition("<h2>")[0]
+
+
+@pytest.mark.usefixtures("words_only")
+@pytest.mark.parametrize(
+    ("along_x", "along_y", "way"),
+    [
+        (-0.00002, 0.039, "pulls to the left with 0.039 N m"),
+        (0.001, -0.039, "pulls to the right with 0.039 N m"),
+        (0.039, 0.0, "pulls forward with"),
+        (-0.039, 0.001, "pulls back with"),
+        (-0.03, -0.03, "pulls back and to the right with 0.042 N m"),
+    ],
+)
+def test_a_slope_has_a_size_and_a_direction(along_x: float, along_y: float, way: str) -> None:
+    assert_told(
+        "drive.slope", {"along_x": number(along_x), "along_y": number(along_y)}, way, "Level the table"
+    )
+
+
+@pytest.mark.usefixtures("words_only")
+@pytest.mark.parametrize(
+    ("dry", "viscous", "what", "todo"),
+    [
+        (0.0002, 0.6, "wheel speed-dependent friction is 60 % above its mean for", "rubs when it turns for"),
+        (-0.2, 0.0, "wheel dry friction is 20 % above its mean backwards and", "rubs when it turns back"),
+        (0.2, 0.3, "dry friction is 20 % above its mean forwards", "rubs when it turns forwards"),
+        (0.2, -0.3, "30 % above its mean backwards", "rubs in one direction only"),
+    ],
+)  # fmt: skip
+def test_friction_by_direction_names_the_kind_and_the_way(
+    dry: float, viscous: float, what: str, todo: str
+) -> None:
+    numbers = {"asymmetry": number(dry), "viscous_asymmetry": number(viscous)}
+    assert_told("friction.direction_dependent", numbers, what, "Look for something that " + todo)
+
+
+def test_every_cause_of_a_drive_has_a_sentence_and_an_action() -> None:
+    for each in drive_causes():
+        numbers = {one.name: number(0.1) for one in each.effect.parameters}
+        cause = replace(
+            CAUSE, id=each.id, where=each.where, parameters=numbers,
+            explanation=explanation(each.id, each.where, numbers),
+        )  # fmt: skip
+        said = told(cause)
+        assert str(said) == cause.explanation
+        assert said.todo
+        assert not {"{", "}", ": "} & set(said.what), said.what
+        assert ": " not in said.what + said.todo
+
+
+@pytest.mark.usefixtures("words_only")
+def test_a_sentence_of_another_kind_of_recording_stays_whole() -> None:
+    own = replace(CAUSE, explanation="Dry friction of 0.3 V brakes the axis: a worn screw.")
+    assert told(own).what == "Dry friction of 0.3 V brakes the axis: a worn screw"
+    assert told(own).todo == ""
+    lag = replace(CAUSE, explanation=f"{CAUSE.explanation} With imu.latency beside it this is the sum.")
+    assert told(lag).what.endswith("lower than assumed")
+    assert told(lag).more == "With imu.latency beside it this is the sum."
+    html = page(replace(FOUND, causes=(lag,), channels=(), curves=(), shapes=()), "run")
+    assert "lower than assumed; or bemf.scale@left acts instead." in html
+    assert "lower than assumed. With imu.latency beside it this is the sum." in html
+    assert told(lag).todo == "calibrate the left motor"

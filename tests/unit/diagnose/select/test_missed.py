@@ -1,0 +1,84 @@
+"""Small causes beside many others, which the noise of a search hides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.select import missed
+from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
+from raccoon.diagnose.select.missed import with_missed
+from raccoon.diagnose.select.outlook import estimated
+from raccoon.diagnose.select.search import forward, pruned
+from unit.diagnose.searches import searched
+
+LARGE = {
+    "motor.back_emf_constant@left": 1.0,
+    "friction.quadratic": 0.6,
+    "imu.gyro_scale": 0.8,
+    "battery.discharge": 1.0,
+}
+MORE = {"friction.viscous": 0.8, "imu.latency": 0.6}
+SMALL, HOW_MUCH = "actuation.deadband", 0.26
+
+
+def named(problem: Problem, causes: Mapping[str, float] = LARGE) -> Point:
+    point = problem.nominal()
+    for name, size in causes.items():
+        point = point.with_cause(name, np.array([size]))
+    return point
+
+
+def test_a_small_cause_that_the_noise_of_a_search_hides_is_found_under_that_of_the_last_fit(
+    problem: Problem,
+) -> None:
+    search = searched(problem, named(problem).with_cause(SMALL, np.array([HOW_MUCH])), named(problem))
+    going_on, _ = forward(search)
+    assert SMALL not in going_on.fit.point.active
+    more = with_missed(estimated(search))
+    assert more is not None
+    assert set(more.fit.point.active) == {*LARGE, SMALL}
+    assert more.gains[SMALL] >= gate(SMALL) + missed.SHORT * (missed.CROWD - len(LARGE))
+    assert SMALL not in more.failed
+    assert with_missed(estimated(more)) is None
+
+
+@pytest.mark.parametrize(("others", "found"), [(LARGE, False), ({**LARGE, **MORE}, True)])
+def test_beside_more_causes_less_is_needed(problem: Problem, others: dict[str, float], found: bool) -> None:
+    point = named(problem, others)
+    search = searched(problem, point.with_cause(SMALL, np.array([0.23])), point)
+    assert (with_missed(estimated(search)) is not None) == found
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_nothing_is_missed_where_nothing_is_missing(problem: Problem, seed: int) -> None:
+    search = searched(problem, named(problem), named(problem), seed)
+    assert with_missed(estimated(search)) is None
+
+
+def test_friction_of_one_wheel_is_not_asked_for(problem: Problem) -> None:
+    one_wheel = "friction.coulomb@left"
+    assert gate(one_wheel) == WHEEL_GATE
+    search = searched(problem, named(problem).with_cause(one_wheel, np.array([0.3])), named(problem))
+    more = with_missed(estimated(search))
+    assert more is None or one_wheel not in more.fit.point.active
+
+
+def test_beside_few_causes_nothing_is_asked(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    few = named(problem).without_cause("battery.discharge")
+    assert len(few.active) == MANY - 1
+    search = searched(problem, few.with_cause(SMALL, np.array([HOW_MUCH])), few)
+    monkeypatch.setattr(missed, "refit_candidates", lambda _: pytest.fail("asked"))
+    assert with_missed(estimated(search)) is None
+
+
+def test_among_many_only_what_does_not_stand_goes(problem: Problem) -> None:
+    with_small = named(problem).with_cause(SMALL, np.array([HOW_MUCH]))
+    search = searched(problem, with_small, with_small)
+    search.gains = dict.fromkeys(with_small.active, 30.0)
+    less = pruned(search, "battery.discharge", "for once")
+    left = set(LARGE) - {"battery.discharge"} | {SMALL}
+    assert set(less.fit.point.active) == set(less.gains) == left

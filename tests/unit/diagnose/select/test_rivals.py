@@ -1,0 +1,296 @@
+"""What else would explain a recording in the place of a cause."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.findings.known_together import product_told
+from raccoon.diagnose.findings.naming import (
+    TWINS,
+    _telling,
+    _told,
+    confounded,
+    deviations,
+    parameters,
+    probability,
+)
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.fit.fits import fit_afresh, fit_many, fit_point
+from raccoon.diagnose.fit.fitted import Fit
+from raccoon.diagnose.fit.linear import coulomb_response, linearise
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.habits.others import Under
+from raccoon.diagnose.habits.searching import _with_the_slip_that_fits
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.result import ParameterResult
+from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.select import rivals
+from raccoon.diagnose.select.outlook import Rival, Search
+from raccoon.diagnose.select.rivals import CLOSE, FAR, compared
+from raccoon.diagnose.unknown.probes import PREFIX, probes_for
+from raccoon.sim.chain import Chain
+from raccoon.sim.effects import effect
+from unit.diagnose.searches import searched
+
+CAUSES = {
+    each.name: each
+    for each in drive_causes()
+    if each.id in ("imu.latency", "drive.wheel_slip", "drive.inertia", "imu.gyro_bias", "friction.coulomb")
+}
+
+
+@pytest.fixture(scope="module")
+def causes() -> dict[str, Cause]:
+    return CAUSES
+
+
+def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> None:
+    for widths, one in ((0.05, True), (1.0, False)):
+        late = problem.nominal().with_cause("imu.latency", np.array([widths]))
+        search = searched(problem, late, late)
+        assert compared(search) is None
+        tried = [each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"]
+        (slip,) = (each for each in tried if not each.beside)
+        assert (slip.lead < CLOSE) == one
+        assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
+
+
+def test_a_rival_whose_fit_stands_still_is_fitted_from_elsewhere(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.2]))
+    search = searched(problem, late, late)
+
+    def lacks() -> float:
+        assert compared(search) is None
+        tried = [each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"]
+        return next(each.lead for each in tried if not each.beside)
+
+    there = lacks()
+    assert CLOSE < there < FAR - 8.0
+
+    def behind(fits: list[Fit]) -> list[Fit]:
+        return [replace(each, cost=each.cost + 2.0 * 6.0) for each in fits]
+
+    monkeypatch.setattr(rivals, "fit_many", lambda *words: behind(fit_many(*words)))
+    monkeypatch.setattr(rivals, "fit_afresh", lambda *words: behind(fit_afresh(*words)))
+    assert lacks() == pytest.approx(there, abs=0.5)
+
+
+def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.04]))
+    truth = late.with_cause("drive.wheel_slip", np.array([0.04]))
+    search = searched(problem, truth, late)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, late))
+    assert compared(search) is None
+    cause, settings = CAUSES["imu.latency"], problem.settings(truth)
+    rivals = confounded(search, cause)
+    assert rivals == ("drive.wheel_slip",)
+    values = parameters(search, cause, Spread.of(search))
+    whole = settings[("imu.latency", None, "seconds")] + settings[("drive.wheel_slip", "left", "time")]
+    assert values["seconds"].value == pytest.approx(whole, abs=2.0 * values["seconds"].std)
+    assert values["seconds"].std < 0.25 * whole
+    assert "With drive.wheel_slip beside it this is the sum of their times." in _told(
+        problem, cause, values, rivals
+    )
+    assert "sum" not in _told(problem, cause, values, ())
+
+
+def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: Problem) -> None:
+    """Neither stands in for the other, and yet how much each is of the sum is not known. (From 0.02 widths of
+    slip on it is, since the simulated gyro looks exactly as late as it says.)"""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    truth = late.with_cause("drive.wheel_slip", np.array([0.01]))
+    search = searched(problem, truth, late)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, late))
+    compared(search)
+    tried = {each.beside: each for each in search.rivals["imu.latency"] if each.name == "drive.wheel_slip"}
+    assert tried[False].lead > CLOSE
+    assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
+    assert probability(search, "imu.latency", ("drive.wheel_slip",), {}) > 0.999
+
+
+@pytest.mark.parametrize(("std", "away"), [(0.0005, 4.0), (0.002, 1.0), (0.02, 0.1)])
+def test_a_cause_is_no_surer_than_its_number_is_away_from_what_was_assumed(
+    std: float, away: float, problem: Problem
+) -> None:
+    """However much it explains; but for what may be another in its place."""
+    search = searched(problem, problem.nominal(), problem.nominal())
+    search.gains["drive.wheel_slip@right"] = 19.0
+    values = {"time": ParameterResult(0.002, std, "s", 0.0)}
+    said = probability(search, "drive.wheel_slip@right", (), values)
+    assert said == pytest.approx(1.0 / (1.0 + math.exp(-0.5 * away**2)))
+    rival = ("imu.latency",)
+    assert probability(search, "drive.wheel_slip@right", rival, values) == pytest.approx(0.5)
+
+
+def test_what_says_of_which_kind_a_cause_is_does_not_make_it_surer() -> None:
+    values = {
+        "angle": ParameterResult(0.01, 0.01, "rad", 0.0),
+        "coasting": ParameterResult(0.01, 1e-5, "s", 0.0),
+    }
+    assert deviations(effect("drive.backlash"), values) == pytest.approx(1.0)
+    assert deviations(effect("friction.coulomb"), {"torque": ParameterResult(0.2, 0.01, "N m", 0.18)}) == (
+        pytest.approx(2.0)
+    )
+    assert deviations(effect("drive.backlash"), {}) == math.inf
+
+
+@pytest.mark.parametrize(("cause", "widths"), [("actuation.latency", 0.1), ("bemf.filter_lag", -0.3)])
+def test_a_lag_that_is_told_from_the_filter_is_not_said_to_be_in_part_it(
+    problem: Problem, cause: str, widths: float
+) -> None:
+    """What robot.toml leaves open of the filter took back what the latency gave away, so that any latency was
+    said to be the sum; and a filter that is quicker than assumed is no latency in part."""
+    both = {each.name: each for each in drive_causes() if each.id in ("actuation.latency", "bemf.filter_lag")}
+    lagging = replace(problem, causes=both)
+    late = problem.nominal().with_cause(cause, np.array([widths]))
+    search = searched(lagging, late, late)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, late))
+    assert compared(search) is None
+    assert confounded(search, both[cause]) == ()
+    values = parameters(search, both[cause], Spread.of(search))
+    other = next(iter(set(both) - {cause}))
+    said = _told(lagging, both[cause], values, (other,))
+    assert ("sum" in said) is (other == "actuation.latency")  # of the filter base numbers know a part already
+
+
+def test_a_lag_that_is_two_is_found_to_be_two(problem: Problem) -> None:
+    """From the sum in one of them no step by single causes need lead to both."""
+    lags = {each.name: each for each in drive_causes() if each.name in ("imu.latency", "drive.wheel_slip")}
+    lagging = replace(problem, causes=lags)
+    one = problem.nominal().with_cause("imu.latency", np.array([0.5]))
+    both = one.with_cause("drive.wheel_slip", np.array([0.4]))
+    for truth, found in ((both, set(lags)), (one, None)):
+        search = searched(lagging, truth, one)
+        search = replace(search, fit=fit_point(search.problem, search.whitener, one))
+        better = compared(search)
+        assert (better and set(better.point.active)) == found
+
+
+def asking_for_twins(search: Search) -> Search:
+    asked = {each.name: each for each in drive_causes() if each.name in TWINS[0]}
+    return replace(search, problem=replace(search.problem, causes={**search.problem.causes, **asked}))
+
+
+def test_a_rival_brings_no_twin_that_a_reference_has_decided(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    search = searched(problem, late, late)
+    search.rivals = {"imu.latency": [Rival("drive.wheel_slip", CLOSE - 1.0)]}
+    assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
+    radius = next(each for each in drive_causes() if each.name == "drive.wheel_radius")
+    assert confounded(search, radius) == ()
+    assert set(confounded(asking_for_twins(search), radius)) == {"imu.gyro_scale", "drive.track_width"}
+
+
+def test_of_two_twins_only_what_they_do_together_is_said(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    search = asking_for_twins(searched(problem, late, late))
+    causes = search.problem.causes
+    one = Point(late.base, {"drive.track_width": np.array([1.0])})
+    both = Point(late.base, {**one.active, "imu.gyro_scale": np.array([-1.0])})
+
+    def said(point: Point) -> str:
+        settings = search.problem.settings(point)
+        spread = Spread(settings, (), np.zeros((0, 0)))
+        search.fit = replace(search.fit, point=point)
+        return product_told(search, causes["drive.track_width"], spread)
+
+    assert said(one) == ""
+    settings = search.problem.settings(both)
+    wide = settings[("drive.track_width", None, "factor")]
+    reads = settings[("imu.gyro_scale", None, "factor")] / wide
+    assert said(both).startswith(" With imu.gyro_scale beside it only what they do together is known")
+    assert f"the gyro reads {reads:.3f} times" in said(both)
+
+
+def test_one_wheels_slip_is_not_counted_again_as_both_wheels(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The form of slip is asked for where it would stand beside no other slip."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    asked: list[list[Point]] = []
+
+    def never(search: Search, problem: Problem, starts: list[Point]) -> float:
+        asked.append(starts)
+        return 0.0
+
+    monkeypatch.setattr("raccoon.diagnose.habits.searching.leads", never)
+    both = late.with_cause("drive.wheel_slip@left", np.array([0.4]))
+    for point, count in ((late, 2), (both, 2)):
+        search, habits = searched(problem, point, point), Habits(Chain.firmware(), False)
+        assert _with_the_slip_that_fits(search, habits, Under(lambda _: problem)) == (search, habits)
+        assert len(asked) == count
+    for (start,) in asked:  # all of the lag, and that less what a gyro's chip may be
+        assert list(start.active) == ["drive.wheel_slip"]
+
+
+def test_a_rival_brings_its_twins_but_those_that_are_named(problem: Problem) -> None:
+    """K_E was said with the track width beside it where the gyro's scale, that one's twin, was hidden."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.3]))
+    search = asking_for_twins(searched(problem, late, late))
+    search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE - 1.0)]}
+    cause = CAUSES["imu.latency"]
+    assert set(confounded(search, cause)) == {"drive.track_width", "drive.wheel_radius", "imu.gyro_scale"}
+    both = Point(late.base, {**late.active, "imu.gyro_scale": np.zeros(1)})
+    search.fit = replace(search.fit, point=both)
+    assert set(confounded(search, cause)) == {"drive.track_width", "drive.wheel_radius"}
+    search.rivals = {"imu.latency": [Rival("drive.track_width", CLOSE + 1.0)]}
+    assert confounded(search, cause) == ()
+
+
+def test_a_rival_that_explains_more_takes_the_place(problem: Problem) -> None:
+    nominal = problem.nominal()
+    late = nominal.with_cause("imu.latency", np.array([1.0]))
+    better = compared(searched(problem, late, nominal.with_cause("drive.wheel_slip", np.array([1.0]))))
+    assert better is not None
+    assert list(better.point.active) == ["imu.latency"]
+    assert better.point.active["imu.latency"] == pytest.approx([1.0], abs=0.05)
+
+
+def test_a_cause_of_one_wheel_is_compared_with_that_of_both(problem: Problem) -> None:
+    nominal = problem.nominal()
+    both = nominal.with_cause("drive.wheel_slip", np.array([1.0]))
+    one = nominal.with_cause("drive.wheel_slip@left", np.array([1.0]))
+    better = compared(searched(problem, both, one))
+    assert better is not None
+    assert list(better.point.active) == ["drive.wheel_slip"]
+
+
+def test_the_report_says_what_to_drive_to_tell_a_cause_from_its_rival(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.05]))
+    search = searched(problem, late, late)
+    search.rivals = {
+        "imu.latency": [Rival("drive.wheel_slip", 2.0)],
+        "imu.gyro_scale": [Rival("drive.track_width", 0.0)],
+    }
+    said = _telling(search, "imu.latency", ("drive.wheel_slip",))
+    assert said is not None
+    assert said.startswith("raccoon excite --cause imu.latency --rival drive.wheel_slip --record ")
+    assert _telling(search, "imu.latency", ()) is None
+    assert _telling(search, "imu.gyro_scale", ("drive.track_width",)) is None  # no drive does
+
+
+def test_what_a_named_cause_changes_can_still_be_seen_to_vary(problem: Problem) -> None:
+    """A load that falls on the robot is more inertia from then on, whether or not inertia has been named."""
+    nominal = problem.nominal()
+    off = linearise(problem, nominal, list(CAUSES))
+    on = linearise(problem, nominal.with_cause("drive.inertia", np.zeros(1)), list(CAUSES))
+    one, other = (np.asarray(each.column("drive.inertia")).ravel() for each in (off, on))
+    assert one @ other > 0.98 * np.linalg.norm(one) * np.linalg.norm(other)
+    assert f"{PREFIX}time (inertia)" in {each.name for each in probes_for(problem)(on)}
+    assert on.column("imu.nothing") is None
+
+
+def test_friction_that_wanders_can_still_be_seen_where_friction_was_named(problem: Problem) -> None:
+    off = linearise(problem, problem.nominal(), list(CAUSES))
+    point = problem.nominal().with_cause("friction.coulomb@left", np.array([0.1]))
+    responses = [coulomb_response(problem, each, "left") for each in (off, linearise(problem, point, []))]
+    one, other = (np.asarray(each).ravel() for each in responses)
+    assert one @ other > 0.98 * np.linalg.norm(one) * np.linalg.norm(other)
+    assert np.linalg.norm(one) == pytest.approx(np.linalg.norm(other), rel=0.1)

@@ -1,0 +1,234 @@
+"""Sets of causes that are the same drive in other numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import BatteryModel, Measured
+from raccoon.diagnose.findings.known_together import NOT_MEASURED, others_told, scale_told, unmeasured_note
+from raccoon.diagnose.findings.naming import confounded, probability
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.select.joint import better_set
+from raccoon.diagnose.select.rivals import compared
+from raccoon.diagnose.select.symmetry import BACK_EMF, LINES, along, likely_twins, relieved, same_drives
+from unit.diagnose.searches import searched
+
+_, RESISTANCE, WHEELS = LINES
+
+
+def at(problem: Problem, **causes: float) -> Point:
+    """A point with causes on by their names, _ for . after the group and __ for @."""
+    point = problem.nominal()
+    for key, u in causes.items():
+        name = key.replace("__", "@").replace("_", ".", 1)
+        size = problem.causes[name].size
+        point = point.with_cause(name, np.array([u, 0.3][:size]))
+    return point
+
+
+def apart_by(problem: Problem, one: Point, other: Point) -> float:
+    """The largest difference of two simulations, in units of the noise."""
+    first, second = problem.predict([one, other])
+    return float(np.abs((first - second) / problem.features.floors).max())
+
+
+EVERYWHERE = {"motor_back_emf_constant__left": 0.6, "drive_inertia": -0.4, "friction_coulomb": 0.3,
+              "friction_viscous": 0.4, "friction_quadratic": 0.3, "drive_turn_scrub": 0.5,
+              "drive_slope": 0.4}  # fmt: skip
+
+
+@pytest.mark.parametrize("factor", [0.85, 1.2])
+@pytest.mark.parametrize(
+    ("line", "more"),
+    [
+        (BACK_EMF, {}),
+        (BACK_EMF, {"friction_direction_dependent": 0.5, "friction_load_dependent": 0.5}),
+        (RESISTANCE, {"battery_internal_resistance": 0.5, "battery_discharge": 0.4, "motor_heating": 0.5}),
+        (RESISTANCE, {"motor_current_limit": 0.5}),
+        (WHEELS, {"drive_wheel_radius__right": 0.5}),
+        (WHEELS, {"drive_wheel_radius": 0.5, "drive_track_width": 1.0}),
+    ],
+)
+def test_along_a_line_the_drive_stays_the_same(
+    problem: Problem, line: dict[tuple[str, str], float], more: dict[str, float], factor: float
+) -> None:
+    point = at(problem, **EVERYWHERE, **more)
+    other = along(problem, point, line, factor)
+    assert other is not None
+    before, after = problem.settings(point), problem.settings(other)
+    moved = [key for key in before if (key[0], key[2]) in line and before[key] not in (0.0, np.inf)]
+    for key in moved:  # of inertia and of friction by direction the plant has the products
+        both = before[key], after[key]
+        if key[0] not in ("inertia", "friction.direction_dependent", "friction.stiction"):
+            assert both[1] == pytest.approx(both[0] * factor ** line[(key[0], key[2])], rel=1e-6)
+    assert apart_by(problem, problem.nominal(), point) > 20.0
+    assert apart_by(problem, point, other) < 0.2
+
+
+def test_stiction_keeps_its_form(problem: Problem) -> None:
+    point = at(problem, friction_stiction=0.8, motor_back_emf_constant=0.5)
+    other = along(problem, point, BACK_EMF, 1.1)
+    assert other is not None
+    before, after = problem.settings(point), problem.settings(other)
+    for parameter, power in (("torque", 1.0), ("speed", -1.0)):
+        key = ("friction.stiction", "left", parameter)
+        assert after[key] == pytest.approx(before[key] * 1.1**power)
+
+
+def test_every_twin_is_the_same_drive_without_its_cause(problem: Problem) -> None:
+    point = at(problem, motor_back_emf_constant__left=-0.7, drive_track_width=1.2, drive_inertia=-0.5)
+    found = list(same_drives(problem, point))
+    assert {name for name, _ in found} == set(point.active)
+    for name, other in found:
+        assert name not in other.active
+        if (np.abs(other.base) < 3.4).all():  # what is cut off at its bound is not the same
+            assert apart_by(problem, point, other) < 0.2
+
+
+def test_a_wheel_is_the_other_one_with_another_track(problem: Problem) -> None:
+    (name, other), *_ = likely_twins(problem, at(problem, drive_wheel_radius__right=-1.0))
+    assert name == "drive.wheel_radius@right"
+    assert set(other.active) == {"drive.wheel_radius@left", "drive.track_width"}
+
+
+def test_without_what_is_needed_there_is_no_twin(problem: Problem) -> None:
+    causes = {key: each for key, each in problem.causes.items() if key != "drive.track_width"}
+    point = at(problem, drive_wheel_radius__right=-1.0)
+    assert list(same_drives(replace(problem, causes=causes), point)) == []
+
+
+@pytest.mark.parametrize(
+    ("bent", "named"),
+    [
+        ({3: -3.0}, {"motor.armature_resistance@left"}),
+        ({3: 2.6, 7: 3.0}, {f"motor.armature_resistance{end}" for end in ("", "@left", "@right")}),
+        ({3: 2.6, 7: -3.0}, {f"motor.armature_resistance@{side}" for side in ("left", "right")}),
+        ({11: 2.8}, {"friction.coulomb"}),
+        ({15: 2.8}, {"friction.coulomb@right"}),
+        ({25: 3.0, 26: 2.6}, {"drive.inertia"}),
+        ({25: 3.0, 26: 2.0}, set()),
+    ],
+)
+def test_what_is_bent_far_can_be_said_as_its_cause(
+    problem: Problem, bent: dict[int, float], named: set[str]
+) -> None:
+    point = problem.nominal()
+    point.base[list(bent)] = list(bent.values())
+    found = dict(relieved(problem, point, 2.5))
+    assert set(found) == named
+    for name, other in found.items():
+        assert set(other.active) == {name}
+        assert other.base @ other.base < point.base @ point.base
+        assert apart_by(problem, point, other) < 0.01
+    on = problem.nominal().with_cause("motor.armature_resistance@left", np.array([0.5]))
+    on.base[3] = 3.0
+    assert list(relieved(problem, on, 2.5)) == []
+
+
+FEW = ("motor.back_emf_constant", "drive.inertia", "drive.track_width", "drive.wheel_radius",
+       "friction.coulomb", "friction.load_dependent", "imu.gyro_scale")  # fmt: skip
+
+
+BOTH = {"motor_back_emf_constant__left": -0.8, "motor_back_emf_constant__right": -1.7}
+
+
+def among_few(problem: Problem) -> Problem:
+    """The problem with a few causes alone, which is quicker."""
+    return replace(problem, causes={name: each for name, each in problem.causes.items() if each.id in FEW})
+
+
+def test_three_causes_that_are_two_of_the_other_motor_become_those(problem: Problem) -> None:
+    truth = at(problem, motor_back_emf_constant__right=1.2, friction_load_dependent=0.5)
+    wrong = along(problem, truth, BACK_EMF, 1.0 / float(np.exp(0.12)))
+    assert wrong is not None
+    assert "motor.back_emf_constant@left" in wrong.active
+    assert len(wrong.active) > 3
+    search = searched(among_few(problem), truth, wrong, seed=3)
+    better = better_set(search)
+    assert better is not None
+    assert set(better.point.active) == set(truth.active)
+
+
+def test_a_set_that_is_nearly_as_likely_is_said_with_the_cause_whose_place_it_takes(problem: Problem) -> None:
+    name, cause = "drive.wheel_radius@right", problem.causes["drive.wheel_radius@right"]
+    named = at(problem, drive_wheel_radius__right=-1.0)
+    search = searched(
+        among_few(problem), at(problem, drive_wheel_radius__left=1.0, drive_track_width=1.2), named, seed=3
+    )
+    search = replace(search, fit=fit_point(search.problem, search.whitener, named))
+    compared(search)
+    told = others_told(search, cause)
+    assert told == " drive.track_width and drive.wheel_radius@left together would look the same."
+    assert {"drive.wheel_radius@left", "drive.track_width"} <= set(confounded(search, cause))
+    assert probability(search, name, confounded(search, cause), {}) < 0.8
+    clear = searched(among_few(problem), at(problem, drive_wheel_radius__right=-1.4), named, seed=3)
+    compared(clear)
+    assert others_told(clear, cause) == ""
+    assert "drive.track_width" not in confounded(clear, cause)
+
+
+def test_in_a_crowd_a_set_of_one_cause_more_is_said_too(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The misfit is the same, and where much is wrong one more is no wonder."""
+    names = ("motor.back_emf_constant@left", "motor.back_emf_constant@right")
+    named = at(problem, **BOTH, friction_coulomb=0.4)
+    search = searched(among_few(problem), named, named, seed=3)
+    search = replace(search, fit=fit_point(search.problem, search.whitener, named))
+
+    def together() -> list[set[str]]:
+        compared(search)
+        found = (each for name in names for each in search.rivals[name] if each.together)
+        return [{each.name, *each.together} for each in found]
+
+    assert together() == []
+    monkeypatch.setattr("raccoon.diagnose.select.rivals.MANY", 3)
+    assert {"drive.inertia", "drive.track_width"} in together()
+    leads = [each.lead for name in names for each in search.rivals[name] if each.together]
+    assert all(lead >= 0.0 for lead in leads)  # or the cause would be outdone by what is only spared
+
+
+def test_of_both_back_emf_constants_it_is_said_what_they_rest_on(problem: Problem) -> None:
+    point = at(problem, drive_inertia=0.5, **BOTH)
+    search, here = searched(problem, point, point), problem.settings(point)
+    search.fit = replace(search.fit, point=point)
+    keys = [("motor.back_emf_constant", side, "factor") for side in ("left", "right")]
+    off = float(np.sqrt(np.prod([here[key] for key in keys])))
+    other = along(problem, point, BACK_EMF, 1.0 / off)
+    assert other is not None
+    assert apart_by(problem, point, other) < 0.2
+    there = problem.settings(other)
+
+    def told(name: str) -> str:
+        return scale_told(search, problem.causes[name], Spread(here, (), np.zeros((0, 0))))
+
+    def changed(*keys: tuple[str, str | None, str]) -> str:
+        factor = float(np.prod([there[key] / here[key] for key in keys]))
+        return f"{100.0 * abs(factor - 1.0):.0f} % {'more' if factor > 1.0 else 'less'}"
+
+    said = told("motor.back_emf_constant@left")
+    turn = ("inertia", None, "turn"), ("drive.inertia", None, "factor")
+    assert f"inertia {changed(*turn)}" in said
+    assert f"dry friction {changed(('friction.coulomb', 'left', 'torque'))}" in said
+    assert f"the track {changed(('drive.track_width', None, 'factor'))}" in said
+    assert told("motor.back_emf_constant@right") == told("drive.inertia") == ""
+    search.fit = replace(search.fit, point=point.without_cause("drive.inertia"))
+    assert told("motor.back_emf_constant@left") == ""
+
+
+def test_many_causes_of_the_documentations_robot_say_that_it_may_not_have_been_measured(
+    problem: Problem,
+) -> None:
+    few, many = at(problem, drive_inertia=0.5), at(problem, **EVERYWHERE)
+    search = searched(problem, few, few)
+    for point, note in ((few, ()), (many, (NOT_MEASURED,))):
+        search.fit = replace(search.fit, point=point)
+        assert unmeasured_note(search) == note
+    model = replace(problem.robot.model, battery=BatteryModel(open_circuit_voltage=Measured(7.0, 0.03)))
+    measured = replace(search.problem, robot=replace(problem.robot, model=model))
+    assert unmeasured_note(replace(search, problem=measured)) == ()

@@ -1,0 +1,88 @@
+"""Errors that come where speeds change, and nowhere else, are no noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from blind.drives import exciting
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.fit.noise import CHANGING, STANDING, STEADY
+from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
+from raccoon.sim.chain import Chain, Noise
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.rollout import rollout
+
+ROLES = ("bemf_left", "gyro", "battery")
+REGIMES = np.repeat([STEADY, CHANGING], 100)
+
+
+def said_of(gyro: tuple[float, float], wheel: tuple[float, float] = (2.0, 10.0)) -> tuple[str, ...]:
+    """Of errors in steady driving and where speeds change."""
+    random = np.random.default_rng(1)
+    sizes = np.repeat([[wheel[0], gyro[0], 0.1], [wheel[1], gyro[1], 9.0]], 100, axis=0)
+    measured = np.full((200, 3), 1500.0)
+    return bursting(ROLES, measured, sizes * random.standard_normal((200, 3)), REGIMES)
+
+
+def test_what_is_only_larger_where_speeds_change_is_noise() -> None:
+    assert said_of(gyro=(0.004, 0.04)) == ()
+    assert said_of(gyro=(0.02, 0.2)) == ()
+    assert said_of(gyro=(0.0005, 0.02)) == ()
+
+
+def test_bursts_are_told_with_their_size() -> None:
+    (said,) = said_of(gyro=(0.003, 0.15))
+    assert said.startswith("what is left of the gyro comes where wheels speed up or brake")
+    (said,) = said_of(gyro=(0.003, 0.02), wheel=(3.0, 150.0))
+    assert said.startswith("what is left of the left wheel comes")
+
+
+def beside_wheels(pushes: float, body: float, gyro: float = 0.008, play: bool = False) -> tuple[str, ...]:
+    """Of a robot whose wheels are pushed by so many counts where speeds change, which its gyro sees a bin
+    sooner than a filtered reading, whose body turns by as much more, and whose gyro has noise."""
+    random = np.random.default_rng(1)
+    regimes = np.repeat([STANDING, STEADY, CHANGING], 200)
+    changes = (regimes == CHANGING)[:, None]
+    pushed = changes * pushes * random.standard_normal((600, 2))
+    turned = 6.6e-4 * (pushed[:, 1] - pushed[:, 0]) + changes[:, 0] * body * random.standard_normal(600)
+    left = np.column_stack([np.roll(pushed, 1, axis=0), turned + gyro * random.standard_normal(600)])
+    return bursting(("bemf_left", "bemf_right", "gyro"), np.full((600, 3), 1500.0), left, regimes, play)
+
+
+def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
+    (said,) = beside_wheels(pushes=25.0, body=0.06)
+    assert said.startswith("where wheels speed up or brake the gyro says 0.061 rad/s that no wheel's")
+    assert beside_wheels(pushes=25.0, body=0.06, play=True) == ()
+    assert beside_wheels(pushes=70.0, body=0.0) == ()
+    assert beside_wheels(pushes=25.0, body=0.0, gyro=0.06) == ()
+
+
+def test_too_little_of_a_drive_says_nothing() -> None:
+    zeros = np.zeros((30, 3))
+    assert bursting(ROLES, zeros, zeros + 1.0, np.repeat([STEADY, CHANGING], [20, 10])) == ()
+
+
+@pytest.mark.parametrize(("size", "seconds"), [(0.0, 10.0), (1.0, 20.0)])
+def test_a_robot_that_jerks_at_random_where_it_speeds_up_is_not_adequate(size: float, seconds: float) -> None:
+    """0.06 s of turning, either way, after each step of the commands: no cause and no curve has that."""
+    random = np.random.default_rng(3)
+    duty = exciting(random, seconds)
+    time = np.arange(len(duty)) * 0.005
+    commands = Commands.of_wheels(time, duty[:, 0], duty[:, 1], False)
+    robot = Parameters.from_robot(RobotConfig()).with_chain(Chain.firmware())
+    run = rollout(robot, commands, noise=Noise(), seed=3)
+    columns = {name: np.array(run[name][0]) for name in run.channels if not name.startswith("truth.")}
+    steps = np.flatnonzero(np.abs(np.diff(duty, axis=0)).max(axis=1) > 0.3)
+    for step in steps:
+        columns["imu.gyro.z"][step + 6 : step + 18] += size * random.choice([-1.0, 1.0])
+    columns |= {"t": time, "motor.0.duty": duty[:, 0], "motor.1.duty": duty[:, 1]}
+    said = diagnose(columns, RobotConfig())
+    jerks = size > 0.0
+    assert said.causes == ()
+    assert (DEPENDS_ON in said.unexplained.depends_on) is jerks
+    assert said.verdict is (Verdict.UNKNOWN if jerks else Verdict.ADEQUATE)
+    assert any("the gyro comes where wheels speed up" in note for note in said.notes) is jerks

@@ -1,0 +1,124 @@
+"""What shows that something is wrong which no cause describes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from blind.hidden import Hidden, draw
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.fit.fits import fit_point
+from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.habits.controller import problem_of
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.select.outlook import best_probe, look_around, start_search
+from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
+from raccoon.diagnose.unknown.probes import motion_of, probes_for
+
+ROBOT = RobotConfig()
+CAUSES = {each.name: each for each in drive_causes()}
+
+
+def test_what_was_called_unknown_is_not_where_a_cause_explains_it_after_all() -> None:
+    """Once it is, a small cause beside it need not have a third of what the unknown seemed to be."""
+    hidden = draw("actuation.latency", np.random.default_rng(5))
+    log = log_from_columns(make(5, [hidden], seconds=10.0).columns, ROBOT)
+    real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
+    start = start_search(real, probes_for(real))
+    seemed = {"unknown: time (inertia)": 300.0}
+    empty = look_around(real, start.probes, start.fit.point, start.whitener, seemed)
+    assert known_after_all(empty) == (empty, False)
+    point = start.fit.point.with_cause(
+        hidden.name, np.array([hidden.values["seconds"] / CAUSES[hidden.name].coordinates[0].value(1.0)])
+    )
+    fit = fit_point(real, start.whitener, point)
+    found = look_around(real, start.probes, fit.point, start.whitener, seemed)
+    known, changed = known_after_all(found)
+    assert changed
+    assert not known.unknown
+    assert list(known.fit.point.active) == [hidden.name]
+
+
+def test_a_bias_and_a_drift_of_the_gyro_are_no_probe(problem: Problem) -> None:
+    columns = make(2, seconds=6.0).columns
+    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    linear = linearise(real, real.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    group = next(each for each in probes_for(real)(linear) if each.name.endswith("gyro over time"))
+    channel = real.features.roles.index("gyro")
+    time = real.features.time
+    for straight in (np.ones_like(time), time - time.mean()):
+        assert group.columns[:, :, channel] @ straight == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> None:
+    """Else it would explain that noise, and two curves that cancel otherwise would seem to act."""
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    noise = np.random.default_rng(3).normal(size=linear.residual.shape) * problem.features.floors
+    noisy = replace(problem, features=replace(problem.features, measured=problem.features.measured + noise))
+    for name in ("speed", "gyro over speed"):
+        clean, disturbed = (
+            next(each.columns for each in probes_for(one)(its) if each.name == f"unknown: {name}")
+            for one, its in ((problem, linear), (noisy, replace(linear, residual=linear.residual + noise)))
+        )
+        np.testing.assert_allclose(disturbed, clean, atol=1e-9)
+        assert np.abs(clean).max() > 0.0
+
+
+def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> None:
+    """Two counts of offset turned a wheel by 2 rad too much in 40 s, and its cogging was not seen."""
+    settings = dict(problem.settings(problem.nominal()))
+    model, roles = ROBOT.model, problem.features.roles
+    speeds, bias = {"left": 5.0, "right": 7.0}, 0.02
+    settings |= {("bemf.offset", side, "counts"): 9.0 for side in speeds}
+    settings |= {("bemf.scale", side, "factor"): 0.99 for side in speeds}
+    settings |= {("motor.back_emf_constant", side, "factor"): 1.03 for side in speeds}
+    settings |= {("drive.wheel_radius", side, "factor"): 1.01 for side in speeds}
+    settings |= {("imu.gyro_bias", None, "rate"): bias, ("imu.gyro_scale", None, "factor"): 1.05}
+    measured = np.zeros_like(problem.features.measured)
+    for side, motor in (("left", model.left), ("right", model.right)):
+        volts = 0.99 * 1.03 * motor.back_emf_constant.value * speeds[side]
+        measured[:, roles.index(f"bemf_{side}")] = 9.0 + volts / BEMF_VOLTS_PER_COUNT
+    measured[:, roles.index("gyro")] = bias + 1.05 * model.imu.gyro_scale.value * 0.5
+    found = motion_of(replace(problem, features=replace(problem.features, measured=measured)), settings)
+    assert found is not None
+    bins = len(measured)
+    assert found.angle[-1] == pytest.approx([5.0 * bins * BIN, 7.0 * bins * BIN])
+    assert found.heading[-1] == pytest.approx(0.5 * bins * BIN)
+    way = np.hypot(np.diff(found.x), np.diff(found.y)).sum()
+    assert way == pytest.approx(6.0 * 1.01 * model.drive.wheel_radius.value * (bins - 1) * BIN)
+
+
+def test_a_motor_that_cogs_is_seen_though_its_readings_have_an_offset() -> None:
+    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
+    columns = make(10, [hidden], seconds=40.0).columns
+    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    found = best_probe(start_search(real, probes_for(real)))
+    assert found.name == "unknown: wheel angle left"
+    assert found.lead > PROBE_ALONE
+
+
+def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has() -> None:
+    """Twelve free columns cost more than what two of them explain is worth."""
+    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.04})
+    columns = make(12, [hidden], seconds=25.0).columns
+    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
+    found = best_probe(start_search(real, probes_for(real)))
+    assert found.name == "unknown: wheel angle left"
+    assert found.lead > PROBE_ALONE
+
+
+def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> None:
+    search = start_search(problem, probes_for(problem))
+    waves = [each for each in search.table.in_parts().off if each[0].name == "unknown: wheel angle right"]
+    (whole, span), *parts = waves
+    assert len(parts) == len(whole.parts) == len(whole.columns) // 2
+    assert sorted(index for _, its in parts for index in its) == span
+    for part, its in parts:
+        assert [span[index] for index in part.part] == its
