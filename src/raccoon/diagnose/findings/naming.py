@@ -10,7 +10,7 @@ from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.findings.bent import bent_numbers
 from raccoon.diagnose.findings.gain import HeldOut, contributions
 from raccoon.diagnose.findings.known_together import together_told
-from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.findings.spread import Spread, number_in
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import FORMS, WIDTH_FACTOR, Cause
 from raccoon.diagnose.hypotheses.forms import form_error, least_error
@@ -19,7 +19,7 @@ from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import LAGS, SCALE, SMOOTHS, delay_alike
-from raccoon.diagnose.select.rivals import CLOSE
+from raccoon.diagnose.select.rivals import CLOSE, odds
 from raccoon.diagnose.select.search import NOTHING
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.sim.effects import Effect
@@ -36,9 +36,6 @@ NOT_IDENTIFIABLE = "not identifiable"
 OF_THE_CHIP = (
     "A gyro whose chip filters at 41 Hz, as the Wombat's firmware sets it, looks the same, and is no fault."
 )
-BY_FORM = 5.0
-"""Lead over a rival that makes a cause e times as likely as that: on blind robots the better of two was right
-12 times of 17 where it led by 3 to 12."""
 
 NEEDS = {
     "gyro": (
@@ -62,12 +59,13 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         gain = Gain(judged.without[name], judged.size_after, judged.share(name))
         rivals = confounded(search, cause)
         told = _told(search.problem, cause, values, rivals) + together_told(search, cause, spread)
+        likely = probability(search, name, rivals, values)
+        values = beside_rivals(search, cause, values)
         found.append(
             CauseResult(
-                cause.id, cause.where, 0, values, gain, probability(search, name, rivals, values), rivals,
-                told, size.change, size.unabsorbed,
+                cause.id, cause.where, 0, values, gain, likely, rivals, told, size.change, size.unabsorbed
             )
-        )  # fmt: skip
+        )
     found.sort(key=lambda each: (each.little, SMOOTHS in each.confounded_with, -each.unabsorbed))
     return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
 
@@ -106,6 +104,32 @@ def parameters(search: Search, cause: Cause, spread: Spread) -> dict[str, Parame
     return found
 
 
+def beside_rivals(
+    search: Search, cause: Cause, values: Mapping[str, ParameterResult]
+) -> dict[str, ParameterResult]:
+    """A cause's numbers, less sure by what they are where a rival of another cause stands in its place.
+
+    Were K_E of both motors as assumed, and track and inertia others, friction would be other as well: as far
+    as that may be so, its number is known no better than the two differ. (Where the cause itself has rivals,
+    its number is what it is if it is there.)
+    """
+    here = search.problem.settings(search.fit.point)
+    others = [
+        [(odds(each), each.settings) for each in tried if each.lead < CLOSE and each.settings is not None]
+        for name, tried in search.rivals.items()
+        if name != cause.name and name in search.fit.point.active
+    ]
+    wider = {}
+    for name, value in values.items():
+        key, square = (cause.id, cause.places[0], name), value.std**2
+        for tried in others:
+            total = 1.0 + sum(its for its, _ in tried)
+            moved = ((its, number_in(there, key) - number_in(here, key)) for its, there in tried)
+            square += sum(its / total * by**2 for its, by in moved if math.isfinite(by))
+        wider[name] = replace(value, std=math.sqrt(square))
+    return wider
+
+
 def confounded(search: Search, cause: Cause) -> tuple[str, ...]:
     """Causes that explain this recording as well in its place, and those that no drive tells from one of
     them."""
@@ -132,16 +156,11 @@ def probability(
     a slip of 0.15 +- 0.25 ms led by 19. (What has rivals is there even where its own number is not known.)
     """
     tried = search.rivals.get(name, [])
-    leads = {each.name: each.lead for each in tried if not each.beside}
-    parts = {each.name: 1 + len(each.together) for each in tried}  # several that are one rival together
-    beside = {each.name for each in tried} - set(leads)
+    its = {each.name: odds(each) for each in tried if not each.beside}
+    beside = {each.name for each in tried} - set(its)
     away = math.inf if rivals else deviations(search.problem.causes[name].effect, values)
     against = math.exp(-min(search.gains.get(name, 50.0), 0.5 * away**2, 700.0))
-    against += sum(
-        math.exp(-max(leads.get(each, 0.0), -50.0) / BY_FORM) / parts.get(each, 1)
-        for each in rivals
-        if each not in beside
-    )
+    against += sum(its.get(each, 1.0) for each in rivals if each not in beside)
     return 1.0 / (1.0 + against)
 
 

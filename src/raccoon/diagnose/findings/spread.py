@@ -52,13 +52,13 @@ class Spread:
 
     def number(self, key: Setting) -> float:
         """A setting at the fit; an inertia with what robot.toml leaves open of it."""
-        return _number(self.here, key)
+        return number_in(self.here, key)
 
     def std(self, key: Setting) -> float:
         """Its standard deviation, by the chain rule through every coordinate; 0 for one that was not
         fitted."""
         value = self.number(key)
-        slope = np.array([(_number(other, key) - value) / STEP for other in self.moved])
+        slope = np.array([(number_in(other, key) - value) / STEP for other in self.moved])
         slope = np.where(np.isfinite(slope), slope, 0.0)
         return math.sqrt(max(float(slope @ self.covariance @ slope), 0.0))
 
@@ -128,7 +128,7 @@ def _from_afar(search: Search) -> Array:
     return curvature
 
 
-def _number(settings: Settings, key: Setting) -> float:
+def number_in(settings: Settings, key: Setting) -> float:
     """A setting; an inertia with what robot.toml leaves open of it, which is counted apart."""
     value = float(settings[key])
     if key[0] != "drive.inertia":

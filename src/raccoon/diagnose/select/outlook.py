@@ -15,6 +15,7 @@ from raccoon.diagnose.fit.linear import Group, Linear, Table, linearise, slow_fr
 from raccoon.diagnose.fit.problem import Point, Problem, Whitener
 from raccoon.diagnose.fit.scan import fit_scanned
 from raccoon.diagnose.fit.whitening import FLOOR_SHARES, wandering, whitener_for
+from raccoon.diagnose.hypotheses.coordinates import Settings
 
 Array = NDArray[np.float64]
 
@@ -36,12 +37,14 @@ class Rival:
     """Another cause that was tried in the place of one that was taken. lead: log evidence it lacks.
 
     beside: not in its place, but with a part of it. together: what else is then on that is off now.
+    settings: the robot that was fitted so, where it was.
     """
 
     name: str
     lead: float
     beside: bool = False
     together: tuple[str, ...] = ()
+    settings: Settings | None = field(default=None, compare=False)
 
 
 @dataclass(slots=True)

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from raccoon.diagnose.findings.naming import parameters
+from raccoon.diagnose.findings.naming import beside_rivals, parameters
 from raccoon.diagnose.findings.spread import LEARNT, Spread, coordinate_covariance
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.select.outlook import Rival
+from raccoon.diagnose.select.rivals import BY_FORM, CLOSE
 from unit.diagnose.searches import searched
 
 CAUSES = {
@@ -73,3 +75,30 @@ def test_beside_another_cause_a_number_is_less_sure(
     assert stds[1, 0.0] < stds[2, 0.0] < stds[2, 0.05]
     slip = CAUSES["drive.wheel_slip"].coordinates[0].value(1.0)  # s: a little of it bends the latency as much
     assert stds[2, 0.05] < 0.05 * slip
+
+
+def test_a_number_is_as_sure_as_what_it_would_be_beside_a_rival_of_another_cause(problem: Problem) -> None:
+    """By the mixture of what is said and of what each rival would have it be; what cannot be, or is the same
+    set twice, does not count twice, and a cause's own rivals say whether it is there and not how large."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    both = late.with_cause("imu.gyro_bias", np.array([1.0]))
+    search = searched(problem, both, both)
+    key, cause = ("imu.latency", None, "seconds"), CAUSES["imu.latency"]
+    here = problem.settings(search.fit.point)
+    there = {**here, key: here[key] + 0.02}
+    alone = parameters(search, cause, Spread.of(search))
+
+    def std(name: str, *rivals: Rival) -> float:
+        search.rivals = {name: list(rivals)}
+        return beside_rivals(search, cause, alone)["seconds"].std
+
+    own = alone["seconds"].std
+    even, far = Rival("a", 0.0, settings=there), Rival("a", CLOSE, settings=there)
+    assert std("imu.gyro_bias", even) ** 2 - own**2 == pytest.approx(0.5 * 0.02**2)
+    behind = 1.0 / (1.0 + np.e)
+    assert std("imu.gyro_bias", replace(even, lead=BY_FORM)) ** 2 - own**2 == pytest.approx(behind * 0.02**2)
+    halves = (replace(even, together=("b",)), replace(even, name="b", together=("a",)))
+    assert std("imu.gyro_bias", *halves) == pytest.approx(std("imu.gyro_bias", even))
+    assert (
+        std("imu.gyro_bias", far) == std("imu.gyro_bias", Rival("a", 0.0)) == std("imu.latency", even) == own
+    )
