@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -134,28 +134,11 @@ def cases(rows: list[str], trials: int) -> Iterator[Case]:
 
 
 def hidden_of(case: Case, rng: np.random.Generator) -> list[Hidden]:
-    """What is hidden in a case's robot."""
-    size = ROWS[case.row].size
+    """What is hidden in a case's robot: as its row has it, or its cause in the row's size."""
     if case.cause == CLEAN:
         return []
-    if case.row == "unknown":
-        return [draw_unknown(case.cause, rng)]
-    if case.row == "twins":
-        return [_twin(case.cause, rng)]
-    if case.row == "unmeasured":
-        return _all_off(rng)
-    if case.row == "two":
-        return _different(rng, 2)
-    if case.row == "several":
-        return _different(rng, int(rng.integers(3, 6)))
-    if case.row in ("fifteen", "everything"):
-        causes = _shuffled(rng, FIFTEEN if case.row == "fifteen" else _ALL)
-        return [draw(each, rng, _share(rng, index)) for index, each in enumerate(causes)]
-    found = [draw(case.cause, rng, size)]
-    if case.row == "worst":
-        others = [each for each in _shuffled(rng) if each != case.cause]
-        found += [draw(each, rng, float(rng.uniform(0.0, WORST_BACKGROUND))) for each in others]
-    return found
+    hide = _HIDING.get(case.row)
+    return [draw(case.cause, rng, ROWS[case.row].size)] if hide is None else hide(case, rng)
 
 
 def drawn(case: Case, seed: int) -> Blind:
@@ -226,3 +209,27 @@ def recording(case: Case, hidden: list[Hidden], rng: np.random.Generator) -> Bli
         noise=Noise().times(row.noise),
     )
     return replace(blind, hidden=tuple(each for each in blind.hidden if each.id != PROGRAM))
+
+
+def _all_together(case: Case, rng: np.random.Generator) -> list[Hidden]:
+    causes = _shuffled(rng, FIFTEEN if case.row == "fifteen" else _ALL)
+    return [draw(each, rng, _share(rng, index)) for index, each in enumerate(causes)]
+
+
+def _among_small_ones(case: Case, rng: np.random.Generator) -> list[Hidden]:
+    found = draw(case.cause, rng, ROWS[case.row].size)
+    others = [each for each in _shuffled(rng) if each != case.cause]
+    return [found, *(draw(each, rng, float(rng.uniform(0.0, WORST_BACKGROUND))) for each in others)]
+
+
+_HIDING: Mapping[str, Callable[[Case, np.random.Generator], list[Hidden]]] = {
+    "unknown": lambda case, rng: [draw_unknown(case.cause, rng)],
+    "twins": lambda case, rng: [_twin(case.cause, rng)],
+    "unmeasured": lambda _, rng: _all_off(rng),
+    "two": lambda _, rng: _different(rng, 2),
+    "several": lambda _, rng: _different(rng, int(rng.integers(3, 6))),
+    "fifteen": _all_together,
+    "everything": _all_together,
+    "worst": _among_small_ones,
+}
+"""Rows in which more or other than one cause of the row's size is hidden."""
