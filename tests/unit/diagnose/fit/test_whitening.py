@@ -13,6 +13,7 @@ from raccoon.diagnose.fit.whitening import (
     NEGLIGIBLE,
     SPARED,
     WORST,
+    _no_more_than,
     acting,
     expected_share,
     faint_parts,
@@ -113,3 +114,15 @@ def test_a_cause_counts_for_as_much_as_its_form_is_inexact() -> None:
     assert acting({"actuation.latency": response}, noise) < 0.5
     both = {"friction.load_dependent": response, "friction.coulomb": 2.0 * response}
     assert acting(both, noise) == pytest.approx(np.hypot(2.0, 4.0))
+
+
+def test_noise_is_not_larger_than_what_a_working_point_leaves() -> None:
+    """A drive that has few of something foresees none of it from the others; that is not its noise."""
+    rng = np.random.default_rng(4)
+    regimes = np.repeat([0, 2], BINS // 2)
+    left = rng.standard_normal((BINS, CHANNELS))
+    for much, kept in ((1.5, True), (12.0, False)):
+        rest = left[::-1] * np.where(regimes == 2, much, 1.0)[:, None]
+        bounded = _no_more_than(2.0, left, rest, regimes)
+        assert np.array_equal(bounded[regimes == 0], rest[regimes == 0])
+        assert np.array_equal(bounded[regimes == 2], (rest if kept else 2.0 * left)[regimes == 2])
