@@ -53,9 +53,14 @@ SPARED = 1.8
 """Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
 WORST = 2.5
 """Most by which that raises what is faint."""
-MOST_FORESEEN = 2.0
-"""Times what a working point leaves, of one regime and channel, by which noise may be larger. On 12 s of an
-exciting drive the error of what is foreseen is up to 2.2 times that, on 40 s 1.3, on a leg there and back 12."""
+FORESEEN = 1.25
+"""Times what a working point leaves, of one channel, from which what is foreseen is worse than that for want
+of anything to foresee it from. On 40 s of an exciting drive the error is up to 1.1 times that, on 12 s 1.5,
+on a leg there and back 5."""
+SMALLER = (0.3, 0.1, 0.03)
+"""Parts of their usual size in which all directions but the model's own are tried then."""
+MOST_NOISE = 2.0
+"""Times that, of one channel and regime, by which noise may be larger after all."""
 FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
 FEEBLE = 0.02
 """Variance, in units of the noise, below which a direction is left out: it would change nothing."""
@@ -89,8 +94,10 @@ def whitener_for(
     )
     rest, wander = linear.residual, 0.0
     for _ in range(1 if before is not None else 2):
-        rest, wander = _unexplained(noise, known, slow, linear.target, event)
-        rest = _no_more_than(MOST_FORESEEN, linear.residual, rest, regimes)
+        left = np.maximum(_levels(linear.residual, regimes), floors)
+        rest, wander = _unexplained(noise, known, slow, linear.target, left, event)
+        much = _levels(rest, regimes) > MOST_NOISE * left
+        rest = np.where(much, MOST_NOISE * linear.residual, rest)
         noise = fit_noise(rest, ORDER, floors, regimes, event)
     own = noise.whiten(linear.own[: len(problem.base)])
     last = {each.name: place for place, each in enumerate(linear.groups)}
@@ -171,32 +178,47 @@ def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bo
 
 
 def _unexplained(
-    noise: NoiseModel, known: Sequence[Array], slow: Array, target: Array, event: int
+    noise: NoiseModel, known: Sequence[Array], slow: Array, target: Array, left: Array, event: int
 ) -> tuple[Array, float]:
-    """The foreseen error, (bins, channels), and the share of wandering friction that is expected."""
+    """The foreseen error, (bins, channels), and the share of wandering friction that is expected.
+
+    known: directions, the model's own first. left: how much a working point leaves, (bins, channels), on
+    average over its regime.
+
+    A drive with four ramps foresees none of them from the others, once two hundred directions may differ: the
+    error is then what is not known, as smooth as a model is, and beside such noise smooth errors of a model
+    cost nothing. There all but the model's own are kept as small as foresees best.
+    """
     columns = np.concatenate([*known, slow])
     white = noise.whiten(columns).reshape(len(columns), -1)
     goal = noise.whiten(target).reshape(-1)
     gram = Gram.of(white.T, goal)
     sizes = partial(wandering, len(columns) - len(slow), len(slow))
     wander = expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES])
-    return foreseen_error(gram.matrix, white, columns, goal, target, sizes(wander), event), wander
+
+    def foreseen(part: float) -> Array:
+        """The error with all but the model's own so much smaller."""
+        its = sizes(wander)
+        its[len(known[0]) : len(columns) - len(slow)] *= part
+        return foreseen_error(gram.matrix, white, columns, goal, target, its, event)
+
+    def size(error: Array) -> float:
+        """Of the channel where it is largest, in parts of what is left."""
+        return float(np.sqrt(((error / left) ** 2).mean(axis=0)).max())
+
+    rest = foreseen(1.0)
+    if size(rest) > FORESEEN:
+        rest = min((rest, *map(foreseen, SMALLER)), key=size)
+    return rest, wander
 
 
-def _no_more_than(times: float, left: Array, rest: Array, regimes: NDArray[np.intp]) -> Array:
-    """rest, but of each regime and channel where it is larger than so many times what a working point leaves,
-    that instead.
-
-    Noise cannot be larger than what is left. But a drive with four ramps foresees none of them from the
-    others, once two hundred directions may differ: the error is what is not known, and it is as smooth as
-    a model is. Taken for noise, smooth errors of a model cost nothing there.
-    """
-    rest = rest.copy()
+def _levels(values: Array, regimes: NDArray[np.intp]) -> Array:
+    """Root mean square of each channel over the bins of a regime, in each of its bins."""
+    levels = np.empty_like(values)
     for regime in np.unique(regimes):
         rows = regimes == regime
-        much = times * np.sqrt((left[rows] ** 2).mean(axis=0)) < np.sqrt((rest[rows] ** 2).mean(axis=0))
-        rest[np.ix_(rows, much)] = times * left[np.ix_(rows, much)]
-    return rest
+        levels[rows] = np.sqrt((values[rows] ** 2).mean(axis=0))
+    return levels
 
 
 def wandering(known: int, slow: int, share: float) -> Array:

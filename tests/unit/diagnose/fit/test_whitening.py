@@ -13,7 +13,7 @@ from raccoon.diagnose.fit.whitening import (
     NEGLIGIBLE,
     SPARED,
     WORST,
-    _no_more_than,
+    _unexplained,
     acting,
     expected_share,
     faint_parts,
@@ -116,13 +116,20 @@ def test_a_cause_counts_for_as_much_as_its_form_is_inexact() -> None:
     assert acting(both, noise) == pytest.approx(np.hypot(2.0, 4.0))
 
 
-def test_noise_is_not_larger_than_what_a_working_point_leaves() -> None:
-    """A drive that has few of something foresees none of it from the others; that is not its noise."""
+def test_what_a_drive_shows_once_is_not_foreseen_from_elsewhere() -> None:
+    """Where each half second has directions of its own beside one for all, what these may be is no noise."""
     rng = np.random.default_rng(4)
-    regimes = np.repeat([0, 2], BINS // 2)
-    left = rng.standard_normal((BINS, CHANNELS))
-    for much, kept in ((1.5, True), (12.0, False)):
-        rest = left[::-1] * np.where(regimes == 2, much, 1.0)[:, None]
-        bounded = _no_more_than(2.0, left, rest, regimes)
-        assert np.array_equal(bounded[regimes == 0], rest[regimes == 0])
-        assert np.array_equal(bounded[regimes == 2], (rest if kept else 2.0 * left)[regimes == 2])
+    own, slow = rng.standard_normal((1, BINS, CHANNELS)), np.zeros((0, BINS, CHANNELS))
+    noise = white_noise(np.ones(CHANNELS), np.zeros(BINS, np.intp))
+    target = 0.5 * own[0] + rng.standard_normal((BINS, CHANNELS))
+    level = np.ones((BINS, CHANNELS))
+    once = 0.3 * np.cumsum(rng.standard_normal((100, BINS, CHANNELS)), axis=1)
+    error, _ = _unexplained(noise, [own, once], slow, target, level, EVENT)
+    alone, _ = _unexplained(noise, [own], slow, target, level, EVENT)
+    usual = foreseen(np.concatenate([own, once]), target)
+    size = [float(np.sqrt((each**2).mean())) for each in (usual, error, alone)]
+    assert size[0] > 1.5  # a hundred numbers for six half seconds
+    assert size[2] < size[1] < 1.1
+    many = 0.003 * once  # of a drive that shows them well enough, all may differ as much as they may
+    error, _ = _unexplained(noise, [own, many], slow, target, level, EVENT)
+    assert error == pytest.approx(foreseen(np.concatenate([own, many]), target))
