@@ -55,6 +55,7 @@ class Log:
     lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
     there. Nothing is compared in them. clocks: of the samples of the left and the right wheel, where they are
     known; the wheels' readings are then as if each were half a cycle old, and commands wait for them.
+    brake: (n, 2), whether each motor is shorted where its duty is 0; None where the recording does not say.
     """
 
     time: Array
@@ -64,6 +65,7 @@ class Log:
     notes: tuple[str, ...] = field(default=())
     lost: tuple[tuple[float, float], ...] = ()
     clocks: tuple[SampleClock | None, SampleClock | None] = (None, None)
+    brake: NDArray[np.bool_] | None = None
 
     @property
     def seconds(self) -> float:
@@ -84,7 +86,8 @@ class Log:
         parts = tuple(
             Channel(each.name, each.role, each.unit, each.values[keep], each.floor) for each in self.channels
         )
-        return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts)
+        brake = None if self.brake is None else self.brake[keep]
+        return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts, brake=brake)
 
     def longest_part(self) -> Log:
         """The longest part without a gap, all of it where there is none."""
@@ -139,7 +142,17 @@ def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
             continue
         sign = signs[role.rpartition("_")[2]] if role in WHEELS else 1.0
         channels.append(Channel(name, role, unit, sign * np.asarray(values, float), floor))
-    return Log(np.asarray(columns["t"], float), duty, tuple(channels), tuple(missing))
+    time, brake = np.asarray(columns["t"], float), _brakes(columns, list(ports.values()))
+    return Log(time, duty, tuple(channels), tuple(missing), brake=brake)
+
+
+def _brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
+    """Whether each motor is shorted at duty 0, (n, 2), each valid until the next row, as the format has it: a
+    row without a word does not brake. None where no row of one of them has any."""
+    names = [f"motor.{port}.brake" for port in ports]
+    if not all(name in columns and np.isfinite(columns[name]).any() for name in names):
+        return None
+    return np.column_stack([np.nan_to_num(columns[name]) > 0.5 for name in names])
 
 
 def _time(columns: Mapping[str, Array]) -> Array:
@@ -236,8 +249,13 @@ def _command(columns: Mapping[str, Array], port: int) -> Array:
         held = sorted(each for each in columns if each.endswith(".duty")) or ["no commands at all"]
         raise TraceError(f"{name} is not in the recording: it holds {', '.join(held)}; is it this robot's?")
     duty = np.asarray(columns[name], float)
-    known = np.flatnonzero(np.isfinite(duty))
-    if len(known) == 0:
+    if not np.isfinite(duty).any():
         raise TraceError(f"{name} holds no numbers")
-    latest = np.maximum.accumulate(np.where(np.isfinite(duty), np.arange(len(duty)), known[0]))
-    return np.asarray(duty[latest], float)
+    return _held(duty)
+
+
+def _held(values: Array) -> Array:
+    """Values of which some are numbers, where one is none the last that was, or else the first."""
+    known = np.isfinite(values)
+    latest = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))
+    return np.asarray(values[latest], float)

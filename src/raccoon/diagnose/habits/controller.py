@@ -1,7 +1,7 @@
 """What the controller does with its samples and at duty 0, and whether wheels give: found out, not diagnosed.
 
-Whether the controller filters with a median and brakes at duty 0 is not in a recording, nor whether wheels
-give before they slide, and nothing a team could change.
+Whether the controller filters with a median is not in a recording, nor whether wheels give before they slide;
+whether it brakes at duty 0 in few. Nothing of it is for a team to change.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ def controller_of(
     slow = None if firmware else _slow_battery(first, partial(loose, wheels), found.point)
     if slow is not None:
         found = fit_of(with_battery(first, slow))
-    if brakes(log):
+    if log.brake is None and brakes(log):
         found = fit_of(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
     if firmware is None:
         plain = replace(found.habits, chain=other)

@@ -69,7 +69,8 @@ def changed_at(log: Log, change: LostChange, moment: float) -> Log:
     )
     time = np.insert(log.time, change.row, moment)
     duty = np.insert(log.duty, change.row, log.duty[change.row], axis=0)
-    return replace(log, time=time, duty=duty, channels=channels)
+    brake = None if log.brake is None else np.insert(log.brake, change.row, log.brake[change.row], axis=0)
+    return replace(log, time=time, duty=duty, channels=channels, brake=brake)
 
 
 def restored(log: Log, problem_of: Callable[[Log], Problem], point: Point) -> Log:

@@ -97,7 +97,7 @@ def searched(
         search = whole(started(under(habits)))
     search, habits = _under_another_filter(search, habits, under)
     search, habits = as_wheels_give(search, habits, under)
-    if not restored.duty.all():
+    if restored.brake is None and not restored.duty.all():
         search, habits = _braking(search, habits, under)
     search, habits = _as_logged(search, habits, under)
     search, habits = as_lags_of_the_robot(search, habits, under)

@@ -95,11 +95,11 @@ COLUMNS = {
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes,
-    whether the command of a row was in force until then (past) instead of from then on, how wheels slide, and
-    whether the gyro's chip smooths the turn rate (low_pass). swing: s in which commands swing, 0 where they
-    do not; see `quality.swing`. firmware: the controller's, where the recording names it; nothing of it is
-    asked for then."""
+    """What the recording does not say of controller and gears: the sensor chain, whether duty 0 brakes (where
+    it does say, its rows decide), whether the command of a row was in force until then (past) instead of from
+    then on, how wheels slide, and whether the gyro's chip smooths the turn rate (low_pass). swing: s in which
+    commands swing, 0 where they do not; see `quality.swing`. firmware: the controller's, where the recording
+    names it; nothing of it is asked for then."""
 
     chain: Chain
     brake: bool
@@ -141,9 +141,10 @@ class PlantRollout:
         self._roles = tuple(each.role for each in log.channels)
         self._own = tuple(own)
         self._time, self._duty = log.time, np.clip(log.duty, -1.0, 1.0)
+        self._brake = np.full(log.duty.shape, habits.brake) if log.brake is None else log.brake
         self._clocks = log.clocks
         if habits.past:
-            self._duty = np.concatenate([self._duty[1:], self._duty[-1:]])
+            self._duty, self._brake = (np.concatenate([a[1:], a[-1:]]) for a in (self._duty, self._brake))
         self._commands = self._commanded(self._duty)
 
     def __call__(self, variants: Sequence[Settings]) -> tuple[Iterator[Array], float]:
@@ -178,7 +179,7 @@ class PlantRollout:
         return samples
 
     def _commanded(self, duty: Array) -> Commands:
-        given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._habits.brake)
+        given = Commands.of_wheels(self._time, duty[:, 0], duty[:, 1], self._brake)
         wheels = ((given.left, given.closed_left), (given.right, given.closed_right))
         (left, closed_left), (right, closed_right) = (
             each if clock is None else in_force(clock, self._time, *each)

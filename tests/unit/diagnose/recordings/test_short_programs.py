@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,7 +18,7 @@ from raccoon.trace.loading import load_run
 ROBOT = RobotConfig(controller=ControllerConfig(port="sim"))
 
 
-def driven(path: Path, program: Action, seed: int, robot: Parameters | None = None) -> Diagnosis:
+def driven(path: Path, program: Action[Any], seed: int, robot: Parameters | None = None) -> Diagnosis:
     """What is said of a program's recording."""
     port = None if robot is None else SimPort(robot, seed=seed)
     with open_robot(ROBOT, port=port, record=path, seed=seed) as simulated:
