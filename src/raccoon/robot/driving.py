@@ -59,7 +59,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                     off = robot.estimate.heading - start.heading
                     state = ProfileState(0.0, velocity, 0.0)
                     _, held = line_command(state, 0.0, across, off, GAINS)
-                robot.drive.velocity(velocity, rate + held)
+                robot.drive.follow(velocity, rate + held)
                 if turn_rate != 0.0 and robot.drive.cut:
                     robot.drive.speeds.limited = True
                 yield

@@ -154,6 +154,12 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
 def check_function(function: object, where: str, *of: str) -> None:
     """Raise TypeError where `function` is none that takes so many arguments. of: what they are called."""
     if callable(function) and takes(function, *of):
+        if inspect.isgeneratorfunction(function) or inspect.iscoroutinefunction(function):
+            name = getattr(function, "__name__", repr(function))
+            raise TypeError(
+                f"{where} takes a function that ends at once, and {name} has steps (it yields or is async): "
+                f"write Action('{name}', {name}), which is an action of its steps"
+            )
         return
     what = repr(function)
     if callable(function) and hasattr(function, "__name__"):
