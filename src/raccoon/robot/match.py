@@ -79,6 +79,7 @@ class TimedStep(Action[T]):
 
 def timed(action: Action[T], name: str | None = None) -> Action[T]:
     """The action as a named step: its begin, end and duration go into the recording and the match report."""
+    check_actions("timed", (action,))
     label = action.name if name is None else name
 
     def steps(robot: Robot) -> Steps[T]:

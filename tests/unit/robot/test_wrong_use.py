@@ -613,3 +613,5 @@ def test_a_function_whose_steps_nobody_would_go_through_is_refused() -> None:
 def test_a_mission_of_what_is_no_action_is_refused_when_it_is_written() -> None:
     with pytest.raises(TypeError, match=r"mission\(\) takes an Action, not 3"):
         mission(straight(0.1), loose(3))
+    with pytest.raises(TypeError, match=r"timed\(\) takes an Action, not the function straight"):
+        timed(ANY)
