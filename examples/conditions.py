@@ -8,6 +8,7 @@ from raccoon import (
     analog_above,
     analog_below,
     bumped,
+    button_pressed,
     calibrate_tophats,
     drive,
     on_black,
@@ -37,7 +38,7 @@ def main() -> None:
         begin = robot.pose.x
         robot.run(drive(0.15).until(over_line("left") | after_distance(0.70) | hit(button=0)))
         print(f"over a line after {robot.pose.x - begin:.3f} m")
-        robot.run(drive(-0.10).until(on_black("left") | after_time(3.0)))
+        robot.run(drive(-0.10).until(on_black("left") | button_pressed() | after_time(3.0)))
         robot.run(drive(-0.10).until(on_white("left") & when(lambda robot: robot.pose.x < 0.9)))
         robot.run(drive(0.0, 1.0).until(after_angle(0.5) | analog_above(4, 3000) | analog_below(4, 10)))
         print(f"turned to {robot.pose.heading:.2f} rad")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         MotionTimeout,
         RaccoonError,
         ReplayDiverged,
+        Stopped,
         TraceError,
     )
     from raccoon.core.port import Port
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from raccoon.robot.actions import (
         Action,
         background,
-        do,
         parallel,
         race,
         repeat,
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         analog_below,
         blocked,
         bumped,
+        button_pressed,
         on_black,
         on_white,
         over_line,
@@ -62,6 +63,7 @@ if TYPE_CHECKING:
     )
     from raccoon.robot.driving import drive, motors
     from raccoon.robot.following import follow_line
+    from raccoon.robot.functions import do
     from raccoon.robot.light import calibrate_light, rehearse_light
     from raccoon.robot.lines import align_on_line, align_on_wall
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
@@ -83,6 +85,7 @@ _HOMES = {
         "MotionTimeout",
         "RaccoonError",
         "ReplayDiverged",
+        "Stopped",
         "TraceError",
     ),
     "raccoon.core.port": ("Port",),
@@ -91,7 +94,6 @@ _HOMES = {
     "raccoon.robot.actions": (
         "Action",
         "background",
-        "do",
         "parallel",
         "race",
         "repeat",
@@ -109,6 +111,7 @@ _HOMES = {
         "analog_below",
         "blocked",
         "bumped",
+        "button_pressed",
         "on_black",
         "on_white",
         "over_line",
@@ -136,6 +139,7 @@ _HOMES = {
         "align_on_wall",
     ),
     "raccoon.robot.following": ("follow_line",),
+    "raccoon.robot.functions": ("do",),
     "raccoon.robot.battery_check": ("check_battery",),
     "raccoon.robot.match": (
         "MatchReport",
@@ -168,6 +172,7 @@ __all__ = [
     "Robot",
     "RobotConfig",
     "Status",
+    "Stopped",
     "TraceError",
     "after_angle",
     "after_distance",
@@ -180,6 +185,7 @@ __all__ = [
     "background",
     "blocked",
     "bumped",
+    "button_pressed",
     "calibrate_drive",
     "calibrate_light",
     "calibrate_tophats",

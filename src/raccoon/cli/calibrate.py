@@ -47,7 +47,8 @@ def _add_drive(kinds: Any) -> None:
             "Find radians a tick and back-EMF offset of each wheel, and the track width, from recordings. "
             "One straight drive along a tape, from rest to rest, gives the wheels (--straight METRES); a "
             "drive with straight pieces that were measured (--tape) or a reference in it, and turns both "
-            "ways, gives the track width too. open_robot(..., record=FILE) makes the recording."
+            "ways, gives the track width too. open_robot(..., record=FILE) makes the recording. "
+            "The robot stands before it and after it: begin and end its program with wait(1.0)."
         ),
     )
     parser.add_argument("recording", nargs="+", type=Path, help="traces or CSV files, or folders of them")

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from raccoon.cli.outputs import check_folders
 from raccoon.core.errors import ConfigError
+from raccoon.core.files import named
 
 HELP = "write a robot.toml with every key, its default and its meaning"
 
@@ -30,9 +31,12 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"{path} exists and is left as it is: name another file")
     check_folders(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}")
-    partial.write_text(template(), encoding="utf-8")
-    os.link(partial, path)  # unlike a rename this fails where somebody else was quicker
-    partial.unlink()
+    with named(path):
+        try:
+            partial.write_text(template(), encoding="utf-8")
+            os.link(partial, path)  # unlike a rename this fails where somebody else was quicker
+        finally:
+            partial.unlink(missing_ok=True)
     print(f"wrote {path}: take the # away from what your robot has and what you change")
     print('on a computer without a controller, port = "sim" under [controller] is the simulator')
     return 0

@@ -55,11 +55,6 @@ class Pid:
         self._last = None
         self.saturated = 0
 
-    def change_gains(self, gains: PidGains, error: float) -> None:
-        """Switch gains without a step of the output; `error` is the present setpoint minus measurement."""
-        self._integral += (self.gains.kp - gains.kp) * error
-        self.gains = gains
-
     def step(
         self,
         setpoint: float,

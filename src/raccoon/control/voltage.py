@@ -59,10 +59,6 @@ class VoltageScaling:
         given = max(-1.0, min(1.0, wanted))
         return ScaledDuty(given, factor, 0.0 if given == wanted else 1.0 - given / wanted)
 
-    def safe_duty(self, weakest_voltage: float) -> float:
-        """Largest duty that still scales fully on a battery of `weakest_voltage` V."""
-        return min(1.0, weakest_voltage / self.reference)
-
 
 @dataclass(frozen=True, slots=True)
 class SpeedBudget:

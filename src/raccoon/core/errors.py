@@ -8,6 +8,7 @@
     ├── HardwareError      OSError          a device does not answer as it must
     ├── CalibrationError   RuntimeError     the data cannot support the calibration
     ├── MotionTimeout      TimeoutError     a motion did not end in its time
+    ├── Stopped            RuntimeError     robot.stop() ended what ran
     └── ReplayDiverged     AssertionError   a replayed program commanded something else
 
 A message says what, where, the value, and what is allowed.
@@ -36,6 +37,10 @@ class CalibrationError(RaccoonError, RuntimeError):
 
 class MotionTimeout(RaccoonError, TimeoutError):
     """A motion did not reach its goal in its time; the message says why."""
+
+
+class Stopped(RaccoonError, RuntimeError):
+    """`robot.stop()` ended what the robot did; the motors are off."""
 
 
 class ReplayDiverged(RaccoonError, AssertionError):

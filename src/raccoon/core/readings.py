@@ -124,7 +124,8 @@ class Inputs:
     position: counter ticks per motor port, unwrapped to 64 bits by the port. gyro, accel: x forward, y left,
     z up, counter-clockwise positive; accel is specific force (at rest +1 g on z). analog: ADC counts.
     digital: True is pressed. battery: ADC counts. None: absent, or nothing new in this cycle.
-    extra: further channels of a recording or an added sensor, in SI, by trace column name.
+    extra: further channels of a recording or an added sensor, in SI, by trace column name; "button" is 1
+    while the Wombat's own is pressed.
     """
 
     time: float

@@ -3,16 +3,19 @@
 An action is a recipe. Running it makes a generator that yields once a tick; its return value is the action's
 result. While it is suspended the robot reads, estimates and drives; when it is closed, for whatever reason,
 its `finally` stops what it started.
+
+Before any of it runs, the whole of a recipe is checked against robot.toml: a name in its last step that is
+not there is said before the first one moves.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from raccoon.core.errors import MotionTimeout
-from raccoon.robot.conditions import JOIN, Condition
+from raccoon.robot.conditions import JOIN, Check, Condition, each_of
 from raccoon.robot.limits import check_function, check_kind, check_number, check_positive, check_wait
 
 if TYPE_CHECKING:
@@ -22,22 +25,30 @@ T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 U = TypeVar("U")
 Steps = Generator[None, None, T]
-NOTHING_RUN = "the program ran nothing on the robot: an action is done with robot.run(...)"
 
 
 class Action(Generic[T_co]):
     """Something to run on a robot: `robot.run(action)`.
 
-    name: for messages and the trace. start: makes the generator that does it. An action can be run again and
-    again; every run starts afresh.
+    name: for messages and the trace. start: makes the generator that does it. check: raises what is known to
+    be wrong with it on this robot before it starts, such as a name that robot.toml does not have. An action
+    can be run again and again; every run starts afresh.
     """
 
-    def __init__(self, name: str, start: Callable[[Robot], Steps[T_co]]) -> None:
+    def __init__(self, name: str, start: Callable[[Robot], Steps[T_co]], check: Check | None = None) -> None:
         self.name = name
         self._start = start
+        self._check = check
+
+    def check(self, robot: Robot) -> None:
+        """Raise what is wrong with this action, and with all that it is made of, on `robot` (ConfigError,
+        ValueError). What only a function makes (`do`, `then`) is checked when it is there."""
+        if self._check is not None:
+            self._check(robot)
 
     def start(self, robot: Robot) -> Steps[T_co]:
-        """A generator that does the action on `robot`, one tick a step."""
+        """A generator that does the action on `robot`, one tick a step. Raises what `check` does."""
+        self.check(robot)
         return self._start(robot)
 
     def until(self, condition: Condition) -> Action[T_co | None]:
@@ -59,7 +70,7 @@ class Action(Generic[T_co]):
             finally:
                 body.close()
 
-        return Action(f"{self.name} until {condition.name}", steps)
+        return Action(f"{self.name} until {condition.name}", steps, each_of(self, condition))
 
     def timeout(self, seconds: float) -> Action[T_co]:
         """This action, with MotionTimeout if it has not ended by itself after `seconds` s."""
@@ -80,7 +91,7 @@ class Action(Generic[T_co]):
                 body.close()
             raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({robot.drive.complaint()})")
 
-        return Action(self.name, steps)
+        return Action(self.name, steps, self.check)
 
     def timeout_or(self, seconds: float, otherwise: Action[U]) -> Action[T_co | U]:
         """This action, or `otherwise` where it is not done after `seconds` s, or gives up (MotionTimeout)."""
@@ -93,7 +104,7 @@ class Action(Generic[T_co]):
             except MotionTimeout:
                 return (yield from otherwise.start(robot))
 
-        return Action(f"{self.name} or {otherwise.name}", steps)
+        return Action(f"{self.name} or {otherwise.name}", steps, each_of(self, otherwise))
 
     def then(self, following: Callable[[T_co], Action[U]]) -> Action[U]:
         """This action, then the one that `following` makes of its result."""
@@ -105,7 +116,7 @@ class Action(Generic[T_co]):
             check_kind(made, Action, f"{self.name}: what then() is given must make")
             return (yield from made.start(robot))
 
-        return Action(f"{self.name}, then", steps)
+        return Action(f"{self.name}, then", steps, self.check)
 
     def __bool__(self) -> bool:
         raise TypeError(f"action '{self.name}' is neither true nor false: it is done with robot.run(...)")
@@ -122,18 +133,9 @@ class Action(Generic[T_co]):
         return f"<Action {self.name}>"
 
 
-def perform(robot: Robot, program: Action[T] | Callable[[Robot], Action[T] | T]) -> T:
-    """Do a whole program, and give its result: an action, or a function of the robot.
-
-    An action that the function gives back is done, too: nobody makes one to leave it undone.
-    """
-    made = program if isinstance(program, Action) else program(robot)
-    return robot.run(made) if isinstance(made, Action) else made
-
-
 def seq(*actions: Action[Any]) -> Action[list[Any]]:
     """One after the other; the result is the list of their results."""
-    _check("seq", actions)
+    check_actions("seq", actions)
 
     def steps(robot: Robot) -> Steps[list[Any]]:
         results = []
@@ -141,12 +143,12 @@ def seq(*actions: Action[Any]) -> Action[list[Any]]:
             results.append((yield from action.start(robot)))
         return results
 
-    return Action(_names("seq", actions), steps)
+    return Action(_names("seq", actions), steps, each_of(*actions))
 
 
 def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
     """`action` again and again, for ever or `times` times."""
-    _check("repeat", (action,))
+    check_actions("repeat", (action,))
     if times is not None:
         check_number("times", times, "whole, from 0")
     if times is not None and (times < 0 or times % 1 != 0):
@@ -161,7 +163,7 @@ def repeat(action: Action[Any], times: int | None = None) -> Action[None]:
             if robot.ticks == before:  # an action that takes no time must not hang the loop
                 yield
 
-    return Action(f"repeat {action.name}", steps)
+    return Action(f"repeat {action.name}", steps, action.check)
 
 
 def parallel(*actions: Action[Any]) -> Action[list[Any]]:
@@ -169,7 +171,7 @@ def parallel(*actions: Action[Any]) -> Action[list[Any]]:
 
     If one fails, the others are stopped and its error is raised. Only one of them can drive the wheels.
     """
-    _check("parallel", actions)
+    check_actions("parallel", actions)
 
     def steps(robot: Robot) -> Steps[list[Any]]:
         results: list[Any] = [None] * len(actions)
@@ -186,7 +188,7 @@ def parallel(*actions: Action[Any]) -> Action[list[Any]]:
                     return results
                 yield
 
-    return Action(_names("parallel", actions), steps)
+    return Action(_names("parallel", actions), steps, each_of(*actions))
 
 
 def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
@@ -196,7 +198,7 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
     """
     if not actions:
         raise ValueError("race has no actions: give it at least one")
-    _check("race", actions)
+    check_actions("race", actions)
 
     def steps(robot: Robot) -> Steps[tuple[int, Any]]:
         with ExitStack() as cleanly:
@@ -209,37 +211,18 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
                         return index, end.value
                 yield
 
-    return Action(_names("race", actions), steps)
+    return Action(_names("race", actions), steps, each_of(*actions))
 
 
 def background(action: Action[Any]) -> Action[None]:
     """Start `action` and go on at once; it runs beside whatever follows until it ends or the program does."""
-    _check("background", (action,))
+    check_actions("background", (action,))
 
     def steps(robot: Robot) -> Steps[None]:
         robot.add_background(action)
         yield from ()
 
-    return Action(f"background {action.name}", steps)
-
-
-@overload
-def do(function: Callable[[Robot], Action[T]], name: str = "do") -> Action[T]: ...
-
-
-@overload
-def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]: ...
-
-
-def do(function: Callable[[Robot], Any], name: str = "do") -> Action[Any]:
-    """Call a function of the robot once; takes no time. An action that it gives back is done then."""
-    check_function(function, "do()", "robot")
-
-    def steps(robot: Robot) -> Steps[Any]:
-        made = function(robot)
-        return (yield from made.start(robot)) if isinstance(made, Action) else made
-
-    return Action(name, steps)
+    return Action(f"background {action.name}", steps, action.check)
 
 
 def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Action[T]:
@@ -259,7 +242,7 @@ def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Acti
         finally:
             body.close()
 
-    return Action(name, steps)
+    return Action(name, steps, action.check)
 
 
 def wait(seconds: float) -> Action[None]:
@@ -283,10 +266,10 @@ def wait_for(condition: Condition) -> Action[None]:
         while not holds():
             yield
 
-    return Action(f"wait for {condition.name}", steps)
+    return Action(f"wait for {condition.name}", steps, condition.check)
 
 
-def _check(kind: str, actions: tuple[Any, ...]) -> None:
+def check_actions(kind: str, actions: tuple[Any, ...]) -> None:
     """Raise TypeError where something is no action: a list of them, a function that was not called."""
     for action in actions:
         hint = f": write {kind}(*actions) for a list" if isinstance(action, list | tuple) else ""

@@ -75,18 +75,20 @@ def calibrate_tophats(
     """Drive `distance` m over floor and lines and calibrate every tophat from what it read.
 
     The robot stands for 0.4 s before and 0.6 s after it, in which an open port shows that wanders.
-    Returns the calibrations by name; they are in use from now on. speed: m/s, negative backwards;
-    `motion.speed` when None. store: file that they are added to as `set_name` (`load_tophats` reads it). A
-    sensor whose height changed since the calibration before is said, and so is a store that fails after the
-    drive. Raises ConfigError before anything moves where the store is damaged or cannot be written;
-    CalibrationError where the way was not driven, or naming each tophat whose readings allow no threshold,
-    and why; no calibration is changed then.
+    Returns the calibrations by name; they are in use from now on. speed: m/s, `motion.speed` when None; it
+    drives backwards where distance or speed is negative. store: file that they are added to as `set_name`
+    (`load_tophats` reads it). A sensor whose height changed since the calibration before is said, and so is a
+    store that fails after the drive. Raises ConfigError before anything moves where the store is damaged or
+    cannot be written; CalibrationError where the way was not driven, or naming each tophat whose readings
+    allow no threshold, and why; no calibration is changed then.
     """
     from raccoon.estimate.tophat import calibrate
     from raccoon.estimate.tophat.quality import restless
 
     check_way(distance=distance)
     velocity = robot.config.motion.speed if speed is None else speed
+    if distance < 0.0:
+        velocity = -abs(velocity)
     searching = search(velocity, abs(distance))
     before = {name: each.calibration for name, each in robot.tophats.items()}
     # In a replay this was stored when it happened.

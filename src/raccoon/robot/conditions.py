@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from raccoon.control.watch import STALL_TIME
+from raccoon.core.config import REAL_CONTROLLERS
+from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.robot.limits import (
@@ -22,11 +24,14 @@ from raccoon.robot.limits import (
     check_wait,
     check_way,
 )
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
 Test = Callable[[], bool]
+Check = Callable[["Robot"], object]
+"""Raises what is wrong with something on a robot, before it is used."""
 HELD_TIME = 0.5
 """S for which what the odometry said before is no news: its reasons last for 0.3 s."""
 JOIN = "; when(lambda robot: ...) makes one of any test"
@@ -36,7 +41,8 @@ class Condition:
     """Something that can come true. Compose with `&`, `|` and `~`.
 
     name: for messages. start: called when the action starts; makes the test that is asked once a tick.
-    opposed: what `~` turns round instead, where `start` does not count what holds already.
+    opposed: what `~` turns round instead, where `start` does not count what holds already. check: raises what
+    is known to be wrong with it on this robot before it starts.
     """
 
     def __init__(
@@ -44,10 +50,17 @@ class Condition:
         name: str,
         start: Callable[[Robot], Test],
         opposed: Callable[[Robot], Test] | None = None,
+        check: Check | None = None,
     ) -> None:
         self.name = name
         self._start = start
         self._opposed = opposed or start
+        self._check = check
+
+    def check(self, robot: Robot) -> None:
+        """Raise what is wrong with this condition on `robot`: a name that robot.toml does not have."""
+        if self._check is not None:
+            self._check(robot)
 
     def start(self, robot: Robot) -> Test:
         """The test for one run of an action."""
@@ -66,7 +79,7 @@ class Condition:
             test = self._opposed(robot)
             return lambda: not test()
 
-        return Condition(f"not {self.name}", start)
+        return Condition(f"not {self.name}", start, check=self.check)
 
     def __bool__(self) -> bool:
         raise TypeError(
@@ -85,7 +98,23 @@ def _both(
         # Both are asked every tick, so that a condition with a memory (over_line) sees all of the drive.
         return lambda: combine((tests[0](), tests[1]()))
 
-    return Condition(name, start)
+    return Condition(name, start, check=each_of(first, second))
+
+
+class Checked(Protocol):
+    """An action or a condition."""
+
+    def check(self, robot: Robot) -> None: ...
+
+
+def each_of(*parts: Checked) -> Check:
+    """The check of what is made of these parts."""
+
+    def check(robot: Robot) -> None:
+        for part in parts:
+            part.check(robot)
+
+    return check
 
 
 def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
@@ -155,7 +184,7 @@ def over_line(tophat: str) -> Condition:
 
         return test
 
-    return Condition(f"over the line at {tophat}", start)
+    return Condition(f"over the line at {tophat}", start, check=lambda robot: robot.tophat(tophat))
 
 
 def _surface(tophat: str, black: bool) -> Condition:
@@ -164,7 +193,8 @@ def _surface(tophat: str, black: bool) -> Condition:
         sensor.require()
         return lambda: sensor.black is black
 
-    return Condition(f"{tophat} on {'black' if black else 'white'}", start)
+    name = f"{tophat} on {'black' if black else 'white'}"
+    return Condition(name, start, check=lambda robot: robot.tophat(tophat))
 
 
 def analog_above(port: int, counts: float) -> Condition:
@@ -187,6 +217,24 @@ def pressed(port: int) -> Condition:
     return when(lambda robot: robot.digital(port) is True, f"digital {port} pressed")
 
 
+def button_pressed() -> Condition:
+    """The Wombat's own button is pressed. Nobody presses a simulated one, which is said.
+
+    Raises ConfigError before anything moves where the controller has none.
+    """
+
+    def check(robot: Robot) -> None:
+        if robot.config.controller.port == "create":
+            raise ConfigError("a Create has no such button: its own are pressed(8) and pressed(9)")
+
+    def start(robot: Robot) -> Test:
+        if robot.config.controller.port not in REAL_CONTROLLERS:
+            say(robot, "nobody presses a simulated button: start=wait(1.0) begins a match in simulation")
+        return lambda: robot.button is True
+
+    return Condition("button pressed", start, check=check)
+
+
 def stalled() -> Condition:
     """A driven wheel does not turn: the robot is blocked, or a motor is unplugged."""
     return _fresh("stalled", (_wheel_stalled, STALL_TIME))
@@ -194,7 +242,8 @@ def stalled() -> Condition:
 
 def blocked(mechanism: str) -> Condition:
     """The named mechanism is driven and does not turn: it is at its end stop, or holds something."""
-    return _fresh(f"{mechanism} blocked", (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME))
+    test = (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME)
+    return _fresh(f"{mechanism} blocked", test, check=lambda robot: robot.mechanism(mechanism))
 
 
 def bumped() -> Condition:
@@ -215,7 +264,7 @@ def _wheel_stalled(robot: Robot) -> bool:
     return bool(robot.drive.wheels.stalled)
 
 
-def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float]) -> Condition:
+def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float], check: Check | None = None) -> Condition:
     """Any of `tests`, each with the s for which what holds at the start must last to count (see `_anew`)."""
 
     def start(robot: Robot) -> Test:
@@ -227,7 +276,7 @@ def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float]) -> Conditio
 
         return any_anew
 
-    return Condition(name, start, lambda robot: lambda: any(test(robot) for test, _ in tests))
+    return Condition(name, start, lambda robot: lambda: any(test(robot) for test, _ in tests), check)
 
 
 def _anew(robot: Robot, test: Callable[[Robot], bool], lasting: float) -> Test:

@@ -13,6 +13,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
+from raccoon.robot.limits import FASTEST, FASTEST_TURN, check_number, check_rate, check_speed
+from raccoon.robot.pacing import check_finite
 from raccoon.robot.speeds import Speeds
 
 if TYPE_CHECKING:
@@ -30,7 +32,8 @@ def dead_time(config: RobotConfig) -> float:
 
 
 class Drive:
-    """Two driven wheels. Motions call `velocity`, `duties` or `push` once in each tick they want something.
+    """Two driven wheels. Motions call `follow`, `duties` or `push` once in each tick they want something,
+    a loop of the program's own `velocity`.
 
     Without a command in a tick the wheels stop: nothing runs on by being forgotten.
     """
@@ -92,11 +95,30 @@ class Drive:
         acceleration: float = 0.0,
         turn_acceleration: float = 0.0,
     ) -> None:
-        """Drive at `forward` m/s turning at `turn_rate` rad/s in this tick.
+        """Drive at `forward` m/s turning at `turn_rate` rad/s in this tick: for a loop of the program's own.
 
         acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed.
         Where the controller would no longer read a wheel that fast, both go slower by the same share. Raises
-        ValueError for what is no finite number: as a duty it would be full power.
+        ValueError for what no robot of this size does, and TypeError for no number, as `drive` does.
+        """
+        plain = type(forward) is type(turn_rate) is type(acceleration) is type(turn_acceleration) is float
+        if not (plain and abs(forward) <= FASTEST and abs(turn_rate) <= FASTEST_TURN):
+            check_speed(forward=forward)
+            check_rate(turn_rate=turn_rate)
+            check_finite(forward=forward, turn_rate=turn_rate)  # None is no default here
+            check_finite(acceleration=acceleration, turn_acceleration=turn_acceleration)
+        self.follow(forward, turn_rate, acceleration, turn_acceleration)
+
+    def follow(
+        self,
+        forward: float,
+        turn_rate: float = 0.0,
+        acceleration: float = 0.0,
+        turn_acceleration: float = 0.0,
+    ) -> None:
+        """`velocity` of a motion, which has checked what it was asked for and corrects beyond that.
+
+        Raises ValueError for what is no finite number: as a duty it would be full power.
         """
         # Numbers of NumPy stop here: the wheels' loops and the recordings have plain ones.
         forward, turn_rate = float(forward), float(turn_rate)
@@ -117,6 +139,7 @@ class Drive:
     def duties(self, left: float, right: float) -> None:
         """Put these duties (-1..1) on the wheels in this tick, without any control: time-based driving."""
         for name, duty in (("left", left), ("right", right)):
+            check_number(f"{name} duty", duty, "from -1 to 1")
             if not -1.0 <= duty <= 1.0:
                 raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
         self._claim()

@@ -11,7 +11,7 @@ from raccoon.control.voltage import VoltageScaling
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.actions import Action, Steps
-from raccoon.robot.limits import check_number, check_rate, check_speed
+from raccoon.robot.limits import check_battery_voltage, check_number, check_rate, check_speed
 from raccoon.robot.pacing import GAINS, STALL_PATIENCE, check_finite, check_wiring, reason
 from raccoon.robot.remarks import say
 
@@ -59,7 +59,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                     off = robot.estimate.heading - start.heading
                     state = ProfileState(0.0, velocity, 0.0)
                     _, held = line_command(state, 0.0, across, off, GAINS)
-                robot.drive.velocity(velocity, rate + held)
+                robot.drive.follow(velocity, rate + held)
                 if turn_rate != 0.0 and robot.drive.cut:
                     robot.drive.speeds.limited = True
                 yield
@@ -114,6 +114,8 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
         check_number(f"{name} duty", duty, "from -1 to 1")
         if not -1.0 <= duty <= 1.0:
             raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+    if tuned_at is not None:
+        check_battery_voltage(tuned_at=tuned_at)
     scaling = None if tuned_at is None else VoltageScaling(tuned_at)
 
     def steps(robot: Robot) -> Steps[None]:

@@ -51,6 +51,8 @@ class SimulatedPlant:
             each.motor: FreeMotor(robot, each.motor, each.inertia) for each in robot.mechanisms.values()
         }
         """The motors of the mechanisms by port."""
+        self.button = False
+        """Whether somebody presses the controller's button."""
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -104,6 +106,7 @@ class SimulatedPlant:
             gyro=(0.0, pitch_rate, turn_rate),
             accel=specific_force(acceleration, self._forward_speed, turn_rate, lean),
             analog=self._analog(),
+            button=self.button,
         )
 
     def _analog(self) -> tuple[float, ...]:
@@ -141,5 +144,6 @@ def open_emulated(
         clock=clock,
         rate_hz=config.controller.rate_hz,
         reset_line=link,
+        watch_analog=[each.analog for each in config.tophats.values()],
         resting_bemf=all_resting_counts(config),
     )

@@ -11,7 +11,7 @@ from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.last_edge import LOST_TIME, LOST_WAY, LastEdge
 from raccoon.robot.limits import check_speed
-from raccoon.robot.lines import ready
+from raccoon.robot.lines import tophat_ahead
 from raccoon.robot.pacing import STALL_PATIENCE, at_rest, check_limits, check_wiring, reason
 from raccoon.robot.remarks import say
 
@@ -68,7 +68,8 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
     label = f"follow the {side} edge with {tophat}"
 
     def steps(robot: Robot) -> Steps[None]:
-        sensor = ready(robot, tophat)
+        sensor = robot.tophat(tophat)
+        sensor.require()
         motion = robot.config.motion
         wanted = motion.speed if speed is None else speed
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
@@ -100,14 +101,14 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                     continue
                 velocity = slewed(velocity, limit, acceleration * robot.dt)
                 # On the left edge black is to the right: too much of it means too far right.
-                robot.drive.velocity(velocity, turn_rate)
+                robot.drive.follow(velocity, turn_rate)
                 yield
         finally:
             sensor.follow_light(True)
             robot.drive.stop()
             robot.replan()
 
-    return Action(label, steps)
+    return Action(label, steps, lambda robot: tophat_ahead(robot, tophat))
 
 
 def _answers(
@@ -123,7 +124,7 @@ def _answers(
         further = robot.estimate.heading - heading - turn_rate * (robot.time - begin)
         if way * further * sensor.config.forward > PROBE:
             break
-        robot.drive.velocity(velocity, turn_rate + way * PROBE_RATE)
+        robot.drive.follow(velocity, turn_rate + way * PROBE_RATE)
         yield
     return way * side * (before - (sensor.coverage or 0.0)) > ANSWER
 
@@ -161,7 +162,7 @@ class _Search:
         say(robot, f"{sensor.name} comes into another light on the line, and learns it")
         begin, speed = robot.estimate.distance, min(self._velocity, LIGHT_SPEED)
         while robot.estimate.distance - begin < INTO_LIGHT and robot.time < self._end:
-            robot.drive.velocity(speed, LIGHT_GAIN * (self._heading - robot.estimate.heading))
+            robot.drive.follow(speed, LIGHT_GAIN * (self._heading - robot.estimate.heading))
             yield
         self._velocity = speed
         yield from self._stop()
@@ -181,7 +182,7 @@ class _Search:
         robot = self._robot
         while not at_rest(robot) and robot.time < self._end:
             self._velocity = slewed(self._velocity, 0.0, robot.config.motion.acceleration * robot.dt)
-            robot.drive.velocity(self._velocity)
+            robot.drive.follow(self._velocity)
             yield
 
     def _back(self) -> Steps[None]:
@@ -200,7 +201,7 @@ class _Search:
             speed = min(BACK_SPEED, math.sqrt(acceleration * left))
             self._velocity = slewed(self._velocity, -speed, acceleration * robot.dt)
             off = line.pointing + bend * left / way - robot.estimate.heading
-            robot.drive.velocity(self._velocity, self._velocity * bend / way + LIGHT_GAIN * off)
+            robot.drive.follow(self._velocity, self._velocity * bend / way + LIGHT_GAIN * off)
             yield
         yield from self._stop()
 
@@ -234,7 +235,7 @@ class _Search:
             if robot.paused:
                 rate = robot.estimate.turn_rate
             rate = slewed(rate, way * top, acceleration * robot.dt)
-            robot.drive.velocity(0.0, rate)
+            robot.drive.follow(0.0, rate)
             yield
         return False
 

@@ -147,6 +147,12 @@ class Knowledge:
         check_port("digital", port, DIGITAL_PORTS)
         return self._digital[port]
 
+    @property
+    def button(self) -> bool | None:
+        """Whether the controller's own button is pressed, None where this cycle does not tell."""
+        extra = None if self.inputs is None else self.inputs.extra
+        return bool(extra["button"]) if extra is not None and "button" in extra else None
+
     def _keep_words(self, inputs: Inputs) -> None:
         """Keep the newest word of every port."""
         analog, digital = inputs.analog, inputs.digital
@@ -166,3 +172,18 @@ class Knowledge:
 
 def _newest(before: tuple[W | None, ...], now: tuple[W | None, ...]) -> tuple[W | None, ...]:
     return tuple(old if new is None else new for old, new in zip(before, now, strict=True))
+
+
+def numbers(estimate: DriveEstimate) -> tuple[float, ...]:
+    """What a replay must reproduce: pose, velocities and their standard deviations."""
+    return (
+        estimate.x,
+        estimate.y,
+        estimate.heading,
+        estimate.velocity,
+        estimate.turn_rate,
+        estimate.gyro_bias,
+        estimate.x_std,
+        estimate.y_std,
+        estimate.heading_std,
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions import Action, Steps, wait
 from raccoon.robot.calibration import watched
@@ -86,7 +87,7 @@ def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
 def tell_no_lamp(robot: Robot, port: int) -> None:
     """Say that the simulator has no lamp over analog `port`: a program would wait for ever, in silence."""
     tophats = [each.analog for each in robot.config.tophats.values()]
-    if robot.config.controller.port == "sim" and port not in tophats:
+    if robot.config.controller.port not in REAL_CONTROLLERS and port not in tophats:
         say(
             robot,
             f"analog {port}: the simulator has no start light, so this waits for ever: "

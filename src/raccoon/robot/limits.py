@@ -9,6 +9,7 @@ from numbers import Real
 from typing import Any
 
 from raccoon.core.readings import ANALOG_FULL_SCALE
+from raccoon.core.schema import BATTERY_VOLTAGE
 from raccoon.core.sections import RATE, SPEED
 
 LONGEST = 10.0
@@ -39,6 +40,15 @@ def check_positive(name: str, value: float, hint: str = "") -> None:
     check_number(name, value, "above 0")
     if not 0.0 < value < math.inf:
         raise ValueError(f"{name} is {value}: it must be above 0" + (f" ({hint})" if hint else ""))
+
+
+def check_battery_voltage(**voltages: float) -> None:
+    """Raise ValueError naming the first that is no V of a battery, TypeError for what is no number."""
+    allowed = f"from {BATTERY_VOLTAGE.low:g} to {BATTERY_VOLTAGE.high:g} V"
+    for name, value in voltages.items():
+        check_number(name, value, allowed)
+        if not BATTERY_VOLTAGE.allows(value):
+            _refuse(name, value, allowed)
 
 
 def check_wait(seconds: float) -> None:
@@ -126,7 +136,7 @@ def check_port(kind: str, port: int, count: int) -> None:
 
 def check_counts(counts: float, beyond: float) -> None:
     """Raise ValueError for counts that an analog port never gives. beyond: the end with nothing beyond it."""
-    allowed = f"from 0 to {ANALOG_FULL_SCALE}, other than {beyond:g}"
+    allowed = f"from 0, below {beyond:g}" if beyond else f"above 0, up to {ANALOG_FULL_SCALE}"
     check_number("counts", counts, allowed)
     if not 0.0 <= counts <= ANALOG_FULL_SCALE or counts == beyond:
         _refuse("counts", counts, allowed)
@@ -154,6 +164,12 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
 def check_function(function: object, where: str, *of: str) -> None:
     """Raise TypeError where `function` is none that takes so many arguments. of: what they are called."""
     if callable(function) and takes(function, *of):
+        if inspect.isgeneratorfunction(function) or inspect.iscoroutinefunction(function):
+            name = getattr(function, "__name__", repr(function))
+            raise TypeError(
+                f"{where} takes a function that ends at once, and {name} has steps (it yields or is async): "
+                f"write Action('{name}', {name}), which is an action of its steps"
+            )
         return
     what = repr(function)
     if callable(function) and hasattr(function, "__name__"):

@@ -70,17 +70,18 @@ def align_on_line(
             0.0, 0.0, off, robot.time - begin, turned.std, turned.saturated, turned.heading_std
         )
 
-    return Action(f"align on a line with {left} and {right}", steps)
+    return Action(
+        f"align on a line with {left} and {right}", steps, lambda robot: _check_sides(robot, left, right)
+    )
 
 
 def _edges(
     robot: Robot, left: str, right: str, speed: float | None, reach: float
 ) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
     """Drive until both sensors have met the same edge; where on the field each did, left first."""
-    sensors = (ready(robot, left, ahead=False), ready(robot, right, ahead=False))
-    if sensors[0].config.left <= sensors[1].config.left:
-        raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")
+    sensors = robot.tophat(left), robot.tophat(right)
     for sensor in sensors:
+        sensor.require()
         sensor.forget_edge()
     body = search(0.5 * robot.config.motion.speed if speed is None else speed, reach).start(robot)
     # A line has two edges, and a sensor that stands on it meets but the second: only places on the same one
@@ -184,11 +185,16 @@ def align_on_wall(
     return Action("align on a wall", steps)
 
 
-def ready(robot: Robot, name: str, ahead: bool = True) -> TophatSensor:
-    """A tophat that is calibrated; ahead: and sits ahead of the axis. Raises the errors that say so."""
+def _check_sides(robot: Robot, left: str, right: str) -> None:
+    """Raise ConfigError where robot.toml lacks one of the tophats, or has them the other way round."""
+    if robot.tophat(left).config.left <= robot.tophat(right).config.left:
+        raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")
+
+
+def tophat_ahead(robot: Robot, name: str) -> TophatSensor:
+    """A tophat that can follow a line. Raises ConfigError where it does not sit ahead of the axis."""
     sensor = robot.tophat(name)
-    sensor.require()
-    if ahead and sensor.config.forward < LEAST_REACH:
+    if sensor.config.forward < LEAST_REACH:
         raise ConfigError(
             f"tophat.{name}.forward = {sensor.config.forward}: to follow a line it must sit at least "
             f"{LEAST_REACH} m ahead of the axis"

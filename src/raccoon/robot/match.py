@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
-from raccoon.robot.actions import NOTHING_RUN, Action, Steps, perform
+from raccoon.robot.actions import Action, Steps, check_actions
+from raccoon.robot.conditions import each_of
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
+from raccoon.robot.functions import NOTHING_RUN, perform
 from raccoon.robot.light import tell_light, tell_no_lamp, word
 from raccoon.robot.limits import check_function, check_kind, check_number, check_port
 from raccoon.robot.remarks import say, tell
@@ -77,6 +79,7 @@ class TimedStep(Action[T]):
 
 def timed(action: Action[T], name: str | None = None) -> Action[T]:
     """The action as a named step: its begin, end and duration go into the recording and the match report."""
+    check_actions("timed", (action,))
     label = action.name if name is None else name
 
     def steps(robot: Robot) -> Steps[T]:
@@ -98,11 +101,12 @@ def timed(action: Action[T], name: str | None = None) -> Action[T]:
             robot.steps.append(StepTime(label, begin, end, ended))
             robot.note(f"step ends: {label}: {ended} after {end - begin:.3f} s")
 
-    return TimedStep(label, steps)
+    return TimedStep(label, steps, action.check)
 
 
 def mission(*actions: Action[Any]) -> Action[list[Any]]:
     """One after the other like `seq`, each of them a timed step."""
+    check_actions("mission", actions)
 
     def steps(robot: Robot) -> Steps[list[Any]]:
         results = []
@@ -111,7 +115,7 @@ def mission(*actions: Action[Any]) -> Action[list[Any]]:
             results.append((yield from step.start(robot)))
         return results
 
-    return Action(f"mission of {len(actions)} steps", steps)
+    return Action(f"mission of {len(actions)} steps", steps, each_of(*actions))
 
 
 def wait_for_light(port: int, calibration: StartLightCalibration | None = None) -> Action[None]:
@@ -170,6 +174,8 @@ def run_match(
     robot.require()
     if robot.deadline is not None:
         raise RuntimeError("this robot has begun its match already: open the robot again for another one")
+    if isinstance(program, Action):  # before the light is waited for
+        program.check(robot)
     if start is not None:
         robot.run(start)
     if robot.inputs is None:
@@ -188,7 +194,7 @@ def run_match(
         try:
             robot.end_background()
         finally:
-            robot.stop()
+            robot.switch_off()
     robot.end_match()
     finished = ended and not bell.rang and robot.time < robot.deadline
     if ended and not finished:

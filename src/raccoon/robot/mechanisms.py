@@ -19,8 +19,9 @@ from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.errors import MotionTimeout
 from raccoon.core.readings import Device, Inputs
 from raccoon.estimate.drive.wheels import radians_per_count, resting_counts
-from raccoon.robot.actions import Action, Steps, do
+from raccoon.robot.actions import Action, Steps
 from raccoon.robot.drive import dead_time
+from raccoon.robot.functions import do
 from raccoon.robot.holding import held, require_free
 from raccoon.robot.limits import check_angle, check_rate
 from raccoon.robot.pacing import check_finite, check_limits
@@ -163,11 +164,10 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
     label = f"move {name} to {math.degrees(to):g} deg"
 
     def steps(robot: Robot) -> Steps[float]:
-        _check_turns(robot, name, to=to)
         with held(robot.mechanism(name), label):
             return (yield from _move(robot, name, lambda here: to - here, speed, timeout))
 
-    return Action(label, steps)
+    return Action(label, steps, lambda robot: _check_turns(robot, name, to=to))
 
 
 def move_by(
@@ -182,11 +182,10 @@ def move_by(
     label = f"move {name} by {math.degrees(angle):g} deg"
 
     def steps(robot: Robot) -> Steps[float]:
-        _check_turns(robot, name, angle=angle)
         with held(robot.mechanism(name), label):
             return (yield from _move(robot, name, lambda _: angle, speed, timeout))
 
-    return Action(label, steps)
+    return Action(label, steps, lambda robot: _check_turns(robot, name, angle=angle))
 
 
 def spin(name: str, speed: float) -> Action[None]:
@@ -210,7 +209,7 @@ def spin(name: str, speed: float) -> Action[None]:
             finally:
                 turned.release()
 
-    return Action(label, steps)
+    return Action(label, steps, lambda robot: robot.mechanism(name))
 
 
 def release(name: str) -> Action[None]:
@@ -222,7 +221,7 @@ def release(name: str) -> Action[None]:
         require_free(free, label)
         free.release()
 
-    return do(let_go, label)
+    return Action(label, do(let_go).start, lambda robot: robot.mechanism(name))
 
 
 def zero(name: str, angle: float = 0.0) -> Action[None]:
@@ -235,12 +234,11 @@ def zero(name: str, angle: float = 0.0) -> Action[None]:
 
     def set_angle(robot: Robot) -> None:
         here = robot.mechanism(name)
-        _check_turns(robot, name, angle=angle)
         require_free(here, label)
         here.release()
         here.angle = float(angle)
 
-    return do(set_angle, label)
+    return Action(label, do(set_angle).start, lambda robot: _check_turns(robot, name, angle=angle))
 
 
 def _check_turns(robot: Robot, name: str, **angles: float) -> None:

@@ -72,7 +72,7 @@ def straight(
             if pace.finished and at_rest(robot) and abs(distance - along) <= near:
                 break
             velocity, turn_rate = line_command(state, along, across, off, GAINS)
-            robot.drive.velocity(velocity, turn_rate, state.acceleration)
+            robot.drive.follow(velocity, turn_rate, state.acceleration)
             yield
         return finish(robot, start.ahead(distance), pace)
 
@@ -140,7 +140,7 @@ def turning(
         turned = robot.estimate.heading - start.heading
         if pace.finished and at_rest(robot) and abs(angle - turned) <= near:
             break
-        robot.drive.velocity(0.0, turn_command(state, turned, GAINS), 0.0, state.acceleration)
+        robot.drive.follow(0.0, turn_command(state, turned, GAINS), 0.0, state.acceleration)
         yield
     return finish(robot, start.turned(angle), pace)
 
@@ -245,7 +245,7 @@ def _arc(
             break
         off = robot.estimate.heading - here.heading
         velocity, turn_rate = line_command(state, along, across, off, GAINS)
-        robot.drive.velocity(
+        robot.drive.follow(
             velocity, turn_rate + velocity / signed, state.acceleration, state.acceleration / signed
         )
         yield

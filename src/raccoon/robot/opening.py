@@ -14,7 +14,8 @@ from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.port import Port
 from raccoon.estimate.drive.wheels import all_resting_counts
-from raccoon.robot.actions import NOTHING_RUN, Action, perform
+from raccoon.robot.actions import Action
+from raccoon.robot.functions import NOTHING_RUN, perform
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
 from raccoon.robot.robot import Robot
@@ -161,6 +162,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
             rate_hz=controller.rate_hz,
             device=controller.device or SPI_DEVICE,
             bemf_rate_hz=controller.counter_rate_hz or None,
+            watch_analog=[each.analog for each in config.tophats.values()],
             resting_bemf=all_resting_counts(config),
         )
     if kind == "create":

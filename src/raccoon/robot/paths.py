@@ -171,6 +171,6 @@ def _follow(
             break
         off = math.remainder(here.heading - at.pose.heading, math.tau)
         velocity, turn_rate = line_command(state, along, across, off, GAINS)
-        robot.drive.velocity(velocity, turn_rate + velocity * at.curvature, state.acceleration)
+        robot.drive.follow(velocity, turn_rate + velocity * at.curvature, state.acceleration)
         yield
     return finish(robot, place(path.length), pace)

@@ -6,35 +6,31 @@ recording. Nothing here reads a clock, a file or a random number: time comes wit
 
 from __future__ import annotations
 
-import inspect
 import math
 from contextlib import ExitStack
-from importlib import import_module
-from threading import get_ident
+from threading import RLock, get_ident
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import HardwareError
+from raccoon.core.errors import HardwareError, Stopped
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
-from raccoon.robot.knowledge import Knowledge
+from raccoon.robot.instead import instead
+from raccoon.robot.knowledge import Knowledge, numbers
 from raccoon.robot.limits import check_kind
 from raccoon.robot.remarks import miswired, say
 from raccoon.robot.sensors import Floor
 
 if TYPE_CHECKING:
-    from raccoon.estimate.drive.estimate import DriveEstimate
     from raccoon.robot.match import StepTime
 
 T = TypeVar("T")
 
 # S between two readings that are a pause: longer than anything that delays a tick, and two cycles at least.
 PAUSE = 0.1
-ACTIONS = ("actions", "driving", "following", "lines", "mechanisms", "motions", "paths", "servos")
-"""Modules whose public functions make actions."""
 LATE = 5.0  # cycles that one takes, from which on the wheels' loop rings
 LATE_TICKS = 20  # in a row, before it is said
 
@@ -44,7 +40,7 @@ class Robot(Knowledge):
 
     Everything that moves goes through `run`. Whatever ends it (the action's own end, an error, Ctrl-C), the
     motors are stopped before `run` is left. A mechanism that is held brakes until the next tick; after an
-    error it is let go. Not thread-safe: one program, one thread.
+    error it is let go. One program, one thread: another one may call `stop`, and nothing else.
     """
 
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
@@ -68,7 +64,9 @@ class Robot(Knowledge):
         self._pause = max(PAUSE, 2.0 * self._cycle)
         self._late = 0  # cycles in a row that were too long
         self._running: str | None = None
-        self._thread = 0  # in which it runs
+        self._thread = 0  # in which it runs, or ran last
+        self._turn = RLock()  # held while something begins, ends or is stopped, never during a cycle
+        self._stopping = False  # as `stop` has asked
 
     def __repr__(self) -> str:
         here = self.estimate
@@ -80,7 +78,7 @@ class Robot(Knowledge):
         def __getattr__(self, name: str) -> object:
             if hasattr(type(self), name):  # there is one, and it failed: with its own error
                 return object.__getattribute__(self, name)
-            raise AttributeError(f"a robot has no {name}{_instead(name)}")
+            raise AttributeError(f"a robot has no {name}{instead(name)}")
 
     # -- the loop -----------------------------------------------------------------------------------------
 
@@ -88,20 +86,18 @@ class Robot(Knowledge):
         """Do an action to its end and return its result. The motors are stopped however it ends.
 
         An error of the action comes through. What runs in the background stands still until the next `run`
-        or `tick`; what ends the program (Ctrl-C, the end of the match) ends it too. Raises HardwareError
-        where the robot is closed, RuntimeError where its match is over or in another `run`.
+        or `tick`; what ends the program (Ctrl-C, the end of the match) ends it too. Raises before anything
+        moves what `action.check` finds wrong (ConfigError, ValueError), HardwareError where the robot is
+        closed, RuntimeError where its match is over or in another `run`; Stopped where `stop` ends it.
         """
         hint = ": write seq(*actions) for a list" if isinstance(action, list | tuple) else ""
         check_kind(action, Action, "run()", hint)
-        self.require()
-        if self._running is not None:
-            self._refuse(f"run({action.name})", "compose actions with seq, parallel or then")
-        if self.drive.asked:  # by a loop that ended before its tick
-            self.drive.stop()
-            self.replan()
         body = action.start(self)
-        self._running, self._thread = f"run({action.name})", get_ident()
+        self._begin(f"run({action.name})", "compose actions with seq, parallel or then")
         try:
+            if self.drive.asked:  # by a loop that ended before its tick
+                self.drive.stop()
+                self.replan()
             while True:
                 self._sense()
                 try:
@@ -115,7 +111,7 @@ class Robot(Knowledge):
             self._halt(error)
             raise
         finally:
-            self._running = None
+            self._end()
             body.close()
 
     def tick(self) -> Inputs:
@@ -124,12 +120,9 @@ class Robot(Knowledge):
         What it drives goes on until the next cycle. A speed that the program asks `drive` for before each is
         a loop of its own, and the next motion starts from where that came to. The motors are stopped where it
         fails, as in `run`.
-        Raises RuntimeError in a `run`, which reads by itself, and in another `tick`.
+        Raises RuntimeError in a `run`, which reads by itself, and in another `tick`; Stopped as `run` does.
         """
-        self.require()
-        if self._running is not None:
-            self._refuse("tick()", "it reads by itself; let time pass with wait()")
-        self._running, self._thread = "tick()", get_ident()
+        self._begin("tick()", "it reads by itself; let time pass with wait()")
         if self.drive.asked:
             self.replan()
             self.drive.speeds.limited |= self.drive.cut
@@ -140,9 +133,29 @@ class Robot(Knowledge):
             self._halt(error)
             raise
         finally:
-            self._running = None
+            self._end()
         assert self.inputs is not None
         return self.inputs
+
+    def _begin(self, asked: str, instead: str) -> None:
+        """Let `asked` run from now on, unless something runs already (instead: what to write then)."""
+        with self._turn:
+            self.require()
+            if self._running is not None:
+                self._refuse(asked, instead)
+            self._thread = get_ident()
+            if self._stopping:
+                self._heed(asked)
+            self._running = asked
+
+    def _end(self) -> None:
+        with self._turn:
+            self._running = None
+
+    def _heed(self, running: str | None) -> NoReturn:
+        """Do as `stop` has asked."""
+        self._stopping = False
+        raise Stopped(f"robot.stop() ended {running}")
 
     def _refuse(self, asked: str, instead: str) -> NoReturn:
         """Say that something runs already: in this thread, or in one that may not."""
@@ -188,7 +201,7 @@ class Robot(Knowledge):
             self.drive.resume()
             self.attachments.resume()
         if self._notes is not None:
-            self._notes.annotate("drive", _numbers(estimate))
+            self._notes.annotate("drive", numbers(estimate))
 
     def _act(self, *, resting: bool = False) -> None:
         """Command this tick. resting: none may follow for long, so nothing is left driving."""
@@ -197,6 +210,8 @@ class Robot(Knowledge):
                 next(body)
             except StopIteration:
                 self._background.remove(body)
+        if self._stopping:
+            self._heed(self._running)
         if resting:
             self.drive.stop()
         voltage = self.battery.voltage
@@ -209,7 +224,22 @@ class Robot(Knowledge):
     # -- stopping -----------------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """Motors off now; servos hold."""
+        """End what runs, motors off: now, or where a `run` or `tick` goes on, in its cycle. Servos hold.
+
+        That `run` or `tick` raises Stopped. Any thread may call this, and a function of a `do`, too. Where
+        another thread calls it between two cycles, the program's next `run` or `tick` raises.
+        """
+        with self._turn:
+            if self._running is not None:
+                self._stopping = True
+                return
+            # A thread that looks on cannot know that the program is between two cycles just now.
+            self._stopping = self._thread not in (0, get_ident())
+            if not self._closed:
+                self.switch_off()
+
+    def switch_off(self) -> None:
+        """Command every motor off, now; servos hold. In a cycle it is for who ends that: see `stop`."""
         self.drive.stop()
         self._outputs = self.attachments.stopped()
         self.port.write(self._outputs)
@@ -220,8 +250,9 @@ class Robot(Knowledge):
             if not isinstance(error, Exception):  # the program ends; one that it catches does not end it
                 self.end_background()
         finally:
+            self._stopping = False  # by what cleaned up, or besides
             try:
-                self.stop()
+                self.switch_off()
             except (OSError, ValueError, AssertionError):
                 self.close()
 
@@ -242,7 +273,7 @@ class Robot(Knowledge):
             self.end_background()
         finally:
             self.attachments.switch_off()
-            self.stop()
+            self.switch_off()
 
     def end_background(self) -> None:
         """End whatever runs in the background, all of it also where ending one of them fails."""
@@ -265,27 +296,3 @@ class Robot(Knowledge):
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _numbers(estimate: DriveEstimate) -> tuple[float, ...]:
-    """What a replay must reproduce: pose, velocities and their standard deviations."""
-    return (
-        estimate.x,
-        estimate.y,
-        estimate.heading,
-        estimate.velocity,
-        estimate.turn_rate,
-        estimate.gyro_bias,
-        estimate.x_std,
-        estimate.y_std,
-        estimate.heading_std,
-    )
-
-
-def _instead(name: str) -> str:
-    """What to write instead of an attribute that a robot does not have; "" where nothing is like it."""
-    for module in ACTIONS:
-        found = getattr(import_module(f"{__package__}.{module}"), name, None)
-        if inspect.isfunction(found) and found.__module__.endswith(module):
-            return f": write robot.run({name}(...))"
-    return f": write robot.pose.{name}" if name in ("x", "y", "heading") else ""

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.config import ServoConfig
 from raccoon.core.errors import ConfigError
-from raccoon.robot.actions import Action, Steps, do
+from raccoon.robot.actions import Action, Steps
+from raccoon.robot.functions import do
 from raccoon.robot.holding import held, require_free
 from raccoon.robot.limits import check_number
 from raccoon.robot.pacing import check_limits
@@ -85,7 +86,7 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
                 yield
             moved.pulse = goal
 
-    return Action(label, steps)
+    return Action(label, steps, lambda robot: robot.servo(name).place(to))
 
 
 def servo_off(name: str) -> Action[None]:
@@ -100,4 +101,4 @@ def servo_off(name: str) -> Action[None]:
         require_free(off, label)
         off.pulse = None
 
-    return do(switch_off, label)
+    return Action(label, do(switch_off).start, lambda robot: robot.servo(name))

@@ -99,6 +99,8 @@ class SimPort:
         self._rate_hz = rate_hz
         self._cycle = -1
         self._closed = False
+        self.button: bool | None = None
+        """Whether somebody presses the controller's button; None where nothing is told of it."""
 
     def read(self) -> Inputs:
         """The next cycle. Raises HardwareError after close."""
@@ -147,6 +149,7 @@ class SimPort:
             digital=(False,) * DIGITAL_PORTS,
             battery=self._converter.battery(state.battery),
             truth=Truth(*pose, surface) if self._truth else None,
+            extra=None if self.button is None else {"button": float(self.button)},
         )
 
     def _motor_words(self, state: State) -> tuple[Words, Words]:

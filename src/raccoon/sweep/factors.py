@@ -145,7 +145,9 @@ def _tophat_factors(robot: RobotConfig) -> list[Factor]:
     return factors
 
 
-_TEXT = re.compile(r"(?P<effect>[a-z_]+\.[a-z_]+)(\.(?P<parameter>[a-z_]+))?(@(?P<where>\w+))?=(?P<range>.+)")
+_TEXT = re.compile(
+    r"(?P<effect>[a-z_]+(\.[a-z_]+)?)(\.(?P<parameter>[a-z_]+))?(@(?P<where>\w+))?=(?P<range>.+)"
+)
 
 
 def parse_factor(text: str) -> Factor:

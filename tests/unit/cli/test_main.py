@@ -1,5 +1,8 @@
 """The command line itself: help, version, mistakes, Ctrl-C."""
 
+import os
+import runpy
+import sys
 from pathlib import Path
 
 import pytest
@@ -134,3 +137,28 @@ def test_an_option_that_is_not_there_is_told_with_the_usage_of_its_command(
     name = " ".join(word for word in command if word != "run.csv")
     assert said.startswith(f"usage: raccoon {name} [-h]")
     assert "unrecognized arguments: --outptu=a.svg" in said
+
+
+def test_init_names_the_file_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was its own temporary one, of which nobody had heard."""
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(1, "Operation not permitted", "its own", None, "robot.toml")
+
+    monkeypatch.setattr(os, "link", refuse)
+    path = tmp_path / "robot.toml"
+    assert main(["init", str(path)]) == 2
+    assert capsys.readouterr().err == f"raccoon init: {path}: operation not permitted\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_package_itself_is_the_command_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["raccoon", "init", "-"])
+    with pytest.raises(SystemExit) as end:
+        runpy.run_module("raccoon", run_name="__main__")
+    assert end.value.code == 0
+    assert "[controller]" in capsys.readouterr().out

@@ -5,10 +5,13 @@ import re
 import shlex
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from raccoon.cli.main import main
+from raccoon.cli.sweep import report
 from raccoon.sweep.results import read_results
+from raccoon.sweep.summary import summary
 from raccoon.sweep.workers import process_crew
 from sweep_work import PROGRAM
 
@@ -24,15 +27,15 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 
 def test_from_processes_to_a_table_and_a_rate(program: str, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["sweep", program, *VARIED, "--runs", "12", "--out", "r.csv", "--within", "0.005"]
+    arguments = ["sweep", program, *VARIED, "--runs", "20", "--out", "r.csv", "--within", "0.005"]
     assert main([*arguments, "--workers", "1"]) == 0
     said = capsys.readouterr()
     rows = read_results("r.csv")
     failed = sum(row["status"] == "failed" for row in rows)
-    assert f"drive.py: {failed} of 12 matches failed (seed 0)." in said.out
+    assert f"drive.py: {failed} of 20 matches failed (seed 0)." in said.out
     assert "95 % interval" in said.out
     assert "1. battery.open_circuit_voltage.voltage" in said.out
-    assert "12/12 matches" in said.err
+    assert "20/20 matches" in said.err
     assert json.loads(Path("r.csv.sweep.json").read_text())["program"] == program
 
     assert main(arguments) == 0  # all is there: nothing is played
@@ -111,7 +114,12 @@ def test_what_an_interrupted_sweep_has_played_is_named(
     ("arguments", "message"),
     [
         (["drive.py", "--record", "run"], "say which with --only RUN"),
-        (["drive.py", "--only", "-1"], "--only -1: allowed are numbers from 0"),
+        (["drive.py", "--only", "-1"], "--only -1: the sweep has 200 matches (--runs)"),
+        (
+            ["drive.py", "--only", "99", "--runs", "6"],
+            "--only 99: the sweep has 6 matches (--runs), number 0 to 5",
+        ),
+        (["drive.py", "--vary", "foo=1:2"], "there is no such id"),
         (["drive.py", "--only", "1", "--record", "robot.toml/run"], "nothing can be written in"),
         (["drive.py", "--only", "1", "--record", "."], "--record .: it is a folder"),
         (["drive.py", "--seed", "-1"], "--seed -1: allowed are whole numbers from 0"),
@@ -152,3 +160,23 @@ def test_bad_input_is_named(arguments: list[str], message: str, capsys: pytest.C
     assert message in capsys.readouterr().err
     with process_crew(1) as crew:
         assert crew.window == 2
+
+
+def test_a_few_matches_name_only_what_is_more_than_chance(capsys: pytest.CaptureFixture[str]) -> None:
+    """Of six matches any parameter explained 99 %, in three lines that said so."""
+    random = np.random.default_rng(3)
+    draws = random.uniform(size=(6, 12))
+    rows = [
+        {
+            "status": "ok",
+            "reason": "",
+            "position_error": float(random.uniform()),
+            **{str(n): float(x) for n, x in enumerate(each)},
+        }
+        for each in draws
+    ]
+    found = summary(rows, [str(n) for n in range(12)])
+    assert found.sensitivities
+    assert not any(each.is_clear for each in found.sensitivities)
+    report._print_sensitivities(found, {})
+    assert "Nothing can be said about what it depends on: too few matches" in capsys.readouterr().out

@@ -19,7 +19,6 @@ def test_the_paper_s_factor_and_its_limit() -> None:
     most = scaling.scaled(0.8, TESTING_VOLTAGE)
     assert most.duty == pytest.approx(0.8 * 7.0 / 6.1)
     assert not most.saturated
-    assert scaling.safe_duty(TESTING_VOLTAGE) == pytest.approx(6.1 / 7.0)
 
 
 @pytest.mark.parametrize("voltage", [None, 0.0, 2.0, float("nan"), float("inf")])

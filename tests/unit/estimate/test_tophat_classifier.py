@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import Status
@@ -113,3 +114,23 @@ def test_what_one_surface_reads_in_two_places_is_not_taken_for_two() -> None:
     tophat = Tophat(calibration(1270.0, 3800.0), adapt=False)
     assert not tophat.relearn(370.0, 430.0)  # black would read 720
     assert tophat.update(0.0, 1270.0).coverage == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("white", "black"), [(5, 60), (3, 100), (3, 40), (1, 100)])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_surface_near_the_converters_bottom_is_not_taken_for_a_change_of_light(
+    white: int, black: int, seed: int
+) -> None:
+    """A count there is much of the light: its noise pulled the levels of both surfaces along."""
+    rng = np.random.default_rng(seed)
+
+    def counts(mean: float, number: int) -> NDArray[np.float64]:
+        return np.clip(np.round(rng.normal(mean, 2.0, number)), 0.0, 4095.0)
+
+    calibration = calibrate(np.concatenate([counts(white, 400), counts(black, 400)]))
+    assert calibration.verdict is (Verdict.WEAK if white < 4 else Verdict.OK)
+    tophat = Tophat(calibration)
+    seen = [tophat.update(0.005 * tick, float(each)).black for tick, each in enumerate(counts(white, 2000))]
+    assert not any(seen)
+    seen = [tophat.update(0.005 * tick, float(each)).black for tick, each in enumerate(counts(black, 20))]
+    assert all(seen[4:])

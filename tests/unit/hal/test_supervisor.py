@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -80,6 +81,19 @@ def test_the_supervisor_is_small_and_idle(tmp_path: Path) -> None:
         assert seconds <= 0.05  # what starting an interpreter costs, and nothing after that
     finally:
         guard.close()
+
+
+@pytest.mark.parametrize("script", ["exec sleep 60", "exit 0"], ids=["hangs", "ends"])
+def test_a_supervisor_that_does_not_start_is_an_error(
+    script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interpreter = tmp_path / "python"
+    interpreter.write_text(f"#!/bin/sh\n{script}\n")
+    interpreter.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(interpreter))
+    monkeypatch.setattr("raccoon.hal.wombat.supervisor.START_SECONDS", 0.05)
+    with pytest.raises(HardwareError, match="the supervisor process did not start"):
+        Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
 
 
 def test_losing_the_supervisor_is_an_error(tmp_path: Path) -> None:

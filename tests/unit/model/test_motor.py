@@ -2,7 +2,6 @@
 
 import pytest
 
-from raccoon.model.battery import battery_current, open_circuit_voltage, terminal_voltage
 from raccoon.model.motor import current, stall_torque, steady_speed, time_constant, torque, voltage_for_speed
 
 MOTOR = (1.8, 1.08)
@@ -30,11 +29,3 @@ def test_torque_at_standstill_and_at_the_free_running_speed() -> None:
 def test_friction_shortens_the_time_constant() -> None:
     assert time_constant(0.02, *MOTOR) == pytest.approx(0.02 * 1.8 / 1.08**2)
     assert time_constant(0.02, *MOTOR, viscous=0.1) < time_constant(0.02, *MOTOR)
-
-
-def test_the_battery_sags_by_what_its_motors_draw() -> None:
-    # The paper's example: 200 mA at 50 mohm lowers 7.0 V to 6.99 V.
-    assert terminal_voltage(7.0, 0.05, 0.2) == pytest.approx(6.99)
-    assert open_circuit_voltage(6.99, 0.05, 0.2) == pytest.approx(7.0)
-    assert battery_current((0.5, -0.5), (2.0, -1.0)) == pytest.approx(1.5)
-    assert battery_current((0.5, 0.0), (-2.0, 1.0)) == pytest.approx(-1.0)

@@ -11,7 +11,6 @@ from raccoon.robot.actions import (
     Action,
     Steps,
     background,
-    do,
     parallel,
     race,
     repeat,
@@ -20,6 +19,7 @@ from raccoon.robot.actions import (
     wait_for,
 )
 from raccoon.robot.conditions import Condition, after_time, when
+from raccoon.robot.functions import do
 from raccoon.robot.robot import Robot
 
 

@@ -5,9 +5,11 @@ from dataclasses import replace
 import pytest
 
 from raccoon import (
+    ConfigError,
     MotionTimeout,
     after_distance,
     bumped,
+    button_pressed,
     drive,
     open_robot,
     race,
@@ -16,7 +18,13 @@ from raccoon import (
     wait,
     wait_for,
 )
+from raccoon.core.clock import SteppedClock
+from raccoon.core.config import ControllerConfig
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.hal.wombat.emulator import Emulator, Firmware
+from raccoon.hal.wombat.port import WombatPort
+from raccoon.robot.emulated import SimulatedPlant
+from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import Wall, World
 from robots import CONFIG, simulated
@@ -91,3 +99,38 @@ def test_what_still_holds_is_not_its_opposite() -> None:
         robot.run(wait(0.5))
         stuck = seq(wait_for(stalled()), wait_for(~stalled()))
         assert robot.run(race(drive(0.15), stuck, seq(wait_for(stalled()), wait(0.5))))[0] == 2
+
+
+@pytest.mark.parametrize("firmware", ["stock", 21])
+def test_the_controllers_own_button_ends_a_wait_on_both_firmwares(firmware: Firmware) -> None:
+    clock = SteppedClock()
+    plant = SimulatedPlant(Parameters.from_robot(CONFIG))
+    port = WombatPort(Emulator(plant, firmware, clock=clock), clock=clock)
+    with open_robot(CONFIG, port=port) as robot:
+        with pytest.raises(MotionTimeout):
+            robot.run(wait_for(button_pressed()).timeout(0.1))
+        assert robot.button is False
+        plant.button = True
+        robot.run(wait_for(button_pressed()).timeout(0.1))
+        robot.run(seq(wait(0.1), wait_for(~button_pressed() | button_pressed())))
+        assert not robot.drive.remarks
+
+
+def test_a_simulated_button_is_pressed_by_nobody_but_who_says_so() -> None:
+    config = replace(CONFIG, controller=ControllerConfig(port="sim"))
+    port = simulated(config=config)
+    with open_robot(config, port=port) as robot:
+        with pytest.raises(MotionTimeout):
+            robot.run(wait_for(button_pressed()).timeout(0.1))
+        assert robot.button is None
+        assert any("nobody presses a simulated button" in said for said in robot.drive.remarks.values())
+        port.button = True
+        robot.run(wait_for(button_pressed()).timeout(0.1))
+
+
+def test_a_controller_without_a_button_says_so_before_anything_moves() -> None:
+    config = replace(CONFIG, controller=ControllerConfig(port="create"))
+    with open_robot(config, port=simulated()) as robot:
+        with pytest.raises(ConfigError, match=r"a Create has no such button: .*pressed\(8\)"):
+            robot.run(seq(drive(0.1), wait_for(button_pressed())))
+        assert robot.ticks == 0

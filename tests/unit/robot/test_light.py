@@ -74,7 +74,8 @@ def test_too_much_light_is_said_in_the_rehearsal() -> None:
 
 
 def test_a_simulator_without_a_lamp_is_said() -> None:
-    for config, said in ((CONFIG, False), (replace(CONFIG, controller=ControllerConfig(port="sim")), True)):
+    for kind in ("wombat", "sim", "emulator", "emulator-raccoon"):
+        config, said = replace(CONFIG, controller=ControllerConfig(port=kind)), kind != "wombat"
         with open_robot(config, port=Lamp(lambda _: 3000.0)) as robot:
             with pytest.raises(MotionTimeout):
                 robot.run(wait_for_light(PORT).timeout(0.5))

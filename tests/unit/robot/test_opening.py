@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from raccoon import RobotConfig, deg, open_robot, seq, straight, turn, wait
-from raccoon.core.config import ControllerConfig
+from raccoon.core.config import ControllerConfig, TophatConfig
 from raccoon.core.errors import HardwareError
+from raccoon.robot.opening import open_port
 from raccoon.trace.format import read_trace
 from unit.trace.recordings import ScriptedPort
 
@@ -139,3 +140,20 @@ def test_robot_toml_may_lie_beside_a_program_that_is_started_from_elsewhere(
         f"FileNotFoundError: there is no robot.toml in {team}, where the program was started; "
         "`raccoon init` writes one to start from"
     )
+
+
+@pytest.mark.parametrize("kind", ["wombat", "wombat-raccoon", "emulator", "emulator-raccoon"])
+def test_the_ports_of_the_tophats_are_watched_for_the_ends_of_their_range(
+    kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    watched: list[object] = []
+
+    def opened(*_: object, watch_analog: list[int], **__: object) -> ScriptedPort:
+        watched.append(watch_analog)
+        return ScriptedPort(())
+
+    monkeypatch.setattr("raccoon.hal.wombat.port.open_wombat", opened)
+    monkeypatch.setattr("raccoon.robot.emulated.WombatPort", opened)
+    tophats = {"left": TophatConfig(3, 0.1, 0.03), "right": TophatConfig(1, 0.1, -0.03)}
+    open_port(RobotConfig(controller=ControllerConfig(port=kind), tophats=tophats))
+    assert watched == [[3, 1]]

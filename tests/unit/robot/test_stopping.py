@@ -5,13 +5,14 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import pytest
 
 from children import heeding
-from raccoon import Action, Robot, do, drive, open_robot
+from raccoon import Action, Robot, Stopped, background, do, drive, open_robot, parallel, run_match, seq, wait
 from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
@@ -213,3 +214,89 @@ def test_only_a_real_controller_gets_priority(monkeypatch: pytest.MonkeyPatch) -
     for kind in ("sim", "wombat"):
         with open_robot(RobotConfig(controller=ControllerConfig(port=kind))):
             assert entered == ["punctual"] * (kind == "wombat")
+
+
+class Watched(Bench):
+    """At its 20th reading another thread stops the robot, and has done so before the reading is there."""
+
+    robot: Robot
+
+    def read(self) -> Inputs:
+        inputs = super().read()
+        if len(self.commands) == 20:
+            stopped_by_another_thread(self.robot)
+        return inputs
+
+
+def stopped_by_another_thread(robot: Robot) -> None:
+    thread = threading.Thread(target=robot.stop)
+    thread.start()
+    thread.join(10.0)
+    assert not thread.is_alive()
+
+
+def test_another_thread_stops_what_runs_before_its_next_command() -> None:
+    port = Watched()
+    with open_robot(RobotConfig(), port=port) as robot:
+        port.robot = robot
+        with pytest.raises(Stopped, match=r"robot\.stop\(\) ended run\(drive 0.1 m/s\)"):
+            robot.run(drive(0.1))
+        assert port.commands[19] != STOP
+        assert port.commands[20:] == [STOP]
+        robot.run(wait(0.1))  # it ended that run alone
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        lambda stop: parallel(drive(0.1), seq(wait(0.1), stop)),
+        lambda stop: seq(background(seq(wait(0.1), stop)), drive(0.1)),
+        lambda stop: stop.then(lambda _: drive(0.1)),
+    ],
+    ids=["beside it", "in the background", "before it"],
+)
+def test_a_function_of_the_program_stops_what_runs(made: Callable[[Action[None]], Action[object]]) -> None:
+    port = Bench()
+    with open_robot(RobotConfig(), port=port) as robot:
+        with pytest.raises(Stopped):
+            robot.run(made(do(lambda each: each.stop())))
+        assert port.commands[-1] == STOP
+        robot.run(do(lambda _: None))
+
+
+def test_a_loop_of_the_programs_own_is_stopped_between_two_ticks() -> None:
+    port = Bench()
+    with open_robot(RobotConfig(), port=port) as robot:
+        robot.drive.velocity(0.1)
+        robot.tick()
+        stopped_by_another_thread(robot)
+        assert port.commands[-1] == STOP
+        with pytest.raises(Stopped, match=r"ended tick\(\)"):
+            robot.tick()
+        robot.drive.velocity(0.1)
+        robot.tick()
+        robot.stop()  # the program's own, which knows that it drives no further
+        assert port.commands[-1] == STOP
+        robot.tick()
+
+
+def test_what_cleans_up_by_stopping_ends_nothing_else() -> None:
+    def steps(robot: Robot) -> Steps[None]:
+        try:
+            yield from fail_after(5).start(robot)
+        finally:
+            robot.stop()
+
+    with open_robot(RobotConfig(), port=Bench()) as robot:
+        with pytest.raises(RuntimeError, match="a bug in the program"):
+            robot.run(Action("cleans up", steps))
+        robot.run(wait(0.1))
+
+
+def test_a_match_that_is_stopped_is_over() -> None:
+    port = Watched()
+    with open_robot(RobotConfig(), port=port) as robot:
+        port.robot = robot
+        with pytest.raises(Stopped):
+            run_match(robot, drive(0.1), seconds=1.0)
+        assert port.commands[-1] == STOP

@@ -21,7 +21,7 @@ from raccoon import (
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Status
 from raccoon.robot.actions import Steps
-from raccoon.sim.world import World
+from raccoon.sim.world import Line, World
 from robots import CONFIG, simulated
 
 LINES = "".join(
@@ -71,6 +71,14 @@ def test_lines_are_told_in_a_light_that_changes(tmp_path: Path, light: str) -> N
     assert wrong <= 0.02 * len(
         seen
     )  # the ticks in which hysteresis and debounce lag behind an edge among them
+
+
+@pytest.mark.parametrize(("distance", "speed"), [(-0.5, None), (0.5, -0.2), (-0.5, -0.2), (-0.5, 0.2)])
+def test_a_negative_way_is_driven_backwards(distance: float, speed: float | None) -> None:
+    port = simulated(world=World(lines=(Line(((-0.2, -1.0), (-0.2, 1.0))),)))
+    with open_robot(CONFIG, port=port) as robot:
+        calibrate_tophats(robot, distance, speed)
+        assert robot.pose.x == pytest.approx(-0.5, abs=0.05)
 
 
 def test_a_stored_set_that_does_not_fit_is_said_within_a_second_of_driving(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from raccoon import (
     analog_below,
     arc,
     background,
+    blocked,
     calibrate_drive,
     calibrate_light,
     deg,
@@ -29,26 +30,32 @@ from raccoon import (
     drive_to,
     follow_line,
     follow_path,
+    mission,
     motors,
     move,
     move_by,
     on_black,
     open_robot,
+    over_line,
     parallel,
     pivot,
     pressed,
     race,
+    release,
     repeat,
     run_match,
     seq,
     servo,
+    servo_off,
     spin,
     straight,
+    timed,
     turn,
     turn_to,
     wait,
     wait_for,
     when,
+    zero,
 )
 from raccoon.core.config import MechanismConfig, ServoConfig
 from robots import CONFIG, run, simulated
@@ -127,13 +134,18 @@ def loose(value: object) -> Any:
         (lambda: analog_below(-1, 1000), "analog port -1: there are 0 to 5"),
         (
             lambda: analog_above(0, 5000),
-            "counts is 5000: allowed are numbers from 0 to 4095, other than 4095",
+            "counts is 5000: allowed are numbers from 0, below 4095",
         ),
         (
             lambda: analog_above(0, 4095),
-            "counts is 4095: allowed are numbers from 0 to 4095, other than 4095",
+            "counts is 4095: allowed are numbers from 0, below 4095",
         ),
-        (lambda: analog_below(0, 0), "counts is 0: allowed are numbers from 0 to 4095, other than 0"),
+        (lambda: analog_below(0, 0), "counts is 0: allowed are numbers above 0, up to 4095"),
+        (
+            lambda: motors(0.5, 0.5, tuned_at=70),
+            r"tuned_at is 70: allowed are numbers from 3\.1 to 30 V",
+        ),
+        (lambda: motors(0.5, 0.5, tuned_at=NAN), "tuned_at is nan: it must be a finite number"),
         (lambda: pressed(10), "digital port 10: there are 0 to 9"),
         (lambda: pressed(loose(5.0)), r"digital port 5\.0: there are 0 to 9"),
         (lambda: pressed(True), "digital port True: there are 0 to 9"),
@@ -222,13 +234,14 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: wait(loose("1")), "seconds is '1': it must be a number, from 0"),
         (lambda: wait(1.0).timeout(loose("1")), "seconds is '1': it must be a number, above 0"),
         (lambda: after_time(loose([1.0])), r"seconds is \[1\.0\]: it must be a number, from 0"),
-        (lambda: analog_above(0, loose("3")), "counts is '3': it must be a number, from 0 to 4095"),
+        (lambda: analog_above(0, loose("3")), "counts is '3': it must be a number, from 0, below 4095"),
         (lambda: repeat(wait(1.0), loose("3")), "times is '3': it must be a number"),
         # Python counts True as 1.
         (lambda: straight(True), "distance is True: it must be a number, up to 10 m"),
         (lambda: straight(loose(np.True_)), "distance is .*True_?: it must be a number, up to 10 m"),
         (lambda: turn(1.0, True), "rate is True: it must be a number"),
         (lambda: drive(0.1, False), "turn_rate is False: it must be a number"),
+        (lambda: motors(0.5, 0.5, tuned_at=loose("7")), "tuned_at is '7': it must be a number"),
         (lambda: motors(True, True), "left duty is True: it must be a number"),
         (lambda: wait(True), "seconds is True: it must be a number"),
         (lambda: follow_path([(0.1, False)]), r"y of points\[0\] is False: it must be a number"),
@@ -271,10 +284,32 @@ def test_a_loop_that_asks_for_no_number_is_refused(asked: tuple[float, float]) -
         robot.run(wait(0.5))
         robot.drive.velocity(0.1)
         robot.tick()
-        with pytest.raises(ValueError, match=r"velocity is .* all of them must be finite numbers"):
+        with pytest.raises(ValueError, match=r"is -?(nan|inf): it must be a finite number"):
             robot.drive.velocity(*asked)
         robot.tick()
         assert robot.outputs.duty == (0.0,) * 4
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ((100, 0), r"forward is 100: allowed are numbers up to 3 m/s \(20 cm/s are 0\.20\)"),
+        ((0.1, 90), r"turn_rate is 90: allowed are numbers up to 20 rad/s \(write deg\(90\)"),
+        ((True,), "forward is True: it must be a number"),
+        (("0.1",), r"forward is '0\.1': it must be a number"),
+        ((None,), "forward is None: it must be a number"),
+        ((0.1, 0.0, True), "acceleration is True: it must be a number"),
+        ((0.1, 0.0, 0.0, NAN), "nan rad/s2: all of them must be finite numbers"),
+    ],
+)
+def test_a_loop_is_asked_for_its_units_as_a_motion_is(asked: tuple[Any, ...], said: str) -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        with pytest.raises((TypeError, ValueError), match=said):
+            robot.drive.velocity(*asked)
+        with pytest.raises(TypeError, match="left duty is True"):
+            robot.drive.duties(True, 0.0)
+        robot.drive.velocity(3.0, -20.0)
+        robot.tick()
 
 
 def test_a_motion_after_a_loop_that_ended_before_its_tick_is_no_second_one() -> None:
@@ -482,3 +517,101 @@ def test_a_property_of_the_robot_that_fails_fails_with_its_own_error() -> None:
 
     with Broken(simulated(), CONFIG) as robot, pytest.raises(AttributeError, match="nothing_like_it"):
         robot.broken  # noqa: B018
+
+
+NAMES = replace(
+    CONFIG,
+    servos={"claw": ServoConfig(positions_us={"open": 1200.0})},
+    mechanisms={"arm": MechanismConfig(motor=2)},
+)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (servo("claw", "opn"), "servo.claw has no position 'opn'"),
+        (servo("claw", 3000), "pulse of servo claw is 3000 us"),
+        (servo("hand", "open"), "there is no servo 'hand'"),
+        (servo_off("hand"), "there is no servo 'hand'"),
+        (move("arm", 90), r"to is 90: allowed are numbers up to 1 turn .*mechanism\.arm\.turns"),
+        (move_by("leg", 1.0), "there is no mechanism 'leg'"),
+        (spin("leg", 1.0), "there is no mechanism 'leg'"),
+        (release("leg"), "there is no mechanism 'leg'"),
+        (zero("arm", 90.0), "angle is 90"),
+        (drive(0.1).until(after_time(1.0) | ~on_black("midle")), "there is no tophat 'midle'"),
+        (wait_for(over_line("midle") & blocked("arm")), "there is no tophat 'midle'"),
+        (drive(0.1).until(blocked("leg")), "there is no mechanism 'leg'"),
+        (follow_line("midle"), "there is no tophat 'midle'"),
+        (align_on_line("right", "left"), "tophat right is not to the left of left"),
+    ],
+)
+@pytest.mark.parametrize(
+    "within",
+    [
+        lambda wrong: seq(straight(0.1), wrong),
+        lambda wrong: parallel(straight(0.1), seq(wait(1.0), background(wrong))),
+        lambda wrong: race(straight(0.1), repeat(wrong).timeout(1.0)),
+        lambda wrong: mission(straight(0.1), timed(wrong, "late")),
+        lambda wrong: straight(0.1).timeout_or(1.0, wrong).until(after_time(5.0)).then(lambda _: wait(1.0)),
+    ],
+    ids=["seq", "parallel", "race", "mission", "timeout_or"],
+)
+def test_what_robot_toml_lacks_is_said_before_anything_moves(
+    wrong: Action[Any], said: str, within: Callable[[Action[Any]], Action[Any]]
+) -> None:
+    """It drove for five seconds, and then there was no such place of the claw."""
+    with open_robot(NAMES, port=simulated(config=NAMES)) as robot:
+        with pytest.raises(ValueError, match=said):
+            robot.run(within(wrong))
+        with pytest.raises(ValueError, match=said):
+            run_match(robot, within(wrong), start=wait(1.0))
+        assert robot.ticks == 0
+        with pytest.raises(ValueError, match=said):
+            robot.run(do(lambda _: within(wrong)))
+        assert robot.outputs.duty == (0.0,) * 4
+
+
+def test_the_check_of_an_action_of_ones_own_is_asked_too() -> None:
+    def refuse(_robot: Robot) -> None:
+        raise ValueError("not on this table")
+
+    with open_robot(CONFIG, port=simulated()) as robot:
+        with pytest.raises(ValueError, match="not on this table"):
+            robot.run(seq(straight(0.1), Action("mine", wait(1.0).start, refuse)))
+        assert robot.ticks == 0
+
+
+def its_steps(_robot: Robot) -> Any:
+    yield
+
+
+async def waits(_robot: Robot) -> None:
+    """Nothing."""
+
+
+def test_a_function_whose_steps_nobody_would_go_through_is_refused() -> None:
+    """It was left undone without a word, and the match had finished."""
+    with open_robot(CONFIG, port=simulated()) as robot:
+        for function in (its_steps, waits):
+            name = function.__name__
+            for refused in (
+                lambda function=function: do(function),
+                lambda function=function: when(function),
+                lambda function=function: run_match(robot, function),
+            ):
+                with pytest.raises(TypeError, match=rf"{name} has steps .* write Action\('{name}', {name}\)"):
+                    refused()
+        for made in (do(lambda _: its_steps(robot)), do(lambda _: waits(robot))):
+            with pytest.raises(TypeError, match=r"what do\(\) calls gives .*: give Action\('"):
+                robot.run(made)
+        with pytest.raises(TypeError, match="the function straight and does not call it: write straight"):
+            robot.run(do(lambda _: straight))
+        with pytest.raises(TypeError, match=r"the program gives the function straight"):
+            run_match(robot, lambda _: straight)
+
+
+def test_a_mission_of_what_is_no_action_is_refused_when_it_is_written() -> None:
+    with pytest.raises(TypeError, match=r"mission\(\) takes an Action, not 3"):
+        mission(straight(0.1), loose(3))
+    with pytest.raises(TypeError, match=r"timed\(\) takes an Action, not the function straight"):
+        timed(ANY)

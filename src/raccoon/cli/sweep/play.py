@@ -46,8 +46,9 @@ def sweep_and_print(args: argparse.Namespace) -> int:
 
 def one(args: argparse.Namespace) -> int:
     """Play one match of a sweep again, and record it where asked to."""
-    if args.only < 0:
-        raise ConfigError(f"--only {args.only}: allowed are numbers from 0")
+    if not 0 <= args.only < args.runs:
+        last = f"0 to {args.runs - 1}" if args.runs > 1 else "0"
+        raise ConfigError(f"--only {args.only}: the sweep has {args.runs} matches (--runs), number {last}")
     if args.record is not None:
         check_recording(args.record)
     match = match_of(args)

@@ -12,6 +12,8 @@ from raccoon.sweep.summary import Sensitivity, Summary, summary
 
 MOST = 3
 """Parameters that are named."""
+LEAST_RANKED = 20
+"""Matches below which only what is more than chance is named: of six, any parameter explains nearly all."""
 REASONS = 6
 
 
@@ -40,7 +42,8 @@ def _print_first_failure(rows: list[Row], given: Sequence[str]) -> None:
 
 def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:
     what = "failure" if found.of == "failure" else "the distance from the goal"
-    strongest = found.sensitivities[:MOST]
+    ranked = found.rate.played >= LEAST_RANKED
+    strongest = [each for each in found.sensitivities if ranked or each.is_clear][:MOST]
     if not strongest:
         print("\nNothing can be said about what it depends on: too few matches, or all ended alike.")
         return

@@ -22,7 +22,8 @@ class Verdict(StrEnum):
 
     OK = "ok"
     WEAK = "weak"
-    """Two surfaces, but the threshold may be several times worse than the best one."""
+    """Two surfaces, but the threshold may be several times worse than the best one, or white stands at the
+    converter's bottom."""
     ONE_SURFACE = "one_surface"
     TOO_FEW = "too_few"
     SATURATED = "saturated"

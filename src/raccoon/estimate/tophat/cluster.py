@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raccoon.core.readings import ANALOG_BOTTOM
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface, TophatCalibration, Verdict, believed
 from raccoon.estimate.tophat.flicker import alternates, demodulated
 from raccoon.estimate.tophat.mixture import best_mixture, single_surface_bic
@@ -208,6 +209,9 @@ def _judged(white: Surface, black: Surface, prior_black: float) -> TophatCalibra
         verdict, reason = Verdict.WEAK, f"separation is only {separation:.1f} standard deviations"
     elif rarer < SURE_COUNT and separation < FAR_APART:
         verdict, reason = Verdict.WEAK, f"only {rarer} readings of the rarer surface, and close to the other"
+    elif white.mean <= ANALOG_BOTTOM:
+        reason = f"white reads {white.mean:.0f}, the converter's bottom: a change of the light is seen late"
+        verdict = Verdict.WEAK
     return believed(verdict, reason, _shrunk(white, black), _shrunk(black, white), share, prior_black)
 
 

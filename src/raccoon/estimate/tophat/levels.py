@@ -19,6 +19,7 @@ DRIFT = 0.0002  # of the light, a reading, by which a surface moves alone
 PULL = 1.5  # standard deviations from which the filter trusts its levels less
 FORGET = 0.01  # of the noise estimate, a reading
 SURE_APART = 2.5  # separation of the levels, their own uncertainty included
+NEAR_BOTTOM = 5.0  # standard deviations of a reading, up to which its light is linearised at the level
 CONVERTER_NOISE = 9.0  # counts^2, of a standing sensor
 SEEN_CONTRAST = 0.5  # of what is expected in other light, from which two readings are two surfaces
 LEAST_CONTRAST = 12.0  # counts; below it nobody could tell
@@ -83,8 +84,14 @@ class Levels:
 
     def _learn(self, counts: float, on_black: bool, miss: float, noise: float) -> None:
         """One predict and update of the filter, with the noise of the surface learnt beside it."""
-        light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
-        slope = FULL_SCALE / (counts * counts) if counts > 1.0 else FULL_SCALE
+        level = self.black if on_black else self.white
+        if level * level > NEAR_BOTTOM * NEAR_BOTTOM * noise:
+            light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
+            slope = FULL_SCALE / (counts * counts) if counts > 1.0 else FULL_SCALE
+            wrong = light - (self.dark if on_black else self.light)
+        else:  # even noise of the counts is uneven there in the light, and its mean another level
+            slope = FULL_SCALE / (level * level)
+            wrong = -slope * miss
         share = self._share
         wander = WANDER * (self.light + 0.1)
         wander *= wander
@@ -98,7 +105,6 @@ class Levels:
         if on_black:
             dark_var += self._unseen_dark() ** 2
             gain = 1.0 / (dark_var + slope * slope * noise)
-            wrong = light - self.dark
             to_light, to_dark = cross * gain, dark_var * gain
             self._light_var = light_var - to_light * cross
             self._dark_var = dark_var * (1.0 - to_dark)
@@ -106,7 +112,6 @@ class Levels:
         else:
             light_var += self._unseen_light() ** 2
             gain = 1.0 / (light_var + slope * slope * noise)
-            wrong = light - self.light
             to_light, to_dark = light_var * gain, cross * gain
             self._light_var = light_var * (1.0 - to_light)
             self._dark_var = dark_var - to_dark * cross

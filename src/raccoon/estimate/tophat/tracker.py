@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from raccoon.core.readings import Status
+from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface
 from raccoon.estimate.tophat.hypotheses import Belief, Hypotheses, Sensor, pattern_of, usual_spot
 from raccoon.estimate.tophat.levels import CONVERTER_NOISE, Levels, light_of_counts
@@ -127,7 +127,8 @@ class LightTracker(Levels):
         if lasted > LEAN_READINGS and lean * lean > MOST_LEAN * MOST_LEAN * spread * spread:
             self._begin()
             return
-        if change * change <= LEVEL * LEVEL * (noise + LEAST_SD):
+        # At the converter's bottom a reading tells of no light: half a count there is all of it.
+        if change * change <= LEVEL * LEVEL * (noise + LEAST_SD) and (on_black or self.white > ANALOG_BOTTOM):
             self._learn(counts, on_black, miss, noise)
             self._refresh()
         if on_black:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import subprocess
 import sys
 import time
@@ -16,6 +17,7 @@ SILENCE_SECONDS = 0.5
 BEAT_SECONDS = 0.1
 """Beats more often than that are not passed on: the supervisor need not wake up for each cycle."""
 START_SECONDS = 10.0
+"""An interpreter that has not started by then hangs; a busy Raspberry Pi 3 takes one or two."""
 
 
 class Supervisor:
@@ -56,7 +58,8 @@ class Supervisor:
         self._lifeline = self._process.stdin.fileno()
         self._next_beat = 0.0
         self._closed = False
-        if self._process.stdout.read(1) != b"r":
+        said, _, _ = select.select([self._process.stdout], [], [], START_SECONDS)
+        if not said or self._process.stdout.read(1) != b"r":
             self._process.kill()
             self.close()
             raise HardwareError(

@@ -1,0 +1,28 @@
+"""What was meant by an attribute that a robot does not have."""
+
+from __future__ import annotations
+
+import inspect
+from importlib import import_module
+
+ACTIONS = (
+    "actions",
+    "driving",
+    "following",
+    "functions",
+    "lines",
+    "mechanisms",
+    "motions",
+    "paths",
+    "servos",
+)
+"""Modules whose public functions make actions."""
+
+
+def instead(name: str) -> str:
+    """What to write instead of an attribute that a robot does not have; "" where nothing is like it."""
+    for module in ACTIONS:
+        found = getattr(import_module(f"{__package__}.{module}"), name, None)
+        if inspect.isfunction(found) and found.__module__.endswith(module):
+            return f": write robot.run({name}(...))"
+    return f": write robot.pose.{name}" if name in ("x", "y", "heading") else ""
