@@ -53,7 +53,7 @@ SPARED = 1.8
 """Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
 WORST = 2.5
 """Most by which that raises what is faint."""
-FORESEEN = 1.25
+FORESEEN = 1.55
 """Times what a working point leaves, of one channel, from which what is foreseen is worse than that for want
 of anything to foresee it from. On 40 s of an exciting drive the error is up to 1.1 times that, on 12 s 1.5,
 on a leg there and back 5."""
