@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.held import of_free_driving, with_free_driving
 from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.quality import check_units, moves
@@ -109,9 +110,11 @@ def diagnose(
 
 def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
-    check_units(log, robot)
-    check_order(log)
-    return log if firmware is None else firmware.understood(log, columns, robot)
+    log = with_free_driving(log, robot)
+    free = of_free_driving(log)
+    check_units(free, robot, native=firmware is not None)
+    check_order(free)
+    return free if firmware is None else of_free_driving(firmware.understood(log, columns, robot))
 
 
 def _searched(

@@ -12,6 +12,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.diagnose.drives.quality import strange_units
+from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
 from raccoon.trace.loading import Run
@@ -57,7 +58,8 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
         _check_wheels(run, config)
     if mistaken := mistaken_step(usual_step(run.recording["t"])):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
-    if strange := strange_units(run.recording.columns, config):
+    native = firmware_of(run.recording.device) is not None
+    if strange := strange_units(run.recording.columns, config, native=native):
         notes.append(f"{strange}; the odometry took it as it is")
     odometry = Odometry(config)
     rows = []

@@ -53,8 +53,9 @@ class Log:
     """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
 
     lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
-    there. Nothing is compared in them. clocks: of the samples of the left and the right wheel, where they are
-    known; the wheels' readings are then as if each were half a cycle old, and commands wait for them.
+    there. Nothing is compared in them. held: s, from and to, what of it has rows, but was not driven freely
+    (`held.py`). clocks: of the samples of the left and the right wheel, where they are known; the wheels'
+    readings are then as if each were half a cycle old, and commands wait for them.
     brake: (n, 2), whether each motor is shorted where its duty is 0; None where the recording does not say.
     """
 
@@ -64,6 +65,7 @@ class Log:
     missing: tuple[str, ...] = ()
     notes: tuple[str, ...] = field(default=())
     lost: tuple[tuple[float, float], ...] = ()
+    held: tuple[tuple[float, float], ...] = ()
     clocks: tuple[SampleClock | None, SampleClock | None] = (None, None)
     brake: NDArray[np.bool_] | None = None
 
@@ -91,12 +93,17 @@ class Log:
 
     def longest_part(self) -> Log:
         """The longest part without a gap, all of it where there is none."""
-        after = np.searchsorted(self.time, [start for start, _ in self.lost], side="right")
+        cuts = [start for start, _ in self.lost] + [end for _, end in self.held]
+        after = np.searchsorted(self.time, sorted(cuts), side="right")
         edges = [0, *(int(each) for each in after), len(self.time)]
-        parts = [(self.time[end - 1] - self.time[start], start, end) for start, end in pairwise(edges)]
+        parts = [
+            (self.time[end - 1] - self.time[start], start, end)
+            for start, end in pairwise(edges)
+            if start < end and not any(begin <= self.time[start] <= last for begin, last in self.held)
+        ]
         _, start, end = max(parts, key=lambda each: each[0])
         part = self.between(float(self.time[start]), float(np.nextafter(self.time[end - 1], np.inf)))
-        return replace(part, lost=())
+        return replace(part, lost=(), held=())
 
 
 ROLES = {
@@ -213,8 +220,8 @@ def _lost(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tu
     ends = np.flatnonzero(steps > max(GAP, 2.0 * OWN_RATE * usual)) + 1
     if len(ends) == 0:
         return (), ()
-    lost = tuple((float(time[end - 1] + usual), _settled(time, duty, int(end))) for end in ends)
-    left = float(time[-1] - time[0]) - sum(_apart(lost))
+    lost = tuple((float(time[end - 1] + usual), settled(time, duty, int(end))) for end in ends)
+    left = float(time[-1] - time[0]) - sum(apart(lost))
     gaps = ", ".join(f"{time[end - 1]:.1f} to {time[end]:.1f} s" for end in ends[:GAPS_SAID])
     more = ", ..." if len(ends) > GAPS_SAID else ""
     count = "1 gap" if len(ends) == 1 else f"{len(ends)} gaps"
@@ -224,7 +231,7 @@ def _lost(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tu
     return lost, (f"{told}; what happened there, and until the robot has settled after it, is not judged",)
 
 
-def _settled(time: Array, duty: Array, row: int) -> float:
+def settled(time: Array, duty: Array, row: int) -> float:
     """S at which a robot whose past before that row is not known has forgotten it: wheels that are driven do
     so soon, those that roll when they stand."""
     steps = np.diff(time[row:], append=time[-1])
@@ -234,7 +241,7 @@ def _settled(time: Array, duty: Array, row: int) -> float:
     return min(latest, float(time[row + enough[0]])) if len(enough) else latest
 
 
-def _apart(lost: Sequence[tuple[float, float]]) -> list[float]:
+def apart(lost: Sequence[tuple[float, float]]) -> list[float]:
     """S of each, where they overlap only once."""
     found, reached = [], -math.inf
     for start, end in lost:
@@ -251,10 +258,10 @@ def _command(columns: Mapping[str, Array], port: int) -> Array:
     duty = np.asarray(columns[name], float)
     if not np.isfinite(duty).any():
         raise TraceError(f"{name} holds no numbers")
-    return _held(duty)
+    return _latest(duty)
 
 
-def _held(values: Array) -> Array:
+def _latest(values: Array) -> Array:
     """Values of which some are numbers, where one is none the last that was, or else the first."""
     known = np.isfinite(values)
     latest = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 from raccoon.core.config import MotorModel, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Channel, Log, arranged
-from raccoon.diagnose.drives.sizes import check_sizes, slope, steady, turning
+from raccoon.diagnose.drives.sizes import check_sizes, check_turns, slope, steady, turning
 
 Array = NDArray[np.float64]
 
@@ -29,30 +31,38 @@ DEGREES = (0.5 * 180.0 / math.pi, 2.0 * 180.0 / math.pi)
 2."""
 
 
-def strange_units(columns: Mapping[str, Array], robot: RobotConfig) -> str:
+def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: bool = False) -> str:
     """What `check_units` says of a recording's columns, also of one too slow or too short for a diagnosis; ""
     where it finds nothing, or no command to compare with."""
     commands = [columns.get(f"motor.{port}.duty") for port in (robot.drive.left, robot.drive.right)]
     if any(each is None or not np.isfinite(each).any() for each in commands):
         return ""
     try:
-        check_units(arranged(columns, robot), robot)
+        log = arranged(columns, robot)
+        check_units(of_free_driving(replace(log, held=where_held(log, robot))), robot, native=native)
     except TraceError as error:
         return str(error)
     return ""
 
 
-def check_units(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where a channel's size or sign shows that it is not what its name promises."""
+def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
+    """Raise TraceError where a channel's size or sign shows that it is not what its name promises.
+
+    native: whether the recording names the firmware that made it, and with it the units of all words. Only
+    what the robot or its robot.toml can have wrong is looked at then, such as signs.
+    """
     largest = float(np.abs(log.duty).max())
     if largest > 1.0 + 1e-6:
         guess = next((unit for most, unit in DUTY_UNITS if largest <= most), "another unit")
         raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; it looks like {guess}")
-    _check_battery(log)
+    if not native:
+        _check_battery(log)
     _check_plugs(log)
-    _check_wheels(log, robot)
-    _check_gyro(log, robot)
-    check_sizes(log, robot)
+    _check_wheels(log, robot, native)
+    _check_gyro(log, robot, native)
+    if not native:
+        check_sizes(log, robot)
+    check_turns(log, robot)
     _check_ways(log, robot)
 
 
@@ -68,7 +78,7 @@ def _check_battery(log: Log) -> None:
         raise TraceError(f"{battery.name} is around {middle:g} V: allowed are 1 to 30 V")
 
 
-def _check_wheels(log: Log, robot: RobotConfig) -> None:
+def _check_wheels(log: Log, robot: RobotConfig, native: bool) -> None:
     """A wheel must have the sign that its command makes, and back-EMF the size."""
     voltage = robot.model.battery.open_circuit_voltage.value
     for index, side in enumerate(("left", "right")):
@@ -84,7 +94,7 @@ def _check_wheels(log: Log, robot: RobotConfig) -> None:
                 f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
                 f"does not fit this recording"
             )
-        if channel.unit == "counts" and 0.0005 < factor < 0.02:
+        if not native and channel.unit == "counts" and 0.0005 < factor < 0.02:
             raise TraceError(
                 f"{channel.name} is {1.0 / factor:.0f} times too small: it looks like volts, not counts"
             )
@@ -114,7 +124,7 @@ def _check_plugs(log: Log) -> None:
         )
 
 
-def _check_gyro(log: Log, robot: RobotConfig) -> None:
+def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
     gyro, left, right = (log.channel(each) for each in ("gyro", "bemf_left", "bemf_right"))
     if gyro is None or left is None or right is None:
         return
@@ -129,7 +139,7 @@ def _check_gyro(log: Log, robot: RobotConfig) -> None:
     factor = slope(np.where(turning(log.duty), expected, np.nan), gyro.values)
     if factor is None:
         return
-    if factor > 20.0:
+    if factor > 20.0 and not native:
         least, most = DEGREES
         guess = "degrees" if factor <= most else "the sensor's own counts, milliradians or millidegrees"
         guess += "" if factor >= least else " or the sensor's own counts"

@@ -62,6 +62,13 @@ def _check_gyro(log: Log, robot: RobotConfig) -> None:
     factor = slope(expected, gyro.values)
     if factor is not None and factor > 0.0:
         _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels", "rad/s")
+
+
+def check_turns(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where the gyro hardly turns although the wheels turn the robot."""
+    gyro, expected = log.channel("gyro"), _turn_rate(log, robot)
+    if gyro is None or expected is None:
+        return
     both = np.isfinite(expected) & np.isfinite(gyro.values)
     if both.sum() < FEWEST:
         return

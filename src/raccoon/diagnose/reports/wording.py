@@ -263,8 +263,8 @@ def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
 
 
 MANOEUVRES: Mapping[str, str] = {
-    "stall": "push against a wall at half power for 3 s, then fast steps: heating, current limit and "
-    "resistance",
+    "reversals": "full power forwards and back, 0.7 s each way, for 15 s on a free floor (raccoon excite "
+    '--manoeuvre "back and forth"): heating, current limit and resistance',
     "creep": "slow ramps from standstill to 30 % and back, both ways: stiction, deadband, dead zone, "
     "dry friction",
     "spin": "spins to both sides with quick reversals: backlash, slip, scrub, gyro scale and latency, "
@@ -280,7 +280,7 @@ MANOEUVRES: Mapping[str, str] = {
 """Safe manoeuvres in words, by key."""
 
 _SHOWN_BY: Mapping[str, str] = {
-    "motor.heating": "stall", "motor.current_limit": "stall", "motor.armature_resistance": "steps",
+    "motor.heating": "reversals", "motor.current_limit": "reversals", "motor.armature_resistance": "steps",
     "motor.back_emf_constant": "steps", "friction.stiction": "creep", "friction.coulomb": "creep",
     "friction.viscous": "straight", "friction.quadratic": "straight", "friction.load_dependent": "steps",
     "friction.direction_dependent": "square", "drive.slope": "square", "drive.backlash": "spin",
