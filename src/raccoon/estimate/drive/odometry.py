@@ -92,6 +92,11 @@ class Odometry:
         return self._touch.held_way
 
     @property
+    def slipped(self) -> bool:
+        """Whether a wheel slipped since the robot last stood, in a motion that had begun well."""
+        return self._fusion.slip.slipped
+
+    @property
     def wiring(self) -> Wiring:
         """Whether the robot turns as its wheels say."""
         return self._readings.wiring
