@@ -68,6 +68,28 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
     assert "left motor (port 0) takes 1.4" in odd[0]
 
 
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("config", [CONFIG, BARE])
+def test_a_gyro_of_another_full_scale_is_named_and_no_motor(factor: float, config: RobotConfig) -> None:
+    port = simulated(config=config, effects={"imu.gyro_scale": {"factor": factor}})
+    turns = seq(*(turn(math.radians(angle)) for angle in (90.0, -90.0) * 3), straight(0.2))
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(1.0))
+        robot.run(turns)
+        said = tuple(robot.drive.remarks.values())
+    assert any(f"the gyro reads {factor:.2f} times" in each for each in said)
+    assert not any("motor" in each for each in said)
+
+
+def test_a_wall_that_keeps_a_robot_from_turning_is_no_gyro() -> None:
+    with open_robot(CONFIG, port=simulated(world=World(walls=(Wall((0.12, -1.0), (0.12, 1.0)),)))) as robot:
+        robot.run(wait(1.0))
+        for turn_rate in (0.8, -0.8):
+            with pytest.raises(MotionTimeout):
+                robot.run(drive(0.12, turn_rate).timeout(4.0))
+        assert robot.odometry.turn_share == 1.0
+
+
 def test_a_nominal_robot_is_not_complained_about() -> None:
     result, _, robot = run(straight(1.0))
     assert robot.drive.oddities() == ()
