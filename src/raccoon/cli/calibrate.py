@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 from raccoon.cli.motors import add_calibration, put_in_if_asked, recorded_in_simulation
 from raccoon.core.config import Measured, RobotConfig, load_robot
-from raccoon.core.errors import ConfigError
+from raccoon.core.errors import CalibrationError, ConfigError
 
 if TYPE_CHECKING:
+    from raccoon.core.readings import Outputs
     from raccoon.estimate.drive_calibration.columns import TapedWay
     from raccoon.trace.loading import Run
 
@@ -100,13 +101,23 @@ def _check_lengths(args: argparse.Namespace) -> None:
 
 
 def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]) -> Mapping[str, Measured]:
+    from raccoon.estimate.drive_calibration.disturbed import disturbed
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
-    from raccoon.trace.columns import inputs_of
+    from raccoon.trace.columns import cycles_of
 
     if len(runs) != 1 or args.tape:
         raise ConfigError(f"--straight takes one recording and no --tape: there are {len(runs)} recordings")
-    inputs = list(inputs_of(runs[0].recording))
-    return calibrate_straight(robot, inputs, args.straight, distance_std=args.tape_std).entries(robot)
+    cycles = list(cycles_of(runs[0].recording))
+    inputs = [each for each, _ in cycles]
+    # What was commanded in a cycle is in force when the next one is read.
+    before: list[tuple[Outputs, ...]] = [(), *(commands for _, commands in cycles)]
+    in_force = [commands[-1] if commands else None for commands in before]
+    if why := disturbed(robot, zip(inputs, in_force, strict=False)):
+        raise CalibrationError(f"{args.recording[0]}: this drive tells nothing: {why}")
+    found = calibrate_straight(robot, inputs, args.straight, distance_std=args.tape_std)
+    for remark in found.remarks:
+        print(f"look here: {remark}")
+    return found.entries(robot)
 
 
 def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]) -> Mapping[str, Measured]:

@@ -102,13 +102,20 @@ def wheel_models(config: RobotConfig, device: Device | None = None) -> tuple[Whe
     return _wheel(config, "left", device), _wheel(config, "right", device)
 
 
+def calibrated_constant(config: RobotConfig, side: str, device: Device) -> float | None:
+    """K_E of a driven motor, V/(rad/s), by its `radians_per_tick`; None where it has none."""
+    ticks = config.motor(getattr(config.drive, side)).radians_per_tick
+    if ticks is None:
+        return None
+    return device.bemf_volts * device.position_counts_seconds / ticks.value
+
+
 def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
     model, motor = getattr(config.model, side), config.motor(getattr(config.drive, side))
     constant = model.back_emf_constant.value
-    if device is not None and motor.radians_per_tick is not None:
-        told = device.bemf_volts * device.position_counts_seconds / motor.radians_per_tick.value
-        if BELIEVED[0] < told / constant < BELIEVED[1]:
-            constant = told
+    told = None if device is None else calibrated_constant(config, side, device)
+    if told is not None and BELIEVED[0] < told / constant < BELIEVED[1]:
+        constant = told
     wheel = WheelModel(
         resistance=model.armature_resistance.value,
         back_emf_constant=constant,

@@ -98,7 +98,8 @@ class MotorConfig:
     radians_per_tick: Measured | None = optional(
         "rad",
         "wheel angle of one tick of the position counter; derived from the model when absent",
-        Bounds(1e-8, 10.0),
+        # Both firmwares' ticks are 0.003 rad or far less; the coarsest encoder has some in a turn.
+        Bounds(1e-8, 1.0),
     )
     bemf_offset: Measured | None = optional("counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
     power_factor: Measured = measured(

@@ -49,18 +49,28 @@ def calibrate_drive(
     tape gives the common scale of the wheels, the gyro's turn their ratio. Returns the configuration with
     the calibration in it: open the robot with it, or store it (`raccoon calibrate drive` does).
 
-    Raises CalibrationError where the drive cannot support a calibration, saying what to do; TypeError before
-    anything moves where `taped` is no function, and TypeError or ValueError where it gives no such distance.
+    A result that is far from what the configuration says is said, in the log and the recording.
+
+    Raises CalibrationError where the drive cannot support a calibration, or something held or bumped the
+    robot on its way, saying what to do; TypeError before anything moves where `taped` is no function, and
+    TypeError or ValueError where it gives no such distance.
     """
+    from raccoon.estimate.drive_calibration.disturbed import disturbance
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
     check_function(taped, "calibrate_drive()")
     check_limits(tape_std=tape_std)
     readings: list[Inputs] = []
-    _drive(robot, watched(seq(wait(REST), straight(distance), wait(REST)), readings))
+    _drive(robot, watched(wait(REST), readings))
+    result = _drive(robot, watched(straight(distance), readings))
+    if why := disturbance(result.held, robot.odometry.slipped, result.remarks):
+        raise CalibrationError(f"the drive of the calibration tells nothing: {why}")
+    _drive(robot, watched(wait(REST), readings))
     way = taped()
     check_way(**{"the taped way": way})
     found = calibrate_straight(robot.config, readings, way, distance_std=tape_std)
+    for remark in found.remarks:
+        say(robot, remark)
     return found.applied(robot.config)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from raccoon.control.feedforward import wheel_models
+from raccoon.control.feedforward import BELIEVED, calibrated_constant, wheel_models
 from raccoon.control.tuning import speed_loop_gains
 from raccoon.control.watch import ODD_SHARE, oddities
 from raccoon.control.wheels import REST, WheelLoop, WheelTarget
@@ -247,11 +247,24 @@ class Drive:
             named = " and ".join(f"{side} (motor port {ports[side]})" for side in stalled)
             return f"power and no motion at {named}: blocked, unplugged or a fuse"
         if self.wheels.missing_speed > 0.0:
-            missing = self.wheels.missing_speed * self._radius
-            return f"the battery is too weak: {missing:.3f} m/s are missing"
+            return self._why_missing()
         if self.wheels.saturated:
             return "a wheel is at full power and falls behind"
         return "the wheels follow" if any(self._given) else "the wheels are not driven"
+
+    def _why_missing(self) -> str:
+        """Why a wheel is slower than it is asked to be, at full power."""
+        missing, volts = self.wheels.missing_speed * self._radius, self.wheels.battery
+        if volts < self._config.battery.weakest:  # with this one all that is planned can be driven
+            return f"the battery is too weak, {volts:.2f} V: {missing:.3f} m/s are missing"
+        said = f"a wheel at full power falls behind by {missing:.3f} m/s though the battery has {volts:.2f} V"
+        for side, port in zip(("left", "right"), self._ports, strict=True):
+            told = None if self._device is None else calibrated_constant(self._config, side, self._device)
+            share = 1.0 if told is None else told / getattr(self._config.model, side).back_emf_constant.value
+            if not BELIEVED[0] < share < BELIEVED[1]:
+                wrong = f"radians_per_tick of motor {port} makes its K_E {share:.2g} times that of [model]"
+                return f"{said}: {wrong}"
+        return f"{said}: something holds the robot or a wheel, or a number of robot.toml is wrong"
 
     def speed_of(self, voltage: float) -> float:
         """M/s that so many V more at the motors are worth."""

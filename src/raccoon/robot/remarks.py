@@ -16,7 +16,12 @@ SIGMAS = 4.0
 
 
 def oddities(robot: Robot) -> tuple[str, ...]:
-    """Sentences that name side and port: motors not as they should be, scales that do not fit."""
+    """Sentences that name side and port: motors not as they should be, scales that do not fit.
+
+    Where wheels and gyro turn otherwise that goes first: what is then said of motors only follows from it.
+    """
+    if robot.odometry.turn_share != 1.0:
+        return (_turned_otherwise(robot),)
     off = mismatch(robot)
     return robot.drive.oddities() if off == 0.0 else (*robot.drive.oddities(), _mismatched(robot, off))
 
@@ -35,6 +40,14 @@ def mismatch(robot: Robot) -> float:
     left, right = robot.odometry.wheel_scales
     off = right / left - 1.0
     return off if abs(off) >= max(LEAST_MISMATCH, SIGMAS * math.hypot(*known)) else 0.0
+
+
+def _turned_otherwise(robot: Robot) -> str:
+    return (
+        f"in turns the gyro reads {robot.odometry.turn_share:.2f} times what the wheels say: is its scale "
+        "right (a full turn by hand must be 360 degrees; gyro_scale under [model.imu] in robot.toml), and "
+        "are track_width and wheel_radius under [model.drive]?"
+    )
 
 
 def _mismatched(robot: Robot, off: float) -> str:

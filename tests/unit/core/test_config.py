@@ -94,8 +94,9 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[motor.0]\ninverted = 1", r"motor.0.inverted = 1: allowed are true and false"),
         (
             "[motor.0]\nradians_per_tick = 0",
-            r"motor.0.radians_per_tick = 0: allowed are numbers from 1e-08 to 10 rad$",
+            r"motor.0.radians_per_tick = 0: allowed are numbers from 1e-08 to 1 rad$",
         ),
+        ("[motor.0]\nradians_per_tick = 3.5", r"allowed are numbers from 1e-08 to 1 rad$"),
         ("[motor.0]\nradians_per_tick = {std = 1}", r"motor.0.radians_per_tick has no value"),
         (
             "[motor.0]\nradians_per_tick = {value = 1, date = 3}",

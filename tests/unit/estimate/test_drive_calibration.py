@@ -107,3 +107,25 @@ def test_without_a_gyro_the_turn_can_be_given() -> None:
     cycles, distance = recorded(STRAIGHT, gyro_every=0)
     found = calibrate_straight(RobotConfig(), cycles, distance, turn=0.0)
     assert found.left.value / found.right.value == pytest.approx(0.965 / 1.035, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.83, 1.2])
+def test_a_tape_that_was_read_wrong_is_said(share: float) -> None:
+    cycles, distance = recorded(STRAIGHT)
+    assert calibrate_straight(RobotConfig(), cycles, distance).remarks == ()
+    known = calibrate_straight(RobotConfig(), cycles, distance).applied(RobotConfig())
+    (remark,) = calibrate_straight(known, cycles, share * distance).remarks
+    assert "read the tape again" in remark
+    assert f"{distance:.3f} m" in remark
+
+
+def test_a_motor_that_was_changed_is_said() -> None:
+    cycles, distance = recorded(STRAIGHT)
+    known = calibrate_straight(RobotConfig(), cycles, distance).applied(RobotConfig())
+    value = known.motor(0).radians_per_tick
+    assert value is not None
+    before = replace(known.motor(0), radians_per_tick=replace(value, value=1.1 * value.value))
+    (remark,) = calibrate_straight(
+        replace(known, motors={**known.motors, 0: before}), cycles, distance
+    ).remarks
+    assert "the left motor (port 0)" in remark

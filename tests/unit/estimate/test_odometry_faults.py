@@ -242,8 +242,52 @@ def test_scales_that_are_far_off_are_learnt_again() -> None:
         estimate = odometry.update(inputs, command)
         told.update(estimate.reasons)
     assert "the wheels' scales do not fit the gyro" in told
+    left, right = odometry.wheel_scales
+    assert right / left == pytest.approx(0.90 / 1.12, rel=0.01)
     assert inputs.truth is not None
     assert math.degrees(abs(estimate.heading - inputs.truth.heading)) < 0.5
+
+
+@pytest.mark.parametrize("track", [1.15, 1.0])
+@pytest.mark.parametrize("scale", [(1.15, 1.0), (1.05, 0.9), (1.0, 1.0), (0.87, 0.87)])
+def test_scales_that_robot_toml_may_be_wrong_by_are_learnt_and_lead_home(
+    scale: tuple[float, float], track: float
+) -> None:
+    """Uncalibrated: wheels and gyro tell the ratio of the scales; the turn is right in any case."""
+    odometry = Odometry(RobotConfig())
+    square: list[Segment] = [(1.0, 0.0, 0.0), *[(2.0, 0.18, 0.0), (1.2, 0.0, 1.4), (0.8, 0.0, 0.0)] * 2]
+    for inputs, command in drive(square, Errors(scale=scale, track=track)):
+        estimate = odometry.update(inputs, command)
+    assert inputs.truth is not None
+    assert math.degrees(abs(estimate.heading - inputs.truth.heading)) < 0.5
+    left, right = odometry.wheel_scales
+    assert right / left == pytest.approx(scale[1] / scale[0], rel=0.005)
+
+
+@pytest.mark.parametrize("lost", [1.0, 0.6, 0.3])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_wheel_that_spins_for_long_teaches_no_scales(side: str, lost: float) -> None:
+    spins: list[Segment] = [(1.0, 0.0, 0.0), (14.0, 0.18, 0.0), (1.0, 0.0, 0.0)]
+    odometry = Odometry(RobotConfig())
+    for inputs, command in drive(spins, Errors(slip=(3.0, 14.0, side, lost))):
+        estimate = odometry.update(inputs, command)
+        assert abs(estimate.velocity) < 0.25
+    assert inputs.truth is not None
+    assert odometry.wheel_scales == pytest.approx((1.0, 1.0), abs=0.01)
+    assert math.degrees(abs(estimate.heading - inputs.truth.heading)) < 1.0
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_what_no_robot_toml_is_wrong_by_is_no_scale(side: str) -> None:
+    """A wheel that spins from the first moment on, as where a robot stands at a wall when it starts."""
+    spins: list[Segment] = [(1.0, 0.0, 0.0), (20.0, 0.18, 0.0), (1.0, 0.0, 0.0)]
+    odometry = Odometry(RobotConfig())
+    told: set[str] = set()
+    for inputs, command in drive(spins, Errors(slip=(0.9, 20.0, side, 1.0))):
+        told.update(odometry.update(inputs, command).reasons)
+        assert odometry.wheel_scales == pytest.approx((1.0, 1.0), abs=0.2)
+    assert f"the {side} wheel slips" in told
+    assert "the wheels' scales do not fit the gyro" not in told
 
 
 def test_a_bump_is_felt() -> None:

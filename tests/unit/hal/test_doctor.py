@@ -15,6 +15,9 @@ from raccoon.core.config import DriveConfig, Measured, MotorConfig, RobotConfig,
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault
 from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.world import World
 
 ROBOT = RobotConfig(tophats={"front_left": TophatConfig(analog=0), "front_right": TophatConfig(analog=1)})
 
@@ -329,3 +332,16 @@ def test_the_table_tells_problem_and_remedy_below_the_row() -> None:
 def test_an_empty_report_is_not_well() -> None:
     assert not Report().well
     assert not Report([Finding("motors", Verdict.NOT_CHECKED, "")]).well
+
+
+@pytest.mark.parametrize("factor", [0.5, 0.8, 1.0, 1.25, 2.0])
+def test_a_gyro_of_another_full_scale_is_seen(factor: float) -> None:
+    parameters = Parameters.from_robot(RobotConfig()).with_effect("imu.gyro_scale", factor=factor)
+    found = examine(SimPort(parameters, World()), RobotConfig())
+    finding = next(each for each in found.findings if each.subject == "wiring signs")
+    if 0.6 < factor < 1.6:
+        assert finding.verdict is Verdict.OK
+    else:
+        assert finding.verdict is Verdict.WARNING
+        assert f"the gyro sees {factor:.2f} times" in finding.problem
+        assert "gyro_scale" in finding.remedy

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from raccoon import (
+    Action,
     MotionTimeout,
     Robot,
     RobotConfig,
@@ -26,7 +28,7 @@ from raccoon import (
     when,
 )
 from raccoon.core.clock import SteppedClock
-from raccoon.core.config import TophatConfig
+from raccoon.core.config import Measured, MotorConfig, TophatConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.hal.wombat.emulator import Emulator
@@ -66,6 +68,56 @@ def test_half_as_much_resistance_again_is_controlled_and_reported() -> None:
     odd = robot.drive.oddities()
     assert len(odd) == 1
     assert "left motor (port 0) takes 1.4" in odd[0]
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@pytest.mark.parametrize("config", [CONFIG, BARE])
+def test_a_gyro_of_another_full_scale_is_named_and_no_motor(factor: float, config: RobotConfig) -> None:
+    port = simulated(config=config, effects={"imu.gyro_scale": {"factor": factor}})
+    turns = seq(*(turn(math.radians(angle)) for angle in (90.0, -90.0) * 3), straight(0.2))
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(1.0))
+        robot.run(turns)
+        said = tuple(robot.drive.remarks.values())
+    assert any(f"the gyro reads {factor:.2f} times" in each for each in said)
+    assert not any("motor" in each for each in said)
+
+
+def gives_up(port: Port, action: Action[Any], config: RobotConfig = CONFIG) -> str:
+    """What a motion says that does not come to its end."""
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(1.0))
+        with pytest.raises(MotionTimeout) as found:
+            robot.run(action)
+        return str(found.value)
+
+
+def test_only_a_battery_that_is_low_is_blamed() -> None:
+    full = gives_up(
+        simulated(world=World(walls=(Wall((0.2, -1.0), (0.2, 1.0)),))), arc(0.25, math.radians(90.0))
+    )
+    assert "battery is too weak" not in full
+    assert "something holds the robot or a wheel" in full
+    flat = simulated(effects={"battery.open_circuit_voltage": {"voltage": 4.0}})
+    assert "the battery is too weak, 3." in gives_up(flat, drive(0.3).timeout(1.0))
+
+
+def test_ticks_that_no_motor_has_are_named() -> None:
+    """A point in the wrong place: 100 times what a tick is."""
+    ticks = Measured(0.35)
+    config = replace(CONFIG, motors={port: MotorConfig(radians_per_tick=ticks) for port in (0, 1)})
+    said = gives_up(simulated(), straight(0.5), config)
+    assert "battery is too weak" not in said
+    assert "radians_per_tick of motor 0 makes its K_E 0.0087 times that of [model]" in said
+
+
+def test_a_wall_that_keeps_a_robot_from_turning_is_no_gyro() -> None:
+    with open_robot(CONFIG, port=simulated(world=World(walls=(Wall((0.12, -1.0), (0.12, 1.0)),)))) as robot:
+        robot.run(wait(1.0))
+        for turn_rate in (0.8, -0.8):
+            with pytest.raises(MotionTimeout):
+                robot.run(drive(0.12, turn_rate).timeout(4.0))
+        assert robot.odometry.turn_share == 1.0
 
 
 def test_a_nominal_robot_is_not_complained_about() -> None:

@@ -4,6 +4,9 @@ one."""
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -12,22 +15,27 @@ from raccoon import (
     MotionResult,
     after_distance,
     align_on_wall,
+    arc,
     bumped,
+    calibrate_drive,
     drive,
     drive_to,
     follow_path,
     open_robot,
+    seq,
     straight,
     turn,
     wait,
 )
+from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import MotionTimeout
+from raccoon.core.errors import CalibrationError, MotionTimeout
 from raccoon.core.port import Port
 from raccoon.core.readings import Status
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
+from raccoon.robot.robot import Robot
 from raccoon.sim.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world import Box, Ramp, Wall, World
@@ -218,3 +226,74 @@ def test_going_on_from_a_rest_on_a_ramp_is_no_bump(firmware: Firmware | None) ->
             begin = robot.estimate.distance
             robot.run(drive(0.15).until(bumped() | after_distance(way)))
             assert robot.estimate.distance - begin > 0.99 * way, pause
+
+
+@pytest.mark.parametrize("firmware", [None, "stock", 21])
+def test_wheels_that_spun_at_a_wall_calibrate_nothing(
+    firmware: Firmware | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """However honest the tape is."""
+    config = RobotConfig()
+    file, toml = tmp_path / "run.jsonl.gz", tmp_path / "robot.toml"
+    toml.write_text("", encoding="utf-8")
+    with (
+        open_robot(config, port=opened(config, firmware, ahead(0.45))) as robot,
+        pytest.raises(CalibrationError, match="the wheels may have spun for"),
+    ):
+        calibrate_drive(robot, lambda: 0.37)
+    with open_robot(config, port=opened(config, firmware, ahead(0.45)), record=file) as robot:
+        robot.run(seq(wait(1.0), straight(0.6), wait(1.0)))
+    assert main(["calibrate", "drive", str(file), "--robot", str(toml), "--straight", "0.37"]) != 0
+    assert "the wheels may have spun for" in capsys.readouterr().err
+
+
+def test_a_free_way_calibrates_and_a_tape_read_wrong_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, toml = tmp_path / "run.jsonl.gz", tmp_path / "robot.toml"
+    toml.write_text("", encoding="utf-8")
+    with open_robot(RobotConfig(), port=opened(RobotConfig(), None, World()), record=file) as robot:
+        calibrate_drive(robot, lambda: 0.5)
+        (remark,) = robot.drive.remarks.values()
+        assert "read the tape again" in remark
+    straight_drive = ["calibrate", "drive", str(file), "--robot", str(toml), "--straight"]
+    assert main([*straight_drive, "0.6"]) == 0
+    assert "tape" not in capsys.readouterr().out
+    assert main([*straight_drive, "0.5"]) == 0
+    assert "read the tape again" in capsys.readouterr().out
+
+
+AT_THE_BORDER: dict[str, Callable[[], Action[Any]]] = {
+    "path": lambda: follow_path([(0.5, 0.45), (0.7, 0.5)]),
+    "arc to the left": lambda: arc(0.25, math.radians(90.0)),
+    "arc to the right": lambda: arc(0.25, math.radians(-90.0)),
+    "drive": lambda: drive(0.15, -0.6).timeout(8.0),
+}
+
+
+@pytest.mark.parametrize("name", AT_THE_BORDER)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_after_wheels_that_spun_at_the_border_the_next_motion_drives_its_distance(
+    name: str, seed: int
+) -> None:
+    config = RobotConfig()
+    port = SimPort(Parameters.from_robot(config), World.default(), seed=seed)
+    with open_robot(config, port=port) as robot:
+        robot.run(seq(wait(1.0), straight(0.5), turn(math.radians(90.0)), straight(0.3)))
+        with pytest.raises(MotionTimeout):
+            robot.run(AT_THE_BORDER[name]())
+        assert robot.odometry.wheel_scales == pytest.approx((1.0, 1.0), abs=0.01)
+        assert robot.estimate is not None
+        assert abs(robot.estimate.velocity) < 0.3
+        for _ in range(2):
+            before = truth_of(robot)
+            robot.run(straight(-0.15))
+            after = truth_of(robot)
+            assert math.dist(before, after) == pytest.approx(0.15, abs=0.005)
+
+
+def truth_of(robot: Robot) -> tuple[float, float]:
+    """M, where a simulated robot is."""
+    assert robot.inputs is not None
+    assert robot.inputs.truth is not None
+    return robot.inputs.truth.x, robot.inputs.truth.y

@@ -16,7 +16,7 @@ import numpy as np
 from raccoon.estimate.drive.estimate import Observation
 from raccoon.estimate.drive.health import Reasons
 from raccoon.estimate.drive.observations import Seen, Way, checked, of_state
-from raccoon.estimate.drive.slip import SlipWatch
+from raccoon.estimate.drive.slip import RESTING_SPEED, SlipWatch, explained, possible
 from raccoon.estimate.drive.wheels import LONGEST_GAP
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.generated import Flat
@@ -25,7 +25,7 @@ from raccoon.estimate.ekf.state import OdometrySettings, State
 from raccoon.model.drive import DriveGeometry
 
 KEPT_STEPS = 100
-DOUBTED = 100.0
+DOUBTED = 1e4
 """(rad/s)^2, variance of a wheel that slips: it counts for nothing beside the others."""
 LOST_HEADING = 0.4
 """rad, deviation after a gap beyond which nothing is known of the pose."""
@@ -33,6 +33,8 @@ LOST = 2.0
 """m and rad: anywhere on a table, facing anywhere."""
 RELEARN = 0.05
 """Deviation that both scales get where they turn out wrong."""
+MOST_RELEARNT = 5
+"""How often they get it: the truth is found in two or three."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,7 @@ class Fusion:
         self._settings = settings
         self._half_a_turn = 0.5 * self.geometry.track_width / self.geometry.wheel_radius
         self._travel = 0.0
+        self._relearnt = 0
         self._steps: deque[Step] = deque(maxlen=KEPT_STEPS)
 
     def place(self, x: float, y: float, heading: float) -> None:
@@ -108,6 +111,8 @@ class Fusion:
         self.held = reading.held > 0.0
         if len(reading.values) == 3 and not reading.still:
             reading = self._judged(reading, before, innovations, reasons, repeated_gyro)
+        if not possible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
+            self.drive.take_scales(before)  # no robot.toml is that wrong: something else was taken for it
         if reading.still:
             self._hold_still()
         flat, span = self.drive.flat, reading.span
@@ -128,21 +133,24 @@ class Fusion:
         slip, time = self.slip, reading.time
         innovation, variance = innovations[4], innovations[5]
         if not slip.disagrees(innovation, variance):
-            if slip.is_unsure(innovation, variance, reading.of_gyro):
+            spins = slip.slipped or reading.held > 0.0
+            if spins or slip.is_unsure(innovation, variance, reading.of_gyro):
                 # The gyro tells the turn, and nothing is learnt of scales and delays.
                 self.drive.flat = before
                 half = innovation * self._half_a_turn
-                reading = replace(reading, swing=0.0, wobble=reading.wobble + half * half)
+                doubt = DOUBTED if spins else half * half
+                reading = replace(reading, swing=0.0, wobble=reading.wobble + doubt)
                 self._take(reading)
-            slip.calm(reading.span)
+            slip.calm(reading.span, max(map(abs, reading.values[:2])) > RESTING_SPEED)
             return reading
         self.drive.flat = before
         if repeated_gyro:
             reasons.tell("the gyro is frozen", time)
             reading = replace(reading, values=reading.values[:2], variances=reading.variances[:2])
-        elif slip.scales_are_wrong:
+        elif slip.scales_are_wrong and self._relearnt < MOST_RELEARNT:
             reasons.tell("the wheels' scales do not fit the gyro", time, 1.0)
             slip.start_again()
+            self._relearnt += 1
             self.drive.doubt_scales(RELEARN)
         else:
             reading = self._without_a_wheel(reading, innovation)
@@ -154,7 +162,9 @@ class Fusion:
     def _without_a_wheel(self, reading: Reading, innovation: float) -> Reading:
         flat, (left, right) = self.drive.flat, reading.values[:2]
         speeds = left - flat[State.LEFT_OFFSET], right - flat[State.RIGHT_OFFSET]
-        blamed = self.slip.blame(reading.span, innovation, *speeds)
+        turn = (reading.values[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
+        scales = reading.held == 0.0 and explained(2.0 * self._half_a_turn * turn, *speeds)
+        blamed = self.slip.blame(reading.span, innovation, *speeds, scales)
         of_left, of_right, of_gyro = reading.variances
         if blamed == "left":
             return replace(reading, variances=(of_left + DOUBTED, of_right, of_gyro))
@@ -189,6 +199,7 @@ class Fusion:
             self._travel = 0.0
 
     def _hold_still(self) -> None:
+        self.slip.rest()
         settings = self._settings
         self.drive.still(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
 

@@ -26,6 +26,7 @@ from raccoon.estimate.drive.readings import DriveReadings, Pending
 from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
+from raccoon.estimate.drive.turn_share import TurnShare
 from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
 from raccoon.estimate.drive.wiring import Wiring
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
@@ -69,7 +70,7 @@ class Odometry:
         self._left, self._right = self._readings.left, self._readings.right
         self._gyro, self._reasons = self._readings.gyro, self._readings.reasons
         self._standstill, self._swing, self._shaking = Standstill(), Swing(), Shaking()
-        self._touch = Touch(robot, self._readings)
+        self._touch, self._turn_share = Touch(robot, self._readings), TurnShare()
         self._configure(SIMULATOR)
         self.resets = 0
         """How often the pose was set anew, after which nothing planned in the one before holds."""
@@ -87,9 +88,19 @@ class Odometry:
         return wheel_scales(flat[State.WAY], flat[State.BALANCE])
 
     @property
+    def turn_share(self) -> float:
+        """Turn by the gyro over that of the wheels, where all turns say that a number is far off; else 1."""
+        return self._turn_share.value
+
+    @property
     def held_way(self) -> float:
         """M that both wheels turned so far while they carry what they do at a wall; 0 where they do not."""
         return self._touch.held_way
+
+    @property
+    def slipped(self) -> bool:
+        """Whether a wheel slipped since the robot last stood, in a motion that had begun well."""
+        return self._fusion.slip.slipped
 
     @property
     def wiring(self) -> Wiring:
@@ -265,6 +276,7 @@ class Odometry:
         """Whether the robot turns as its wheels say, by rad/s of theirs and of the gyro's."""
         turned = self._geometry.body_motion(left, 0.0)[1], self._geometry.body_motion(0.0, right)[1]
         self._readings.wiring.update(span, *turned, gyro)
+        self._turn_share.update(span, sum(turned), gyro)
         if self._readings.wiring.suspects:
             self._reasons.tell(OTHERWISE, self._readings.time)
 

@@ -21,13 +21,18 @@ from statistics import fmean, pstdev
 
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.errors import CalibrationError
-from raccoon.core.readings import Inputs
+from raccoon.core.readings import Device, Inputs
+from raccoon.estimate.drive.prior import scale_std
 from raccoon.estimate.drive.wheels import WheelDecoder, counts_scale
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
+from raccoon.estimate.ekf.state import OdometrySettings
 
 SHORTEST = 0.2
 """m; below it the tape's error is above 1 %."""
 MOST_TURN = math.radians(30.0)
+SURPRISING, ALIKE = 3.0, 0.03
+"""Standard deviations off robot.toml that are worth a word, and by how much both wheels may differ in it
+where one tape is the cause of both."""
 SLIP = 0.0005
 """m of wheel travel after one metre that nobody can predict; grows with its square root."""
 
@@ -38,7 +43,7 @@ class StraightCalibration:
 
     left, right: radians per tick. left_offset, right_offset: back-EMF counts at rest in the sign of the
     board, None where the recording has no rest with back-EMF. gyro_bias: rad/s. turn: rad the robot turned
-    on the way.
+    on the way. remarks: what is strange about the result, in words.
     """
 
     left: Measured
@@ -48,6 +53,7 @@ class StraightCalibration:
     gyro_bias: Measured | None
     turn: float
     distance: float
+    remarks: tuple[str, ...] = ()
 
     def applied(self, robot: RobotConfig) -> RobotConfig:
         """The robot with this calibration in place of its own."""
@@ -131,6 +137,7 @@ def calibrate_straight(
         gyro_bias=bias,
         turn=turn,
         distance=distance,
+        remarks=_surprises(robot, inputs[0].device, values, distance),
     )
 
 
@@ -232,3 +239,29 @@ def _believed(robot: RobotConfig, side: str, inputs: Sequence[Inputs], value: Me
         )
     voltages = [volts for cycle in inputs if (volts := cycle.battery_voltage) is not None]
     return replace(value, battery_voltage=fmean(voltages) if voltages else None)
+
+
+def _surprises(
+    robot: RobotConfig, device: Device, found: Sequence[Measured], distance: float
+) -> tuple[str, ...]:
+    """Words for values that robot.toml, as sure as it is, did not let expect."""
+    settings = OdometrySettings()
+    said, shares = [], []
+    for side, value in zip(("left", "right"), found, strict=True):
+        share = value.value / (counts_scale(robot, side, device) * device.position_counts_seconds)
+        known = math.hypot(scale_std(robot, settings, side), value.std / value.value)
+        shares.append(share)
+        off = abs(share - 1.0) / known
+        if off > SURPRISING:
+            said.append(
+                f"radians_per_tick of the {side} motor (port {getattr(robot.drive, side)}) is {share:.3f} "
+                f"times what robot.toml says, {off:.1f} of its standard deviations off: was this motor or "
+                "wheel changed?"
+            )
+    if len(said) == 2 and abs(shares[0] / shares[1] - 1.0) < ALIKE:
+        share = 0.5 * (shares[0] + shares[1])
+        return (
+            f"both motors' radians_per_tick are {share:.3f} times what robot.toml says, by which the robot "
+            f"went {distance / share:.3f} m, not {distance:g}: read the tape again",
+        )
+    return tuple(said)

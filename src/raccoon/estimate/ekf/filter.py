@@ -257,3 +257,11 @@ class DriveFilter:
             flat[variance_index(state)] += each
         flat[covariance_index(State.WAY, State.WHEEL_TURN)] -= each
         self.flat = tuple(flat)
+
+    def take_scales(self, flat: Flat) -> None:
+        """Take the scales of wheels and track width to be those of another belief."""
+        self.flat = (
+            *self.flat[: State.WAY],
+            *flat[State.WAY : State.GYRO_SCALE],
+            *self.flat[State.GYRO_SCALE :],
+        )

@@ -1,6 +1,8 @@
-"""Whether positive duty drives forward: a wheel driven alone turns the robot, and the gyro sees which way.
+"""Whether positive duty drives forward: a wheel driven alone turns the robot, and the gyro sees which way,
+and how fast.
 
-The left wheel forward turns clockwise (negative), the right one counter-clockwise (positive).
+The left wheel forward turns clockwise (negative), the right one counter-clockwise (positive): about the other
+wheel, which stands, so at its speed times its radius over the track width.
 """
 
 from __future__ import annotations
@@ -14,6 +16,9 @@ from raccoon.hal.doctor.trial import MotorTrial
 
 TURN_LIMIT = 0.05
 """rad/s that one driven wheel must turn the robot by, to tell which way."""
+LEAST_SHARE, MOST_SHARE = 0.6, 1.6
+"""What the gyro may see of the turn that the wheels read: K_E, radius and track width of robot.toml may be
+that wrong. A gyro whose full scale is not the one that the firmware promises is off by 2."""
 
 
 def wiring(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Finding:
@@ -33,6 +38,10 @@ def wiring(config: RobotConfig, trials: Mapping[int, MotorTrial]) -> Finding:
     values = {f"turn_rate_{side}": turn for side, turn in seen.items()}
     wrong = [side for side, (_, sign) in sides.items() if seen[side] * sign < 0.0]
     if not wrong:
+        shares = [_share(config, side, trials[port], seen[side]) for side, (port, _) in sides.items()]
+        known = [share for share in shares if share is not None]
+        if known and not LEAST_SHARE < mean(known) < MOST_SHARE:
+            return _off_scale(measured, mean(known), values)
         return Finding("wiring signs", Verdict.OK, measured, values=values)
     problem, remedy = _advice(config, wrong)
     return Finding("wiring signs", Verdict.FAULT, measured, problem, remedy, values)
@@ -49,6 +58,31 @@ def _turn(config: RobotConfig, trial: MotorTrial | None) -> float | None:
         if move.turn_rate is not None
     ]
     return mean(rates) if rates else None
+
+
+def _share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> float | None:
+    """The robot's turn by the gyro, over the one that the wheel read; None without back-EMF."""
+    readings = [abs(move.bemf) for move in trial.moves if move.bemf is not None]
+    if not readings or mean(readings) == 0.0:
+        return None
+    motor, drive = config.motor(trial.motor_port), config.model.drive
+    per_count: float = trial.device.bemf_volts / getattr(config.model, side).back_emf_constant.value
+    if motor.radians_per_tick is not None:
+        per_count = motor.radians_per_tick.value / trial.device.position_counts_seconds
+    return abs(turn) * drive.track_width.value / (mean(readings) * per_count * drive.wheel_radius.value)
+
+
+def _off_scale(measured: str, share: float, values: Mapping[str, float]) -> Finding:
+    return Finding(
+        "wiring signs",
+        Verdict.WARNING,
+        measured,
+        f"the gyro sees {share:.2f} times the turn that the wheels read",
+        "turn the robot once round by hand: where the gyro does not sum up to 360 degrees, its scale is "
+        "wrong (another full scale, a factor of 2: write gyro_scale under [model.imu] in robot.toml); where "
+        "it does, track_width and wheel_radius under [model.drive] or the motors' K_E are",
+        {**values, "gyro_over_wheels": share},
+    )
 
 
 def _advice(config: RobotConfig, wrong: list[str]) -> tuple[str, str]:

@@ -1,0 +1,40 @@
+"""Was something in the way of a calibration drive? Wheels that spin count a way that the robot did not go,
+and the most honest tape makes wrong scales of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Inputs, Outputs
+from raccoon.estimate.drive.odometry import Odometry
+
+REMEDY = "give it a free way and drive again"
+
+
+def disturbance(held: float, slipped: bool, told: Iterable[str]) -> str:
+    """What disturbed a drive and what to do, "" where nothing did.
+
+    held: m that both wheels turned while they carried what they do at a wall. slipped: a wheel did, in a
+    motion that had begun well. told: reasons of the odometry.
+    """
+    if held > 0.0:
+        return (
+            f"the wheels may have spun for {held:.3f} m of the way, at a wall or at something heavy: {REMEDY}"
+        )
+    if any(reason.startswith("bumped") for reason in told):
+        return f"the robot ran into something on the way: {REMEDY}"
+    if slipped:
+        return f"a wheel slipped on the way: {REMEDY}"
+    return ""
+
+
+def disturbed(robot: RobotConfig, cycles: Iterable[tuple[Inputs, Outputs | None]]) -> str:
+    """`disturbance` of a recorded drive: what was read, and the command in force (None: not known)."""
+    odometry = Odometry(robot)
+    held, slipped, told = 0.0, False, set[str]()
+    for inputs, command in cycles:
+        told.update(odometry.update(inputs, command).reasons)
+        held, slipped = max(held, odometry.held_way), slipped or odometry.slipped
+    return disturbance(held, slipped, told)
