@@ -53,14 +53,14 @@ SPARED = 1.8
 """Root mean square of that response, in units of the noise, up to which the gates are enough against it."""
 WORST = 2.5
 """Most by which that raises what is faint."""
-FORESEEN = 1.55
+FEW = 8
+"""Changes of speed up to which a drive may show too few of them to foresee one from the others: a leg there
+and back has four, 10 s as the tool advises 9 at least, 12 s of an exciting drive 11, a contest drive 17."""
+FORESEEN = 1.25
 """Times what a working point leaves, of one channel, from which what is foreseen is worse than that for want
-of anything to foresee it from. On 40 s of an exciting drive the error is up to 1.1 times that, on 12 s 1.5,
-on a leg there and back 5."""
+of anything to foresee it from: on a leg there and back it is up to 5."""
 SMALLER = (0.3, 0.1, 0.03)
 """Parts of their usual size in which all directions but the model's own are tried then."""
-MOST_NOISE = 2.0
-"""Times that, of one channel and regime, by which noise may be larger after all."""
 FLOOR_SHARES = (0.0, 0.02, 0.04, 0.07)
 FEEBLE = 0.02
 """Variance, in units of the noise, below which a direction is left out: it would change nothing."""
@@ -93,11 +93,9 @@ def whitener_for(
         else white_noise(np.maximum(linear.residual.std(axis=0), floors), regimes)
     )
     rest, wander = linear.residual, 0.0
+    left = np.maximum(_levels(rest, regimes), floors) if _changes(regimes) <= FEW else None
     for _ in range(1 if before is not None else 2):
-        left = np.maximum(_levels(linear.residual, regimes), floors)
         rest, wander = _unexplained(noise, known, slow, linear.target, left, event)
-        much = _levels(rest, regimes) > MOST_NOISE * left
-        rest = np.where(much, MOST_NOISE * linear.residual, rest)
         noise = fit_noise(rest, ORDER, floors, regimes, event)
     own = noise.whiten(linear.own[: len(problem.base)])
     last = {each.name: place for place, each in enumerate(linear.groups)}
@@ -178,12 +176,12 @@ def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bo
 
 
 def _unexplained(
-    noise: NoiseModel, known: Sequence[Array], slow: Array, target: Array, left: Array, event: int
+    noise: NoiseModel, known: Sequence[Array], slow: Array, target: Array, left: Array | None, event: int
 ) -> tuple[Array, float]:
     """The foreseen error, (bins, channels), and the share of wandering friction that is expected.
 
-    known: directions, the model's own first. left: how much a working point leaves, (bins, channels), on
-    average over its regime.
+    known: directions, the model's own first. left: of a drive with few changes of speed, how
+    much a working point leaves, (bins, channels), on average over its regime.
 
     A drive with four ramps foresees none of them from the others, once two hundred directions may differ: the
     error is then what is not known, as smooth as a model is, and beside such noise smooth errors of a model
@@ -202,14 +200,21 @@ def _unexplained(
         its[len(known[0]) : len(columns) - len(slow)] *= part
         return foreseen_error(gram.matrix, white, columns, goal, target, its, event)
 
-    def size(error: Array) -> float:
-        """Of the channel where it is largest, in parts of what is left."""
-        return float(np.sqrt(((error / left) ** 2).mean(axis=0)).max())
-
     rest = foreseen(1.0)
-    if size(rest) > FORESEEN:
-        rest = min((rest, *map(foreseen, SMALLER)), key=size)
+    if left is not None and _far(rest, left) > FORESEEN:
+        rest = min((rest, *map(foreseen, SMALLER)), key=partial(_far, left=left))
     return rest, wander
+
+
+def _far(error: Array, left: Array) -> float:
+    """How large an error is, in parts of what is left, of the channel where that is most."""
+    return float(np.sqrt(((error / left) ** 2).mean(axis=0)).max())
+
+
+def _changes(regimes: NDArray[np.intp]) -> int:
+    """How often a drive changes its speed."""
+    changing = regimes == CHANGING
+    return int(changing[0]) + int((changing[1:] & ~changing[:-1]).sum())
 
 
 def _levels(values: Array, regimes: NDArray[np.intp]) -> Array:
