@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.loads import loads_told, with_loads
 from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.quality import check_units, moves
@@ -54,6 +55,7 @@ OVER_WAYS = ("drive.wheel_eccentricity", "drive.slope")
 UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
 """Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
 of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
+RESISTANCE = ("battery.internal_resistance", None, "resistance")
 ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
 
 
@@ -111,7 +113,11 @@ def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     log = log_from_columns(columns, robot)
     check_units(log, robot)
     check_order(log)
-    return log if firmware is None else firmware.understood(log, columns, robot)
+    if firmware is not None:
+        log = firmware.understood(log, columns, robot)
+        if firmware.chain.battery_held:  # such a reading is low without a load
+            return log
+    return with_loads(log, columns, robot)
 
 
 def _searched(
@@ -195,6 +201,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     depends_on += (DEPENDS_ON,) if bursts else ()
     left = judged.left if judged.is_far else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
+    resistance = search.problem.settings(search.fit.point)[RESISTANCE]
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     return Diagnosis(
         verdict,
@@ -207,6 +214,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         extended(search.problem, spread, causes, habits.chain),
         (
             *log.notes,
+            *loads_told(log, resistance),
             *bursts,
             *notes_of(habits, causes, spread),
             *bent_notes(search),
