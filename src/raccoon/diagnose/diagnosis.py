@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.held import of_free_driving, with_free_driving
+from raccoon.diagnose.drives.loads import loads_told, with_loads
 from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.quality import check_units, moves
@@ -55,6 +56,7 @@ OVER_WAYS = ("drive.wheel_eccentricity", "drive.slope")
 UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
 """Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
 of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
+RESISTANCE = ("battery.internal_resistance", None, "resistance")
 ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
 
 
@@ -114,7 +116,11 @@ def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     free = of_free_driving(log)
     check_units(free, robot, native=firmware is not None)
     check_order(free)
-    return free if firmware is None else of_free_driving(firmware.understood(log, columns, robot))
+    if firmware is not None:
+        free = of_free_driving(firmware.understood(log, columns, robot))
+        if firmware.chain.battery_held:  # such a reading is low without a load
+            return free
+    return with_loads(free, columns, robot)
 
 
 def _searched(
@@ -198,6 +204,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     depends_on += (DEPENDS_ON,) if bursts else ()
     left = judged.left if judged.is_far else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
+    resistance = search.problem.settings(search.fit.point)[RESISTANCE]
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
     return Diagnosis(
         verdict,
@@ -210,6 +217,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         extended(search.problem, spread, causes, habits.chain),
         (
             *log.notes,
+            *loads_told(log, resistance),
             *bursts,
             *notes_of(habits, causes, spread),
             *bent_notes(search),

@@ -54,9 +54,9 @@ def _before_cutting(channel: Channel) -> Array:
 
 
 def _within(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
-    """Which times, s, are nearer than reach to what the log has lost."""
+    """Which times, s, are nearer than reach to what the log has lost, or to what other loads act in."""
     lost = np.zeros(len(time), bool)
-    for start, end in log.lost:
+    for start, end in (*log.lost, *((each.start, each.end) for each in log.loads)):
         lost |= (time > start - reach) & (time < end + reach)
     return lost
 
@@ -64,7 +64,7 @@ def _within(log: Log, time: Array, reach: float) -> NDArray[np.bool_]:
 def _known(log: Log) -> tuple[Channel, ...]:
     """The channels without readings of what is lost: a line from the last one before a gap must not end at
     one of a robot that has not settled yet."""
-    if not log.lost:
+    if not (log.lost or log.loads):
         return log.channels
     lost = _within(log, log.time, 0.0)
     return tuple(replace(each, values=np.where(lost, np.nan, each.values)) for each in log.channels)
@@ -85,13 +85,13 @@ class Features:
     @classmethod
     def of(cls, log: Log, width: float = BIN) -> Features:
         """Bins of that width, s, from the settling of the unknown start state to the end, less what is
-        lost."""
+        lost and what other loads act in."""
         start = log.time[0] + SETTLING
         count = max(int((log.time[-1] - start) / width), 1)
         position = np.floor((log.time - start) / width).astype(np.intp)
         time = start + width * (np.arange(count) + 0.5)
         maps = tuple(_bins(each, position, count) for each in _known(log))
-        if log.lost:
+        if log.lost or log.loads:
             kept = np.flatnonzero(~_within(log, time, width / 2))
             time, maps = time[kept], tuple(csr_array(each[kept]) for each in maps)
         measured = np.column_stack(

@@ -48,6 +48,17 @@ class Channel:
     floor: float
 
 
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What draws current beside the wheels. start, end: s, from and to. sag: V that the battery's reading is
+    low by, most of the time. by: columns that tell what it may be."""
+
+    start: float
+    end: float
+    sag: float
+    by: tuple[str, ...] = ()
+
+
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Log:
     """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
@@ -55,8 +66,9 @@ class Log:
     lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
     there. Nothing is compared in them. held: s, from and to, what of it has rows, but was not driven freely
     (`held.py`). clocks: of the samples of the left and the right wheel, where they are known; the wheels'
-    readings are then as if each were half a cycle old, and commands wait for them.
-    brake: (n, 2), whether each motor is shorted where its duty is 0; None where the recording does not say.
+    readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2), whether each
+    motor is shorted where its duty is 0; None where the recording does not say. loads: other ones than the
+    wheels on the battery; nothing is compared while they act either.
     """
 
     time: Array
@@ -68,6 +80,7 @@ class Log:
     held: tuple[tuple[float, float], ...] = ()
     clocks: tuple[SampleClock | None, SampleClock | None] = (None, None)
     brake: NDArray[np.bool_] | None = None
+    loads: tuple[Load, ...] = ()
 
     @property
     def seconds(self) -> float:

@@ -1,0 +1,95 @@
+"""What other loads than the wheels take from the battery: servos, motors on other ports, a short.
+
+No model of the drive knows their current. The battery's reading is low by their sag, and the motors get as
+much less, by 1 to 3 %. Taken for the wheels' doing, a sag at rest makes the battery stiffer than it is, and
+one that stays an emptying battery. So nothing is compared while they act.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.log import SETTLED, SHORTEST_SECONDS, Load, Log
+from raccoon.diagnose.drives.sag import Sight
+
+Array = NDArray[np.float64]
+
+SAID = 3
+MOST_OF_IT = (
+    "something other than the wheels draws current for most of the drive, as the battery's voltage shows: "
+    "what is said of the battery may be its doing"
+)
+
+
+def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Log:
+    """The log with what the battery's reading shows of other loads than the wheels. columns: of the
+    recording, which name servos and other motors.
+
+    Of one that stays, and leaves next to nothing of the drive before it, that is left out instead.
+    """
+    sight = Sight.of(log)
+    found = () if sight is None else tuple(sight.loads())
+    if sight is None or not found:
+        return log
+    if sight.is_enough_without(found):
+        return replace(log, loads=tuple(replace(each, by=_acting(each, columns, robot)) for each in found))
+    stays = next((each for each in found if sight.is_on_from(each.start, found)), None)
+    if stays is None or not log.time[0] + SETTLED < stays.start < log.time[-1] - 2.0 * SHORTEST_SECONDS:
+        return replace(log, notes=(*log.notes, MOST_OF_IT))
+    begin = stays.start + SETTLED
+    later = with_loads(log.between(begin, np.inf), columns, robot)
+    before = replace(stays, start=float(log.time[0]), end=begin, sag=-stays.sag)
+    return replace(later, time=log.time, duty=log.duty, channels=log.channels, loads=(before, *later.loads))
+
+
+def loads_told(log: Log, resistance: float) -> tuple[str, ...]:
+    """What is said of a log's loads, () where there are none. resistance: ohm, of the battery."""
+    seen = [each for each in log.loads if each.start < log.time[-1] and each.end > log.time[0]]
+    found = [each for each in seen if each.sag > 0.0]
+    told = [
+        f"from {each.end - SETTLED:.1f} s on something other than the wheels draws current: the battery's "
+        f"voltage is lower by {_size(each, resistance)}; what was before it is not compared, and what is "
+        "said of the battery's voltage is its doing as well"
+        for each in seen
+        if each.sag < 0.0
+    ]
+    if found:
+        said = "; ".join(_told(each, log.time, resistance) for each in found[:SAID])
+        more = f" and {len(found) - SAID} more" if len(found) > SAID else ""
+        told.append(
+            f"something other than the wheels draws current, as the battery's voltage shows: {said}{more}; "
+            "nothing is compared there, since the simulation knows the wheels' current only"
+        )
+    return tuple(told)
+
+
+def _told(load: Load, time: Array, resistance: float) -> str:
+    by = f" ({', '.join(load.by)})" if load.by else ""
+    start, end = max(load.start, time[0]), min(load.end, time[-1])
+    return f"{start:.1f} to {end:.1f} s {_size(load, resistance)}{by}"
+
+
+def _size(load: Load, resistance: float) -> str:
+    sag = abs(load.sag)
+    return f"{1000.0 * sag:.0f} mV" + (f", {sag / resistance:.1f} A" if resistance > 0.0 else "")
+
+
+def _acting(load: Load, columns: Mapping[str, Array], robot: RobotConfig) -> tuple[str, ...]:
+    """Columns of servos that move and of other motors that are powered about that time."""
+    time = columns["t"]
+    wheels = {f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right)}
+    found = []
+    for name, values in columns.items():
+        known = np.flatnonzero(np.isfinite(values) & (time <= load.end))
+        first = np.searchsorted(time[known], load.start - SETTLED)
+        seen = values[known[max(first - 1, 0) :]]  # with what held until then
+        moves = name.startswith("servo.") and len(seen) > 0 and float(np.ptp(seen)) > 0.0
+        powered = name.endswith(".duty") and name not in wheels and bool(seen.any())
+        if moves or powered:
+            found.append(name)
+    return tuple(found)

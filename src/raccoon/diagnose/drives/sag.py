@@ -1,0 +1,244 @@
+"""What of a battery's reading the wheels do not explain, and where that shows another load.
+
+Of a duty d at a wheel of speed w a battery of voltage V and resistance R_b gives
+
+    U = V - R_b I,    I = sum over the wheels of d (d U - K w) / R
+
+so what the wheels make of the reading is, as good as, straight in d^2 and d w of each wheel, behind the
+reading's filter; a battery that empties or recovers is so in the charge and in a slow mean of the current.
+All these are fitted together, whatever R_b, R and K are. Nothing adds voltage: what is left is 0, or a load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.log import SETTLED, SHORTEST_SECONDS, Load, Log
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+BIN = 0.05
+"""s."""
+FILTERS = (0.02, 0.05, 0.1, 0.15, 0.25, 0.4)
+"""s, of the battery's reading."""
+RECOVERY = 3.0
+"""s, in which a battery comes to its voltage again."""
+LEAST_NOISE = 0.004
+"""V, of a bin's mean."""
+NEAR = 4.0
+"""Noises up to which a reading is one without a load."""
+EDGE = 6
+"""Bins over which a course is compared with itself: what stays for longer does not count there."""
+LEVELS = (50.0, 70.0, 85.0, 95.0)
+"""Percentiles of what is left at which the battery without a load may be."""
+DEEP, LEAST_SAG = 4.0, 0.01
+"""Scatters, and V, by which a reading must be low to be a load's."""
+SHALLOW, ENDED = 1.5, 0.003
+"""The same up to which a load that was found goes on: behind the reading's filter it fades."""
+MORE_THAN_A_STEP = 1.5
+"""Of the reading's own steps."""
+SHORTEST, SHORTEST_DRIVEN = 3, 8
+"""Bins in which a load must be seen while no wheel is powered, or else in all."""
+DRIVEN_SHARE = 0.15
+"""Part of the wheels' own sag above which a load is believed that is seen while driving alone."""
+ADDED = 0.02
+"""Part of the bins in which the reading may be above what this model says of it. A filter that holds its
+reading, as the stock firmware's does, has 4 % and more."""
+KEPT = 0.25
+"""Part of the time in which wheels are powered that must be left."""
+STAYS = 0.9
+"""Part of the time in which what stays is seen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """A drive in bins. begin: s. rest: V by which the reading is above what the wheels make of it. known:
+    where there is one. driven: where a wheel is powered. noise, step, sag: V, of a bin, of the reading and of
+    the wheels."""
+
+    begin: float
+    rest: Array
+    known: Flags
+    driven: Flags
+    noise: float
+    step: float
+    sag: float
+
+    @classmethod
+    def of(cls, log: Log) -> Sight | None:
+        """None where a reading is missing, or is another than a battery's behind a filter."""
+        battery, wheels = log.channel("battery"), [log.wheel(side) for side in ("left", "right")]
+        if battery is None or None in wheels:
+            return None
+        time = log.time - log.time[0]
+        speeds = [_bridged(each.values) for each in wheels if each is not None]
+        voltage = _means(time, battery.values)
+        known = np.isfinite(voltage) & (BIN * np.arange(len(voltage)) >= SETTLED)
+        for start, end in log.lost:
+            known[max(int((start - log.time[0]) / BIN), 0) : int((end - log.time[0]) / BIN) + 1] = False
+        if known.sum() < 2 * EDGE:
+            return None
+        step = _resolution(battery.values)
+        noise = max(LEAST_NOISE, 0.5 * step, _scatter(np.diff(voltage[known])) / np.sqrt(2.0))
+        given = np.nan_to_num(voltage)
+        fits = []
+        for seconds in FILTERS:
+            columns = _columns(time, log.duty, speeds, seconds)
+            known = known & np.isfinite(columns).all(axis=1)
+            columns = np.nan_to_num(columns)
+            for start_at in _starts(columns, given, known, noise):
+                fits.append(_fitted(columns, given, known, noise, start_at))
+        able = [each for each in fits if (each[1][known] > NEAR * noise).mean() <= ADDED]
+        if not able:
+            return None
+        _, rest = min(able, key=lambda each: each[0])
+        driven = _means(time, log.duty.any(axis=1).astype(float)) > 0.0
+        return cls(float(log.time[0]), rest, known, driven, noise, step, float(np.ptp((given - rest)[known])))
+
+    def loads(self) -> Iterator[Load]:
+        """One after the other."""
+        scatter = _scatter(self.rest[self.known & (np.abs(self.rest) < NEAR * self.noise)])
+        low = self.known & (self.rest < -max(LEAST_SAG, DEEP * scatter, MORE_THAN_A_STEP * self.step))
+        below = ~self.known | (self.rest < -max(ENDED, SHALLOW * scatter))
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]]).astype(int)))
+        for start, end in zip(edges[::2], edges[1::2], strict=True):
+            deep = low[start:end]
+            if not deep.any():
+                continue
+            sag = float(np.percentile(-self.rest[start:end][deep], 80.0))
+            at_rest = int((deep & ~self.driven[start:end]).sum())
+            if at_rest >= SHORTEST or (deep.sum() >= SHORTEST_DRIVEN and sag > DRIVEN_SHARE * self.sag):
+                yield Load(self.begin + BIN * (start - 1), self.begin + BIN * (end + 1), sag)
+
+    def is_enough_without(self, found: Sequence[Load]) -> bool:
+        """Whether there is a drive in what loads leave."""
+        kept = self.known & ~self.within(found)
+        driven = float((kept & self.driven).sum()) >= KEPT * float((self.known & self.driven).sum())
+        return driven and BIN * float(kept.sum()) >= SHORTEST_SECONDS
+
+    def is_on_from(self, start: float, found: Sequence[Load]) -> bool:
+        """Whether something is on from then to the end, but for what a poor fit makes."""
+        later = self.begin + BIN * np.arange(len(self.rest)) >= start
+        return float(self.within(found)[later & self.known].mean()) > STAYS
+
+    def within(self, found: Sequence[Load]) -> Flags:
+        """Which bins loads have."""
+        time = self.begin + BIN * (np.arange(len(self.rest)) + 0.5)
+        inside = np.zeros(len(time), bool)
+        for each in found:
+            inside |= (time > each.start) & (time < each.end)
+        return inside
+
+
+def _bridged(values: Array) -> Array:
+    """Samples with lines over those that are missing."""
+    rows = np.arange(len(values))
+    seen = np.isfinite(values)
+    return np.asarray(np.interp(rows, rows[seen], values[seen]), float)
+
+
+def _means(time: Array, values: Array) -> Array:
+    """The mean of each bin, NaN where it has nothing."""
+    place, seen = (time / BIN).astype(np.intp), np.isfinite(values)
+    count = int(place[-1]) + 1
+    sizes = np.bincount(place[seen], minlength=count)
+    sums = np.bincount(place[seen], values[seen], minlength=count)
+    return np.where(sizes > 0, sums / np.maximum(sizes, 1), np.nan)
+
+
+def _columns(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
+    """(bins, 7), each of size 1: a constant; d^2 and d w of each wheel behind a filter of that time constant;
+    charge; recovery."""
+    from scipy.signal import lfilter
+
+    def behind(values: Array, constant: float) -> Array:
+        keep = float(np.exp(-float(np.median(np.diff(time))) / constant))
+        return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
+
+    drawn, made = np.zeros(len(time)), []
+    for index, speed in enumerate(speeds):
+        power = duty[:, index] * (duty[:, index] - _per_duty(duty[:, index], speed))
+        drawn = drawn + np.maximum(power, 0.0)
+        made += [behind(duty[:, index] ** 2, seconds), behind(duty[:, index] * speed, seconds)]
+    charge = np.cumsum(drawn * np.diff(time, append=time[-1]))
+    every = np.column_stack(
+        [_means(time, each) for each in (np.ones(len(time)), *made, charge, behind(drawn, RECOVERY))]
+    )
+    return np.asarray(every / np.maximum(np.nanmax(np.abs(every), axis=0), 1e-9), float)
+
+
+def _per_duty(duty: Array, speed: Array) -> Array:
+    """The speed in units of the duty that holds it, so that 1 less it is as a motor's current."""
+    power = float(duty @ duty)
+    factor = float(duty @ speed) / power if power > 0.0 else 0.0
+    return speed / factor if factor > 0.0 else np.zeros(len(speed))
+
+
+def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Iterator[Array]:
+    """Numbers of the columns from which a fit goes: of all readings; of how they change within some tenths of
+    a second, with the level of what is left at several heights, and of the same without charge and recovery,
+    which make much of what they have not seen."""
+    yield _solved(columns, voltage, known, noise)
+    quick = columns[:, 1:5]
+    both = known[EDGE:] & known[:-EDGE]
+    found = np.zeros(columns.shape[1])
+    changes = quick[EDGE:] - quick[:-EDGE], voltage[EDGE:] - voltage[:-EDGE]
+    found[1:5] = _solved(*changes, both, noise)
+    left = voltage - columns @ found
+    for level in LEVELS:
+        found[0] = np.percentile(left[known], level)
+        yield found.copy()
+        start = np.zeros(columns.shape[1])
+        start[:5] = _near(columns[:, :5], voltage, known, noise, found[:5])
+        yield start
+
+
+def _solved(columns: Array, target: Array, known: Flags, noise: float) -> Array:
+    """A fit to which a reading that is far off counts as one that is a noise off."""
+    found = np.zeros(columns.shape[1])
+    weights = known.astype(float)
+    for _ in range(15):
+        found = _weighted(columns, target, weights)
+        weights = known / np.maximum(1.0, np.abs(target - columns @ found) / noise)
+    return found
+
+
+def _fitted(columns: Array, voltage: Array, known: Flags, noise: float, start: Array) -> tuple[float, Array]:
+    """How bad the fit is to which one goes from start, and what it leaves. What is far below it costs no more
+    than what is below it; to be above it costs more and more, as nothing adds voltage."""
+    found = _near(columns, voltage, known, noise, start)
+    rest = voltage - columns @ found
+    far = rest / (NEAR * noise)
+    cost = np.where(far > 1.0, far**2, 1.0 - np.maximum(0.0, 1.0 - far**2) ** 3)
+    return float(cost[known].sum()), rest
+
+
+def _near(columns: Array, target: Array, known: Flags, noise: float, start: Array) -> Array:
+    """The fit from start on in which a reading that is far off does not count (Tukey's biweight)."""
+    found = start
+    for _ in range(30):
+        far = (target - columns @ found) / (NEAR * noise)
+        found = _weighted(columns, target, known * np.maximum(0.0, 1.0 - far**2) ** 2)
+    return found
+
+
+def _weighted(columns: Array, target: Array, weights: Array) -> Array:
+    heavy = columns * weights[:, None]
+    ridge = 1e-6 * np.eye(columns.shape[1])
+    return np.asarray(np.linalg.solve(heavy.T @ columns + ridge, heavy.T @ target), float)
+
+
+def _resolution(values: Array) -> float:
+    """V between neighbouring values of a reading."""
+    apart = np.diff(np.unique(values[np.isfinite(values)]))
+    return float(np.percentile(apart, 10.0)) if len(apart) else 0.0
+
+
+def _scatter(values: Array) -> float:
+    """Standard deviation by the median of the sizes."""
+    return 1.48 * float(np.median(np.abs(values))) if len(values) else 0.0

@@ -1,0 +1,160 @@
+"""Servos and other motors on the same battery: its reading shows them, and nothing is compared then."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from blind import drives
+from blind.generator import make
+from blind.hidden import CAUSES, Hidden, draw
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.drives.loads import MOST_OF_IT, loads_told, with_loads
+from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.result import Verdict
+
+Array = NDArray[np.float64]
+Spans = tuple[tuple[float, float], ...]
+ROBOT = RobotConfig()
+VOLTS = 6.6
+"""Of the battery while it drives."""
+FULL = 0.15
+"""V by which a servo that moves takes it down, at 0.15 ohm."""
+
+
+def driven(
+    seed: int, spans: Spans, sag: float = FULL, seconds: float = 24.0, hidden: Sequence[Hidden] = ()
+) -> dict[str, Array]:
+    """A team's drive, the battery and with it the motors lower by a sag within spans, s."""
+    duty = drives.contest(np.random.default_rng(seed), seconds)
+    left = 1.0 - acting(np.arange(len(duty)) / drives.RATE, spans, sag) / VOLTS
+    columns = dict(make(seed, hidden, duty * left[:, None], seconds).columns)
+    lower = acting(columns["t"], spans, sag)
+    for port in (0, 1):
+        columns[f"motor.{port}.duty"] = columns[f"motor.{port}.duty"] / (1.0 - lower / VOLTS)
+    return columns | {"battery.voltage": columns["battery.voltage"] - lower}
+
+
+def acting(time: Array, spans: Spans, sag: float) -> Array:
+    low = np.zeros(len(time))
+    for start, end in spans:
+        low[(time >= start) & (time < end)] = sag
+    return low
+
+
+def seen(columns: dict[str, Array]) -> Log:
+    return with_loads(log_from_columns(columns, ROBOT), columns, ROBOT)
+
+
+def rests(seed: int, seconds: float = 24.0) -> Spans:
+    """Half a second of each rest that is long enough."""
+    moves = drives.contest(np.random.default_rng(seed), seconds).any(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[True], moves, [True]]).astype(int)))
+    long = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if a > 100 and b - a > 140]
+    return tuple((0.005 * float(a) + 0.1, 0.005 * float(a) + 0.6) for a, _ in long)
+
+
+def assert_found(log: Log, spans: Spans, sag: float = FULL) -> None:
+    assert len(log.loads) == len(spans)
+    for load, (start, end) in zip(log.loads, spans, strict=True):
+        assert start - 0.2 < load.start <= start + 0.05
+        assert end - 0.05 <= load.end < end + 0.4
+        assert load.sag == pytest.approx(sag, rel=0.15)
+
+
+@pytest.mark.parametrize("seed", [5, 8])
+def test_servos_that_move_at_rest(seed: int) -> None:
+    spans = rests(seed)
+    assert len(spans) > 1
+    assert_found(seen(driven(seed, spans)), spans)
+
+
+def test_an_arm_that_moves_at_any_time() -> None:
+    spans = ((4.0, 4.9), (7.1, 8.2), (11.0, 12.4), (17.0, 17.8))
+    assert_found(seen(driven(4, spans)), spans)
+
+
+def test_a_servo_that_jams() -> None:
+    assert_found(seen(driven(4, ((11.0, 30.0),))), ((11.0, 24.0),))
+
+
+def test_one_that_jams_soon_is_the_battery_s_from_then_on() -> None:
+    log = seen(driven(4, ((5.0, 30.0),), seconds=30.0))
+    (load,) = log.loads
+    assert load.start == log.time[0]
+    assert load.end == pytest.approx(5.3, abs=0.2)
+    assert load.sag < 0.0
+    (told,) = loads_told(log, 0.15)
+    assert re.match(r"from (4.9|5.0) s on something other than the wheels draws current", told)
+    assert "what was before it is not compared" in told
+
+
+def test_one_that_is_nearly_always_on_is_only_said() -> None:
+    log = seen(driven(4, tuple((each + 0.3, each + 2.9) for each in np.arange(0.0, 24.0, 3.0))))
+    assert log.loads == ()
+    assert log.notes == (MOST_OF_IT,)
+
+
+@pytest.mark.parametrize("name", [*(each for each in CAUSES if not each.startswith("imu")), ""])
+def test_a_drive_without_is_the_same_log(name: str) -> None:
+    rng = np.random.default_rng(len(name))
+    hidden = [draw(name, rng)] if name else []
+    for kind in ("contest", "exciting"):
+        log = log_from_columns(columns := dict(make(7, hidden, kind, 20.0).columns), ROBOT)
+        assert with_loads(log, columns, ROBOT) is log
+
+
+def test_a_reading_in_coarse_steps_is_no_load() -> None:
+    columns = driven(6, ())
+    columns["battery.voltage"] = 0.05 * np.round(columns["battery.voltage"] / 0.05)
+    assert seen(columns).loads == ()
+
+
+def test_without_a_battery_or_a_wheel_nothing_is_seen() -> None:
+    columns = driven(3, rests(3))
+    for name in ("battery.voltage", "motor.1.bemf"):
+        assert seen({key: each for key, each in columns.items() if key != name}).loads == ()
+
+
+def test_nothing_is_compared_while_they_act() -> None:
+    spans = rests(3)
+    log = seen(driven(3, spans))
+    time = Features.of(log).time
+    for start, end in spans:
+        assert not ((time > start) & (time < end)).any()
+    lost = sum(each.end - each.start for each in log.loads)
+    assert 0.02 * len(time) == pytest.approx(log.seconds - 0.3 - lost, abs=0.3)
+
+
+def test_they_are_told_with_what_moved() -> None:
+    columns = driven(4, ((4.0, 4.9), (9.0, 9.8)))
+    time = columns["t"]
+    columns["servo.2.pulse_us"] = np.where(time < 4.0, 1200.0, 1800.0)
+    columns["servo.1.pulse_us"] = np.full(len(time), 1500.0)
+    columns["motor.3.duty"] = np.where((time > 9.0) & (time < 9.8), 0.8, 0.0)
+    (told,) = loads_told(seen(columns), 0.15)
+    first, second = told.split(";")[0], told.split(";")[1]
+    assert re.search(r"voltage shows: (3.9|4.0) to (4.9|5.0) s 1\d\d mV, 1.\d A \(servo.2.pulse_us\)$", first)
+    assert re.search(r" (8.9|9.0) to (9.8|9.9|10.0) s 1\d\d mV, \d.\d A \(motor.3.duty\)$", second)
+
+
+def test_the_battery_s_resistance_beside_servos() -> None:
+    hidden = [draw("battery.internal_resistance", np.random.default_rng(0), 0.6)]
+    found = diagnose(driven(8, rests(8), sag=0.3, hidden=hidden), ROBOT)
+    assert [each.id for each in found.causes] == ["battery.internal_resistance"]
+    number = found.causes[0].parameters["resistance"]
+    true = make(8, hidden, np.zeros((int(24.0 * drives.RATE), 2)), 24.0).robot["rint"]
+    assert abs(number.value - true) < 3.0 * number.std
+    assert any(note.startswith("something other than the wheels draws current") for note in found.notes)
+
+
+def test_a_servo_that_jams_is_no_discharge() -> None:
+    found = diagnose(driven(4, ((13.0, 30.0),), sag=0.13), ROBOT)
+    assert found.verdict is Verdict.ADEQUATE
+    assert found.causes == ()
