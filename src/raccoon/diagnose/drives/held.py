@@ -29,8 +29,9 @@ BIN = 0.02
 """S over which commands and readings are averaged."""
 FOLLOWS = 0.055
 """S by which a usual wheel and its reading's filter follow a command, together."""
-BEFORE, AFTER = (0.3, 0.06), (0.2, 0.44)
-"""S before a load comes and after it, in which it is not there yet, and all of it."""
+BEFORE, AFTER = ((0.3, 0.06), (0.9, 0.6)), (0.2, 0.44)
+"""S before a load comes and after it, in which it is not there yet, and all of it. At an angle to a wall a
+robot turns first, and its wheels carry the load one after the other."""
 LOAD = 0.06
 """Of the battery's voltage, which a load must take of both wheels: a robot that spins its wheels at a wall
 loses 0.11 to 0.13 of it, one that drives up a steep ramp 0.04."""
@@ -130,7 +131,8 @@ def not_free(log: Log, robot: RobotConfig) -> tuple[Stretch, ...]:
     if seen is None:
         return ()
     lifted = _as_stretches(seen, _turned(seen), LIFTED)
-    held = _as_stretches(seen, _loaded(seen), HELD)
+    loaded = np.logical_or.reduce([_loaded(seen, before) for before in BEFORE])
+    held = _as_stretches(seen, loaded, HELD)
     return _united([*lifted, *held])
 
 
@@ -243,13 +245,13 @@ def _scale(seen: _Seen) -> tuple[float, int]:
     return best
 
 
-def _loaded(seen: _Seen) -> Flags:
-    """Where both wheels carry a load that came without a command."""
+def _loaded(seen: _Seen, free_for: tuple[float, float]) -> Flags:
+    """Where both wheels carry a load that came without a command, and was not there for that time before."""
     found = np.zeros(len(seen.time), bool)
     way = np.sign(seen.volts)
     load = way * (seen.volts - seen.speed)
     driven = np.abs(seen.volts) > DRIVEN * seen.full
-    reach, near, least, most = (round(each / BIN) for each in (*BEFORE, *AFTER))
+    reach, near, least, most = (round(each / BIN) for each in (*free_for, *AFTER))
     done = 0
     for row in range(reach, len(found) - most):
         if row < done:
