@@ -14,7 +14,7 @@ from raccoon.diagnose.drives.held import of_free_driving, with_free_driving
 from raccoon.diagnose.drives.loads import loads_told, with_loads
 from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
-from raccoon.diagnose.drives.quality import check_units, moves
+from raccoon.diagnose.drives.quality import check_units, driven_freely, moves
 from raccoon.diagnose.findings.bent import bent_notes
 from raccoon.diagnose.findings.extend import extended
 from raccoon.diagnose.findings.gain import HeldOut
@@ -112,9 +112,9 @@ def diagnose(
 
 def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
+    check_units(driven_freely(log, robot), robot, native=firmware is not None)
     log = with_free_driving(log, robot)
     free = of_free_driving(log)
-    check_units(free, robot, native=firmware is not None)
     check_order(free)
     if firmware is not None:
         free = of_free_driving(firmware.understood(log, columns, robot))

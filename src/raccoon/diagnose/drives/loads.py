@@ -44,7 +44,14 @@ def with_loads(log: Log, columns: Mapping[str, Array], robot: RobotConfig) -> Lo
     begin = stays.start + SETTLED
     later = with_loads(log.between(begin, np.inf), columns, robot)
     before = replace(stays, start=float(log.time[0]), end=begin, sag=-stays.sag)
-    return replace(later, time=log.time, duty=log.duty, channels=log.channels, loads=(before, *later.loads))
+    return replace(
+        later,
+        time=log.time,
+        duty=log.duty,
+        channels=log.channels,
+        brake=log.brake,
+        loads=(before, *later.loads),
+    )
 
 
 def loads_told(log: Log, resistance: float) -> tuple[str, ...]:

@@ -66,9 +66,9 @@ class Log:
     lost: s, from and to, in which the recording has no rows, and until the robot has forgotten what it did
     there. Nothing is compared in them. held: s, from and to, what of it has rows, but was not driven freely
     (`held.py`). clocks: of the samples of the left and the right wheel, where they are known; the wheels'
-    readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2), whether each
-    motor is shorted where its duty is 0; None where the recording does not say. loads: other ones than the
-    wheels on the battery; nothing is compared while they act either.
+    readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2), whether
+    each motor is shorted where its duty is 0; None where the recording does not say. loads: other ones than
+    the wheels on the battery; nothing is compared while they act either.
     """
 
     time: Array

@@ -39,14 +39,23 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
         return ""
     try:
         log = arranged(columns, robot)
-        check_units(of_free_driving(replace(log, held=where_held(log, robot))), robot, native=native)
+        check_units(driven_freely(log, robot), robot, native=native)
     except TraceError as error:
         return str(error)
     return ""
 
 
+def driven_freely(log: Log, robot: RobotConfig) -> Log:
+    """What of a log tells its units: what was driven freely, where that is most of it. Of wheels that are held
+    nearly always the readings may be in another unit."""
+    held = where_held(log, robot)
+    mostly = sum(end - start for start, end in held) > 0.5 * log.seconds
+    return log if mostly else of_free_driving(replace(log, held=held))
+
+
 def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
-    """Raise TraceError where a channel's size or sign shows that it is not what its name promises.
+    """Raise TraceError where a channel's size or sign shows that it is not what its name promises. Judged by
+    what was driven freely.
 
     native: whether the recording names the firmware that made it, and with it the units of all words. Only
     what the robot or its robot.toml can have wrong is looked at then, such as signs.
