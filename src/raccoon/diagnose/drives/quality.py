@@ -14,7 +14,16 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Channel, Log, arranged
-from raccoon.diagnose.drives.sizes import check_sizes, check_turns, slope, steady, turning
+from raccoon.diagnose.drives.sizes import (
+    FAR,
+    SHARE,
+    check_sizes,
+    check_turns,
+    share_of,
+    slope,
+    steady,
+    turning,
+)
 
 Array = NDArray[np.float64]
 
@@ -46,11 +55,12 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
 
 
 def driven_freely(log: Log, robot: RobotConfig) -> Log:
-    """What of a log tells its units: what was driven freely, where that is most of it. Of wheels that are held
-    nearly always the readings may be in another unit."""
-    held = where_held(log, robot)
-    mostly = sum(end - start for start, end in held) > 0.5 * log.seconds
-    return log if mostly else of_free_driving(replace(log, held=held))
+    """What of a log tells its units: what was driven freely. It is all where a wheel never reads what a motor
+    can, which looks like a wall and is another unit."""
+    shares = (share_of(log, robot, side) for side in ("left", "right"))
+    if any(each is not None and each < SHARE / FAR for each in shares):
+        return log
+    return of_free_driving(replace(log, held=where_held(log, robot)))
 
 
 def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:

@@ -43,7 +43,7 @@ BEMF_UNITS: Mapping[str, float] = {"millivolts": 1000.0 * BEMF_VOLTS_PER_COUNT}
 
 def check_sizes(log: Log, robot: RobotConfig) -> None:
     """Raise TraceError where a reading is larger or smaller than it can be."""
-    shares = {side: _share(log, robot, side) for side in ("left", "right")}
+    shares = {side: share_of(log, robot, side) for side in ("left", "right")}
     _check_supply(log, robot, shares)
     radius = robot.model.drive.wheel_radius.value
     for side, share in shares.items():
@@ -120,7 +120,7 @@ def _unit(factor: float, units: Mapping[str, float]) -> str | None:
     return near if abs(math.log(units[near] / factor)) < math.log(NEAR) else None
 
 
-def _share(log: Log, robot: RobotConfig, side: str) -> float | None:
+def share_of(log: Log, robot: RobotConfig, side: str) -> float | None:
     """Back-EMF over the voltage of the command, where that is steady; None where they do not go together."""
     wheel = log.wheel(side)
     if wheel is None:
