@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.binned import bin_means, runs
 from raccoon.diagnose.drives.log import SHORTEST_SECONDS, SLOWEST_ROW, Log, apart, settled
 
 Array = NDArray[np.float64]
@@ -185,14 +186,10 @@ class _Seen:
 
 def _mean(at: Array, values: Array, time: Array) -> Array:
     """Means of the samples in each bin, lines over empty ones; NaN where there are no samples at all."""
-    known = np.isfinite(values)
-    if not known.any():
-        return np.full(len(time), np.nan)
-    place = np.clip(np.searchsorted(time, at[known], side="right") - 1, 0, len(time) - 1)
-    counts = np.bincount(place, minlength=len(time))
-    sums = np.bincount(place, weights=values[known], minlength=len(time))
-    filled = np.flatnonzero(counts)
-    return np.asarray(np.interp(time, time[filled], sums[filled] / counts[filled]), float)
+    place = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
+    means = bin_means(place, values, len(time))
+    filled = np.isfinite(means)
+    return np.interp(time, time[filled], means[filled]) if filled.any() else means
 
 
 def _held_between(at: Array, values: Array, time: Array) -> Array:
@@ -220,9 +217,9 @@ def _turned(seen: _Seen) -> Flags:
         return nothing
     found, around = nothing.copy(), round(AROUND / BIN)
     near = nothing.copy()
-    for start, end in _runs(off < AGREES):
+    for start, end in runs(off < AGREES):
         near[start:end] = end - start >= around
-    for start, end in _runs(far):
+    for start, end in runs(far):
         if (end - start) * BIN < LASTS:
             continue
         back = np.flatnonzero(near[:start])
@@ -239,7 +236,7 @@ def _scale(seen: _Seen) -> tuple[float, int]:
     for factor in np.linspace(0.6, 1.6, 51):
         expected = factor * seen.wheels
         near = (np.abs(expected) > AGREES) & (np.abs(seen.gyro - expected) < ALIKE * np.abs(expected))
-        lengths = [end - start for start, end in _runs(near) if (end - start) * BIN >= MOMENT]
+        lengths = [end - start for start, end in runs(near) if (end - start) * BIN >= MOMENT]
         if sum(lengths) > best[1]:
             best = float(factor), sum(lengths)
     return best
@@ -277,15 +274,9 @@ def _loaded(seen: _Seen, free_for: tuple[float, float]) -> Flags:
     return found
 
 
-def _runs(flags: Flags) -> list[tuple[int, int]]:
-    """First and one after the last of each run of flags."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
-
-
 def _as_stretches(seen: _Seen, flags: Flags, why: str) -> list[Stretch]:
     time = np.append(seen.time, seen.time[-1] + BIN)
-    return [Stretch(float(time[start]), float(time[end]), why) for start, end in _runs(flags)]
+    return [Stretch(float(time[start]), float(time[end]), why) for start, end in runs(flags)]
 
 
 def _united(stretches: Sequence[Stretch]) -> tuple[Stretch, ...]:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.binned import bin_means, runs
 from raccoon.diagnose.drives.log import SETTLED, SHORTEST_SECONDS, Load, Log
 
 Array = NDArray[np.float64]
@@ -105,8 +106,7 @@ class Sight:
         scatter = _scatter(self.rest[self.known & (np.abs(self.rest) < NEAR * self.noise)])
         low = self.known & (self.rest < -max(LEAST_SAG, DEEP * scatter, MORE_THAN_A_STEP * self.step))
         below = ~self.known | (self.rest < -max(ENDED, SHALLOW * scatter))
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], below, [False]]).astype(int)))
-        for start, end in zip(edges[::2], edges[1::2], strict=True):
+        for start, end in runs(below):
             deep = low[start:end]
             if not deep.any():
                 continue
@@ -144,11 +144,8 @@ def _bridged(values: Array) -> Array:
 
 def _means(time: Array, values: Array) -> Array:
     """The mean of each bin, NaN where it has nothing."""
-    place, seen = (time / BIN).astype(np.intp), np.isfinite(values)
-    count = int(place[-1]) + 1
-    sizes = np.bincount(place[seen], minlength=count)
-    sums = np.bincount(place[seen], values[seen], minlength=count)
-    return np.where(sizes > 0, sums / np.maximum(sizes, 1), np.nan)
+    place = (time / BIN).astype(np.intp)
+    return bin_means(place, values, int(place[-1]) + 1)
 
 
 def _columns(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:

@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.binned import runs
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.evidence import Gram
@@ -93,7 +94,8 @@ def whitener_for(
         else white_noise(np.maximum(linear.residual.std(axis=0), floors), regimes)
     )
     rest, wander = linear.residual, 0.0
-    left = np.maximum(_levels(rest, regimes), floors) if _changes(regimes) <= FEW else None
+    few = len(runs(regimes == CHANGING)) <= FEW
+    left = np.maximum(_levels(rest, regimes), floors) if few else None
     for _ in range(1 if before is not None else 2):
         rest, wander = _unexplained(noise, known, slow, linear.target, left, event)
         noise = fit_noise(rest, ORDER, floors, regimes, event)
@@ -209,12 +211,6 @@ def _unexplained(
 def _far(error: Array, left: Array) -> float:
     """How large an error is, in parts of what is left, of the channel where that is most."""
     return float(np.sqrt(((error / left) ** 2).mean(axis=0)).max())
-
-
-def _changes(regimes: NDArray[np.intp]) -> int:
-    """How often a drive changes its speed."""
-    changing = regimes == CHANGING
-    return int(changing[0]) + int((changing[1:] & ~changing[:-1]).sum())
 
 
 def _levels(values: Array, regimes: NDArray[np.intp]) -> Array:
