@@ -14,7 +14,7 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.features import BIN, Features
+from raccoon.diagnose.drives.features import Features, answered
 from raccoon.diagnose.drives.log import BEMF, WHEELS, Log
 from raccoon.diagnose.drives.quality import brakes
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
@@ -64,7 +64,7 @@ def drive_problem(
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
-        Features.kept(log, habits.swing or BIN),
+        Features.kept(log, habits.swing or answered(log)),
         PlantRollout(log, robot, habits, own=own),
         robot,
         settings,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.features import BIN, SETTLING, Features
+from raccoon.diagnose.drives.features import BIN, SETTLING, Features, answered
 from raccoon.diagnose.drives.log import Channel, Log
 
 Array = NDArray[np.float64]
@@ -72,3 +72,25 @@ def test_what_is_kept_of_a_log_goes_with_it() -> None:
     del log, kept
     gc.collect()
     assert [each() for each in alive] == [None, None]
+
+
+def commanded(duty: Array) -> Log:
+    """A drive with this duty at both wheels, every 5 ms."""
+    return Log(TIME, np.column_stack([duty, duty]), ())
+
+
+def test_bins_are_usual_where_no_loop_answers() -> None:
+    duty = np.where(TIME < 5.0, 0.4, -0.3)
+    duty[:200] = 0.0
+    duty[200:300] = np.linspace(0.0, 0.4, 100)  # a ramp says nothing of a loop
+    assert answered(commanded(duty)) == BIN
+    assert answered(commanded(np.zeros(len(TIME)))) == BIN
+
+
+@pytest.mark.parametrize(("rows", "seconds"), [(1, 0.005), (2, 0.01), (8, BIN)])
+def test_bins_are_no_longer_than_a_loop_takes_to_answer(rows: int, seconds: float) -> None:
+    steady = 0.4 + 0.01 * np.random.default_rng(1).normal(size=len(TIME))
+    duty = np.repeat(steady[::rows], rows)[: len(TIME)]
+    duty[:600] = 0.0  # before and after it the robot stands
+    duty[-600:] = 0.0
+    assert answered(commanded(duty)) == pytest.approx(seconds)
