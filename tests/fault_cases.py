@@ -26,7 +26,7 @@ from raccoon.robot.emulated import SimulatedPlant
 from raccoon.robot.motions import straight, turn
 from raccoon.robot.opening import open_robot
 from raccoon.robot.robot import Robot
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 ALL: tuple[Firmware, ...] = ("stock", 17, 21)
 RACCOON: tuple[Firmware, ...] = (17, 21)

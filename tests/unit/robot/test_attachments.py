@@ -34,8 +34,8 @@ from raccoon.core.config import MechanismConfig, MotorConfig, ServoConfig
 from raccoon.core.readings import STOP, Outputs
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import open_emulated
-from raccoon.sim.free_motor import FreeMotor
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.plant.free_motor import FreeMotor
 from raccoon.sim.port import SimPort
 
 CLAW = ServoConfig(

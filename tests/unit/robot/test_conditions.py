@@ -24,9 +24,9 @@ from raccoon.core.readings import Inputs, Outputs
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Wall, World
+from raccoon.sim.world.world import Wall, World
 from robots import CONFIG, simulated
 
 WALL = World(walls=(Wall((0.29, -1.0), (0.29, 1.0)),))

@@ -31,9 +31,9 @@ from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions import Action
 from raccoon.robot.driving import search
 from raccoon.robot.lines import align_on_line, align_on_wall
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Line, Wall, World
+from raccoon.sim.world.world import Line, Wall, World
 from robots import CONFIG, simulated
 
 CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])

@@ -28,7 +28,7 @@ from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.drive import Drive
 from raccoon.robot.emulated import open_emulated
 from raccoon.robot.speeds import READ_SHARE
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 FRESH = RobotConfig(battery=BatteryConfig(weakest=7.6))
 """A match whose batteries are all fresh: nothing else keeps motions slow."""

@@ -36,9 +36,9 @@ from raccoon.estimate.drive.estimate import HELD
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.robot.robot import Robot
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Box, Ramp, Wall, World
+from raccoon.sim.world.world import Box, Ramp, Wall, World
 
 FIRMWARES: tuple[Firmware, ...] = ("stock", 17, 21)
 
