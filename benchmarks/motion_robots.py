@@ -16,8 +16,8 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Truth
 from raccoon.model.paper import MOTORS, PaperMotor
-from raccoon.robot.actions import Action, wait
-from raccoon.robot.calibration import calibrate_drive
+from raccoon.robot.actions.actions import Action, wait
+from raccoon.robot.calibration.wheels import calibrate_drive
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters

@@ -14,8 +14,8 @@ from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.port import Port
 from raccoon.estimate.drive.wheels import all_resting_counts
-from raccoon.robot.actions import Action
-from raccoon.robot.functions import NOTHING_RUN, perform
+from raccoon.robot.actions.actions import Action
+from raccoon.robot.actions.functions import NOTHING_RUN, perform
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
 from raccoon.robot.robot import Robot

@@ -212,8 +212,8 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
 
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
     """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
-    from raccoon.robot.actions import wait
-    from raccoon.robot.functions import NOTHING_RUN, perform
+    from raccoon.robot.actions.actions import wait
+    from raccoon.robot.actions.functions import NOTHING_RUN, perform
 
     with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
         try:

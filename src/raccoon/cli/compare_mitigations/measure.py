@@ -25,9 +25,9 @@ from raccoon.core.errors import MotionTimeout
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Truth
 from raccoon.model.paper import COMPETITION_VOLTAGE
-from raccoon.robot.actions import Action, repeat, seq, wait
-from raccoon.robot.calibration import calibrate_drive
-from raccoon.robot.motions import straight, turn
+from raccoon.robot.actions.actions import Action, repeat, seq, wait
+from raccoon.robot.calibration.wheels import calibrate_drive
+from raccoon.robot.motions.motions import straight, turn
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
