@@ -18,7 +18,8 @@ from raccoon.control.wheels import LEAST_BATTERY_VOLTAGE, Wheel
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.errors import MotionTimeout
 from raccoon.core.readings import Device, Inputs
-from raccoon.estimate.drive.wheels import radians_per_count, resting_counts
+from raccoon.estimate.drive.wheels import resting_counts
+from raccoon.model.bemf import radians_per_count
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
 from raccoon.robot.actions.limits import check_angle, check_finite, check_limits, check_rate

@@ -10,7 +10,7 @@ from raccoon.control.voltage import SpeedBudget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
 from raccoon.core.sections import MotionConfig
-from raccoon.estimate.drive.wheels import counts_scale
+from raccoon.model.bemf import counts_scale
 
 # A wheel is never planned slower than this share of its speed without load, however little is said to be left
 # for it by the battery and the wished acceleration.
