@@ -33,9 +33,9 @@ from raccoon.cli import main as raccoon
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.result import Diagnosis
-from raccoon.sim.chain import Chain
-from raccoon.sim.model_file import save_model
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.model_file import save_model
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
 from simulated_drives import recorded
 

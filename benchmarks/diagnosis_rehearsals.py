@@ -27,7 +27,7 @@ import diagnosis_cases  # noqa: F401  puts tests/blind on the path
 from blind.hidden import CAUSES, Hidden, draw
 from raccoon.cli import main as raccoon
 from raccoon.core.config import RobotConfig
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 
 def main() -> None:

@@ -19,7 +19,7 @@ from raccoon.diagnose.hypotheses.coordinates import Coordinate
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, base_coordinates
 from raccoon.diagnose.result import LITTLE
 from raccoon.diagnose.select.refits import SCALE, delay_alike
-from raccoon.sim.effects import effect
+from raccoon.sim.effects.effect import effect
 
 Result = dict[str, Any]
 Number = tuple[float, float, float, float]

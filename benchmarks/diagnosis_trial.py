@@ -30,12 +30,12 @@ from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Coordinate, Se
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, base_coordinates
 from raccoon.diagnose.result import Diagnosis
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.effects import effect
-from raccoon.sim.parameters import SIDES, Parameters
-from raccoon.sim.physical import LOOSE_STEP
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.parameters import SIDES, Parameters
+from raccoon.sim.effects.physical import LOOSE_STEP
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

@@ -33,7 +33,7 @@ from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Diagnosis
 from raccoon.hal.wombat.emulator import Firmware
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 OF_THE_ROBOT = tuple(
     each for each in CAUSES if each.startswith(("battery.", "motor.", "friction.", "drive."))

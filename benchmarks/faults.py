@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from fault_cases import ALL, CASES, Case, Result, is_as_documented, run
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from supervised import ROBOT_PROGRAM, SupervisedBench
 
 TITLE = (

@@ -16,13 +16,13 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Truth
 from raccoon.model.paper import MOTORS, PaperMotor
-from raccoon.robot.actions import Action, wait
-from raccoon.robot.calibration import calibrate_drive
+from raccoon.robot.actions.actions import Action, wait
+from raccoon.robot.calibration.wheels import calibrate_drive
 from raccoon.robot.robot import Robot
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 BATTERIES = (6.1, 6.6, 7.0)
 TAPE_STD = 0.001

@@ -11,8 +11,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 from raccoon.model.paper import MOTORS
-from raccoon.robot.actions import Action, Steps, wait
-from raccoon.robot.drive import dead_time
+from raccoon.robot.actions.actions import Action, Steps, wait
+from raccoon.robot.parts.drive import dead_time
 from raccoon.robot.robot import Robot
 
 STEP_SPEED = 4.0  # rad/s; needs 4.7 V of a nominal wheel, so the weakest battery has something left

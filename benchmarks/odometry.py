@@ -45,8 +45,8 @@ from raccoon.estimate.drive.prior import offset_std_counts, scale_std, track_std
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.ekf.state import OdometrySettings
-from raccoon.sim.chain import Noise
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Noise
+from raccoon.sim.effects.parameters import Parameters
 
 
 class _First:

@@ -15,7 +15,7 @@ import numpy as np
 from odometry_rivals import SCHEMES, Ours
 from odometry_traces import match, real_robot, simulated, with_slip
 from raccoon.core.config import RobotConfig
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt

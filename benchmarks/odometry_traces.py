@@ -28,10 +28,10 @@ from raccoon.core.config import (
 from raccoon.core.readings import SI_WORDS, Inputs, Outputs, Truth
 from raccoon.estimate.drive_calibration.straight import calibrate_straight
 from raccoon.model.drive import arc_end
-from raccoon.sim.chain import Noise
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Noise
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 DATA = Path(os.environ.get("RACCOON_SHARED_DATA", Path(__file__).parents[2] / "shared" / "data"))
 DEGREES_AN_HOUR = math.radians(1.0) / 3600.0

@@ -25,13 +25,13 @@ import numpy as np
 
 from raccoon import RobotConfig, deg, open_robot, repeat, seq, straight, turn, wait
 from raccoon.core.readings import Outputs
-from raccoon.sim.catalogue import CATALOGUE
-from raccoon.sim.chain import FIRMWARE_IMU_HZ, Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.catalogue import CATALOGUE
+from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.rollout import Lanes, rollout
-from raccoon.sim.world import World
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import Lanes, rollout
+from raccoon.sim.world.world import World
 
 if TYPE_CHECKING:
     from peer_robots import MujocoRobot, WpilibRobot

@@ -29,7 +29,7 @@ from raccoon.estimate.tophat import calibrate
 from raccoon.hal.wombat import stock, stock_command
 from raccoon.model.paper import TOPHAT_READINGS
 from raccoon.model.reflectance import drive_over_line
-from raccoon.robot.drive import Drive
+from raccoon.robot.parts.drive import Drive
 from raccoon.trace.record import RecordingPort
 
 CONFIG = RobotConfig(tophats={"front": TophatConfig()})

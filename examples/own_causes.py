@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.own import OwnEffect, Simulated, Values
-from raccoon.sim.effects import Parameter
+from raccoon.sim.effects.effect import Parameter
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.motors import diagnose_motors
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 from unit.diagnose.axes import motor
 
 ROBOT = Parameters.from_robot(RobotConfig())

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from raccoon.sim import compiled, running
+from raccoon.sim.plant import compiled
+from raccoon.sim.rollout import running
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)

@@ -9,7 +9,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Outputs
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import open_emulated
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.columns import recording_of
 from raccoon.trace.format import Tick, Trace
 from raccoon.trace.header import Header

@@ -23,10 +23,10 @@ from raccoon.hal.wombat.emulator.raccoon_chip import RaccoonChip
 from raccoon.hal.wombat.emulator.stock_chip import StockChip
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.robot.motions import straight, turn
+from raccoon.robot.motions.motions import straight, turn
 from raccoon.robot.opening import open_robot
 from raccoon.robot.robot import Robot
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 ALL: tuple[Firmware, ...] = ("stock", 17, 21)
 RACCOON: tuple[Firmware, ...] = (17, 21)

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from peer_robots import GRAVITY, Body, Motors
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 BODY = Body()
 ROWS = 400

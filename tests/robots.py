@@ -10,10 +10,10 @@ from raccoon import Action, Robot, RobotConfig, open_robot, wait
 from raccoon.core.config import Measured, MotorConfig, TophatConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Truth
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 # Both motors are calibrated, as before a match: motions are tested here, not the learning of scales.
 SCALE = Measured(SIMULATOR.bemf_volts / RobotConfig().model.left.back_emf_constant.value, 1e-6)

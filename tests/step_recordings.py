@@ -15,9 +15,9 @@ from scipy.optimize import least_squares
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 Floats = NDArray[np.float64]
 SUPPLY = 12.0  # V; the command is a voltage, so any supply above it gives the same motor voltage

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from raccoon.core.port import Port
     from raccoon.core.readings import Inputs, Outputs, Status
     from raccoon.model.pose import Pose
-    from raccoon.robot.actions import (
+    from raccoon.robot.actions.actions import (
         Action,
         background,
         parallel,
@@ -42,10 +42,8 @@ if TYPE_CHECKING:
         wait,
         wait_for,
     )
-    from raccoon.robot.battery_check import check_battery
-    from raccoon.robot.calibration import calibrate_drive, calibrate_tophats, load_tophats
-    from raccoon.robot.conditions import (
-        Condition,
+    from raccoon.robot.actions.condition import Condition
+    from raccoon.robot.actions.conditions import (
         after_angle,
         after_distance,
         after_time,
@@ -61,18 +59,21 @@ if TYPE_CHECKING:
         stalled,
         when,
     )
-    from raccoon.robot.driving import drive, motors
-    from raccoon.robot.following import follow_line
-    from raccoon.robot.functions import do
-    from raccoon.robot.light import calibrate_light, rehearse_light
-    from raccoon.robot.lines import align_on_line, align_on_wall
+    from raccoon.robot.actions.functions import do
+    from raccoon.robot.calibration.battery_check import check_battery
+    from raccoon.robot.calibration.light import calibrate_light, rehearse_light
+    from raccoon.robot.calibration.tophats import calibrate_tophats, load_tophats
+    from raccoon.robot.calibration.wheels import calibrate_drive
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
-    from raccoon.robot.mechanisms import move, move_by, release, spin, zero
-    from raccoon.robot.motions import MotionResult, arc, pivot, straight, turn, turn_to
+    from raccoon.robot.motions.driving import drive, motors
+    from raccoon.robot.motions.following import follow_line
+    from raccoon.robot.motions.lines import align_on_line, align_on_wall
+    from raccoon.robot.motions.motions import MotionResult, arc, pivot, straight, turn, turn_to
+    from raccoon.robot.motions.paths import drive_to, follow_path
     from raccoon.robot.opening import open_robot, replay
-    from raccoon.robot.paths import drive_to, follow_path
+    from raccoon.robot.parts.mechanisms import move, move_by, release, spin, zero
+    from raccoon.robot.parts.servos import servo, servo_off
     from raccoon.robot.robot import Robot
-    from raccoon.robot.servos import servo, servo_off
 
 __version__ = "0.1.0"
 
@@ -91,7 +92,7 @@ _HOMES = {
     "raccoon.core.port": ("Port",),
     "raccoon.core.readings": ("Inputs", "Outputs", "Status"),
     "raccoon.model.pose": ("Pose",),
-    "raccoon.robot.actions": (
+    "raccoon.robot.actions.actions": (
         "Action",
         "background",
         "parallel",
@@ -101,9 +102,10 @@ _HOMES = {
         "wait",
         "wait_for",
     ),
-    "raccoon.robot.calibration": ("calibrate_drive", "calibrate_tophats", "load_tophats"),
-    "raccoon.robot.conditions": (
-        "Condition",
+    "raccoon.robot.calibration.tophats": ("calibrate_tophats", "load_tophats"),
+    "raccoon.robot.calibration.wheels": ("calibrate_drive",),
+    "raccoon.robot.actions.condition": ("Condition",),
+    "raccoon.robot.actions.conditions": (
         "after_angle",
         "after_distance",
         "after_time",
@@ -119,8 +121,8 @@ _HOMES = {
         "stalled",
         "when",
     ),
-    "raccoon.robot.driving": ("drive", "motors"),
-    "raccoon.robot.motions": (
+    "raccoon.robot.motions.driving": ("drive", "motors"),
+    "raccoon.robot.motions.motions": (
         "MotionResult",
         "arc",
         "pivot",
@@ -129,18 +131,18 @@ _HOMES = {
         "turn_to",
     ),
     "raccoon.robot.opening": ("open_robot", "replay"),
-    "raccoon.robot.paths": (
+    "raccoon.robot.motions.paths": (
         "drive_to",
         "follow_path",
     ),
-    "raccoon.robot.light": ("calibrate_light", "rehearse_light"),
-    "raccoon.robot.lines": (
+    "raccoon.robot.calibration.light": ("calibrate_light", "rehearse_light"),
+    "raccoon.robot.motions.lines": (
         "align_on_line",
         "align_on_wall",
     ),
-    "raccoon.robot.following": ("follow_line",),
-    "raccoon.robot.functions": ("do",),
-    "raccoon.robot.battery_check": ("check_battery",),
+    "raccoon.robot.motions.following": ("follow_line",),
+    "raccoon.robot.actions.functions": ("do",),
+    "raccoon.robot.calibration.battery_check": ("check_battery",),
     "raccoon.robot.match": (
         "MatchReport",
         "mission",
@@ -149,8 +151,8 @@ _HOMES = {
         "wait_for_light",
     ),
     "raccoon.robot.robot": ("Robot",),
-    "raccoon.robot.mechanisms": ("move", "move_by", "release", "spin", "zero"),
-    "raccoon.robot.servos": ("servo", "servo_off"),
+    "raccoon.robot.parts.mechanisms": ("move", "move_by", "release", "spin", "zero"),
+    "raccoon.robot.parts.servos": ("servo", "servo_off"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 

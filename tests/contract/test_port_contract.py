@@ -22,7 +22,7 @@ from raccoon.core.readings import (
 )
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.trace.record import RecordingPort
 from raccoon.trace.replay import ReplayPort

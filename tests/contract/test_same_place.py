@@ -11,9 +11,9 @@ from raccoon.core.config import RobotConfig
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.robot.motions import straight, turn
+from raccoon.robot.motions.motions import straight, turn
 from raccoon.robot.robot import Robot
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 FIRMWARES: list[Firmware] = ["stock", 17, 21]
 CONFIG = RobotConfig()

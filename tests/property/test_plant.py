@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.sim import driver
-from raccoon.sim.friction import settled
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import plant_numbers, state_at_rest
-from raccoon.sim.quantities import Plant, Rubbing, State
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.physical import plant_numbers, state_at_rest
+from raccoon.sim.plant import driver
+from raccoon.sim.plant.friction import settled
+from raccoon.sim.plant.quantities import Plant, Rubbing, State
 
 Array = NDArray[np.float64]
 

@@ -12,25 +12,22 @@ import raccoon
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "motions.md").read_text("utf-8")
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+DRIVING = ("motions.motions", "motions.driving", "motions.paths", "motions.lines")
 HOMES = (
-    "motions",
-    "driving",
-    "paths",
-    "lines",
-    "actions",
-    "conditions",
+    *DRIVING,
+    "actions.actions",
+    "actions.condition",
+    "actions.conditions",
     "match",
-    "battery_check",
-    "calibration",
+    "calibration.battery_check",
+    "calibration.tophats",
+    "calibration.wheels",
 )
 NAMES = sorted(name for home in HOMES for name in raccoon._HOMES[f"raccoon.robot.{home}"])
 TYPES = {"Action", "Condition", "MatchReport", "MotionResult"}
 NOT_RUN = {"wait_for_light"}  # the simulated table has no start light
 MOTIONS = sorted(
-    name
-    for home in ("motions", "driving", "paths", "lines")
-    for name in raccoon._HOMES[f"raccoon.robot.{home}"]
-    if name not in TYPES
+    name for home in DRIVING for name in raccoon._HOMES[f"raccoon.robot.{home}"] if name not in TYPES
 )
 COMMON = {"tolerance", "timeout"}
 

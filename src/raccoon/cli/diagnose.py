@@ -96,7 +96,7 @@ def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import RaccoonError
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
-    from raccoon.sim.compiled import has_numba
+    from raccoon.sim.plant.compiled import has_numba
     from raccoon.trace.loading import load_run
 
     if has_numba():
@@ -153,7 +153,7 @@ def _save_model(path: Path, diagnosis: Diagnosis, name: str) -> None:
     from datetime import date
 
     from raccoon import __version__
-    from raccoon.sim.provenance import Provenance
+    from raccoon.sim.effects.provenance import Provenance
 
     if diagnosis.model is None:
         return

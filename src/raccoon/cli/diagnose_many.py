@@ -61,7 +61,7 @@ def diagnose_job(job: Job) -> Diagnosis:
     robot = load_robot(job.robot) if job.robot is not None else loaded.robot or RobotConfig()
     start = None
     if job.model is not None:
-        from raccoon.sim.parameters import Parameters
+        from raccoon.sim.effects.parameters import Parameters
 
         start = Parameters.from_model_file(job.model)
         robot = start.robot

@@ -15,7 +15,7 @@ from raccoon.cli.outputs import check_folders
 from raccoon.core.config import REAL_CONTROLLERS, Measured, load_robot
 
 if TYPE_CHECKING:
-    from raccoon.robot.identification import Excitation, WheelFit
+    from raccoon.robot.calibration.identification import Excitation, WheelFit
     from raccoon.trace.loading import Run
 
 PORTS = ("wombat", "wombat-raccoon", "sim")
@@ -43,8 +43,8 @@ def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation
 
     bare: without the static compensation that robot.toml has, as a new one must not build on it.
     """
-    from raccoon.robot.actions import wait
-    from raccoon.robot.identification import excite, fit_wheels
+    from raccoon.robot.actions.actions import wait
+    from raccoon.robot.calibration.identification import excite, fit_wheels
     from raccoon.robot.opening import open_robot
 
     check_seed(args.seed)
@@ -138,7 +138,7 @@ def add_calibration(kinds: Any) -> None:
 
 def calibrate(args: argparse.Namespace) -> int:
     """Measure k of both motors and store it with date, battery voltage and standard deviation."""
-    from raccoon.robot.identification import power_factors
+    from raccoon.robot.calibration.identification import power_factors
 
     seen, fits = excited(args, bare=True)
     return finish(args, power_factors(fits, seen.battery))

@@ -10,7 +10,7 @@ from raccoon.core.extras import install
 
 def check_compiled(what: str) -> None:
     """Raise ConfigError where numba is not installed. what: a sentence that says what takes so long."""
-    from raccoon.sim.compiled import has_numba
+    from raccoon.sim.plant.compiled import has_numba
 
     if not has_numba():
         raise ConfigError(f"{what}; that needs numba: {install('sim')}")
@@ -18,7 +18,7 @@ def check_compiled(what: str) -> None:
 
 def remark_slow() -> None:
     """A line on the standard error output where numba is not installed."""
-    from raccoon.sim.compiled import has_numba
+    from raccoon.sim.plant.compiled import has_numba
 
     if not has_numba():
         print(f"numba is not installed, without which this takes longer: {install('sim')}", file=sys.stderr)

@@ -45,7 +45,7 @@ from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
 from raccoon.diagnose.unknown.probes import PREFIX
 from raccoon.diagnose.unknown.shapes import shapes_of
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import ConfigError
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.robot.opening import no_robot_opened
-from raccoon.sim.effects import Effect
+from raccoon.sim.effects.effect import Effect
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -56,7 +56,7 @@ class OwnEffect(Effect):
     needs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        from raccoon.sim.catalogue import CATALOGUE
+        from raccoon.sim.effects.catalogue import CATALOGUE
 
         if not re.fullmatch(r"[a-z0-9_]+\.[a-z0-9_]+", self.id):
             raise ConfigError(f"own effect {self.id!r}: write its id as group.name, such as team.motor_hum")

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.hypotheses.coordinates import cause_name
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
 

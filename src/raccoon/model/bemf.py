@@ -1,8 +1,35 @@
-"""What a board's back-EMF filter does to time: how far filtered speeds and their sum lag behind the motor."""
+"""What a board's back-EMF words are worth: radians a count, and how far its filter lags behind the motor.
+
+A motor's counter is the integral of its back-EMF, so both share one scale: radians a (count · second)::
+
+    calibrated:   radians_per_tick / device.position_counts_seconds
+    otherwise:    device.bemf_volts / K_E           (back-EMF in volts is K_E times speed)
+"""
 
 from __future__ import annotations
 
 import math
+
+from raccoon.core.config import MotorConfig, RobotConfig
+from raccoon.core.readings import Device
+
+
+def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
+    """Radians of the `side` ("left" or "right") wheel in one back-EMF count · second, without its wiring
+    sign.
+    """
+    motor = robot.motor(getattr(robot.drive, side))
+    return radians_per_count(motor, getattr(robot.model, side).back_emf_constant.value, device)
+
+
+def radians_per_count(motor: MotorConfig, back_emf_constant: float, device: Device) -> float:
+    """Radians of any motor's shaft in one back-EMF count · second, without its wiring sign.
+
+    back_emf_constant: V/(rad/s), for a motor that is not calibrated.
+    """
+    if motor.radians_per_tick is not None:
+        return motor.radians_per_tick.value / device.position_counts_seconds
+    return device.bemf_volts / back_emf_constant
 
 
 def counter_lag(time_constant: float, sample_time: float) -> float:

@@ -12,14 +12,14 @@ from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
-from raccoon.sim.contact import NO_SLIP, Contact, placed
-from raccoon.sim.free_motor import FreeMotor
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import plant_numbers, state_at_rest, wiring_signs
-from raccoon.sim.quantities import Plant
-from raccoon.sim.stepped import Steps
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.physical import plant_numbers, state_at_rest, wiring_signs
+from raccoon.sim.plant.free_motor import FreeMotor
+from raccoon.sim.plant.quantities import Plant
+from raccoon.sim.plant.stepped import Steps
 from raccoon.sim.tophats import Tophat
-from raccoon.sim.world import World
+from raccoon.sim.world.contact import NO_SLIP, Contact, placed
+from raccoon.sim.world.world import World
 
 LONGEST_STEP = 0.0025
 """s; the plant's own step, see docs/simulator.md."""

@@ -6,15 +6,15 @@ import inspect
 from importlib import import_module
 
 ACTIONS = (
-    "actions",
-    "driving",
-    "following",
-    "functions",
-    "lines",
-    "mechanisms",
-    "motions",
-    "paths",
-    "servos",
+    "actions.actions",
+    "actions.functions",
+    "motions.driving",
+    "motions.following",
+    "motions.lines",
+    "motions.motions",
+    "motions.paths",
+    "parts.mechanisms",
+    "parts.servos",
 )
 """Modules whose public functions make actions."""
 

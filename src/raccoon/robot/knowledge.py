@@ -20,16 +20,16 @@ from raccoon.core.readings import (
 from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
-from raccoon.robot.attachments import Attachments, named
-from raccoon.robot.drive import Drive
-from raccoon.robot.limits import check_port
-from raccoon.robot.motions import PLAN_REACH, PLAN_REACH_HEADING
-from raccoon.robot.sensors import TophatSensor
+from raccoon.robot.actions.limits import check_port
+from raccoon.robot.motions.motions import PLAN_REACH, PLAN_REACH_HEADING
+from raccoon.robot.parts.attachments import Attachments, named
+from raccoon.robot.parts.drive import Drive
+from raccoon.robot.parts.tophats import TophatSensor
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
-    from raccoon.robot.mechanisms import Mechanism
-    from raccoon.robot.servos import Servo
+    from raccoon.robot.parts.mechanisms import Mechanism
+    from raccoon.robot.parts.servos import Servo
 
 W = TypeVar("W")
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
-from raccoon.robot.actions import Action, Steps, check_actions
-from raccoon.robot.conditions import each_of
+from raccoon.robot.actions.actions import Action, Steps, check_actions
+from raccoon.robot.actions.condition import each_of
+from raccoon.robot.actions.functions import NOTHING_RUN, perform
+from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_port
+from raccoon.robot.calibration.light import tell_light, tell_no_lamp, word
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
-from raccoon.robot.functions import NOTHING_RUN, perform
-from raccoon.robot.light import tell_light, tell_no_lamp, word
-from raccoon.robot.limits import check_function, check_kind, check_number, check_port
 from raccoon.robot.remarks import say, tell
 
 if TYPE_CHECKING:

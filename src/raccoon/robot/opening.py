@@ -14,8 +14,8 @@ from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.port import Port
 from raccoon.estimate.drive.wheels import all_resting_counts
-from raccoon.robot.actions import Action
-from raccoon.robot.functions import NOTHING_RUN, perform
+from raccoon.robot.actions.actions import Action
+from raccoon.robot.actions.functions import NOTHING_RUN, perform
 from raccoon.robot.loop import punctual, stopped_on_exit
 from raccoon.robot.remarks import say
 from raccoon.robot.robot import Robot
@@ -146,7 +146,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
     """The port that robot.toml's `controller.port` names."""
     kind = config.controller.port
     if kind == "sim":
-        from raccoon.sim.parameters import Parameters
+        from raccoon.sim.effects.parameters import Parameters
         from raccoon.sim.port import SimPort
 
         return SimPort(
@@ -171,7 +171,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
         return open_create(config.controller.device or SERIAL_PORT)
     if kind in ("emulator", "emulator-raccoon"):
         from raccoon.robot.emulated import open_emulated
-        from raccoon.sim.world import World
+        from raccoon.sim.world.world import World
 
         return open_emulated(config, "stock" if kind == "emulator" else 21, seed=seed, world=World.default())
     raise ConfigError(f"controller.port = {kind!r}: there is no such port")

@@ -16,13 +16,13 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError, Stopped
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
-from raccoon.robot.actions import Action, Steps
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.limits import check_kind
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.instead import instead
 from raccoon.robot.knowledge import Knowledge, numbers
-from raccoon.robot.limits import check_kind
+from raccoon.robot.parts.tophats import Floor
 from raccoon.robot.remarks import miswired, say
-from raccoon.robot.sensors import Floor
 
 if TYPE_CHECKING:
     from raccoon.robot.match import StepTime

@@ -20,15 +20,15 @@ from raccoon.core.readings import (
     Words,
 )
 from raccoon.model.bemf import counter_lag
-from raccoon.sim.chain import Chain, Noise
-from raccoon.sim.free_motor import FreeMotor
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
-from raccoon.sim.quantities import State
+from raccoon.sim.effects.chain import Chain, Noise
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
+from raccoon.sim.plant.free_motor import FreeMotor
+from raccoon.sim.plant.quantities import State
 from raccoon.sim.robot import SimulatedRobot, bridges
 from raccoon.sim.tophats import Tophat
 from raccoon.sim.words import Converter, Imu, Scatter
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 
 class SimPort:

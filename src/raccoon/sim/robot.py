@@ -10,12 +10,12 @@ import numpy as np
 
 from raccoon.core.readings import Outputs
 from raccoon.core.sections import BodyConfig
-from raccoon.sim.collision import Pose
-from raccoon.sim.compiled import advance_one, given
-from raccoon.sim.contact import NO_SLIP, Contact, placed
-from raccoon.sim.physical import state_at_rest
-from raccoon.sim.quantities import Plant, State
-from raccoon.sim.world import World
+from raccoon.sim.effects.physical import state_at_rest
+from raccoon.sim.plant.compiled import advance_one, given
+from raccoon.sim.plant.quantities import Plant, State
+from raccoon.sim.world.collision import Pose
+from raccoon.sim.world.contact import NO_SLIP, Contact, placed
+from raccoon.sim.world.world import World
 
 Noise = Sequence[Sequence[float]]
 UNSEEN = 1e-6

@@ -6,8 +6,8 @@ import math
 
 from raccoon.core.config import TophatConfig
 from raccoon.model.reflectance import Optics, fit, spot_radius
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.world import World
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.world.world import World
 
 GENERATION = "new"
 

@@ -9,11 +9,11 @@ import numpy as np
 
 from raccoon.core.readings import ANALOG_PORTS, SIMULATOR, Flags, Vector, Words
 from raccoon.model.imu import gyro_reading, specific_force, word
-from raccoon.sim.chain import Noise
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.quantities import State
+from raccoon.sim.effects.chain import Noise
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.plant.quantities import State
 from raccoon.sim.tophats import Tophat
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 
 class Scatter:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
-from raccoon.sim.effects import effect
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sweep.faults import KINDS
 
 if TYPE_CHECKING:

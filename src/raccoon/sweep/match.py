@@ -15,8 +15,8 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
-from raccoon.sim.chain import FIRMWARE_IMU_HZ, Chain
-from raccoon.sim.world import World
+from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
+from raccoon.sim.world.world import World
 from raccoon.sweep.factors import LIGHT, Factor, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
@@ -98,7 +98,7 @@ class Match:
 
 def _check_start(start: tuple[float, float, float], table: World, robot: RobotConfig) -> None:
     """Raise ConfigError for a start at which no robot stands: off the table, or in what is on it."""
-    from raccoon.sim.collision import Obstacles
+    from raccoon.sim.world.collision import Obstacles
 
     x, y, heading = start
     if not all(map(math.isfinite, start)):
@@ -191,7 +191,7 @@ def _quiet() -> Iterator[None]:
 
 def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
     from raccoon.sim.port import SimPort
-    from raccoon.sim.world import Box, Light
+    from raccoon.sim.world.world import Box, Light
 
     world = match.table
     if LIGHT in values:
@@ -212,8 +212,8 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
 
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
     """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
-    from raccoon.robot.actions import wait
-    from raccoon.robot.functions import NOTHING_RUN, perform
+    from raccoon.robot.actions.actions import wait
+    from raccoon.robot.actions.functions import NOTHING_RUN, perform
 
     with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
         try:

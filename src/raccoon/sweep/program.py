@@ -13,8 +13,8 @@ from typing import Any
 
 import raccoon
 from raccoon.core.errors import ConfigError
-from raccoon.robot.actions import Action
-from raccoon.robot.limits import takes
+from raccoon.robot.actions.actions import Action
+from raccoon.robot.actions.limits import takes
 from raccoon.robot.robot import Robot
 
 Mission = Callable[[Robot], Any]

@@ -21,8 +21,8 @@ from raccoon.cli.diagnose_many import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.reports.html import template
-from raccoon.sim.model_file import save_model
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.model_file import save_model
+from raccoon.sim.effects.parameters import Parameters
 from unit.diagnose.axes import motor
 
 Columns = dict[str, np.ndarray]

@@ -19,7 +19,7 @@ from raccoon.hal.doctor import Finding, Verdict, examine
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 TOPHAT = RobotConfig(tophats={"front": TophatConfig(analog=0)})
 

@@ -7,7 +7,7 @@ import pytest
 
 from raccoon.cli.effects.recordings import comparison
 from raccoon.cli.main import main
-from raccoon.sim.effects import all_effects
+from raccoon.sim.effects.effect import all_effects
 
 ROOT = Path(__file__).resolve().parents[3]
 

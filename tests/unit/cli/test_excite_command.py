@@ -11,8 +11,8 @@ import pytest
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.experiment.manoeuvres import CHECKUP, MANOEUVRES, manoeuvre
-from raccoon.sim.model_file import save_model
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.model_file import save_model
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
 
 ROBOT_TOML = '[controller]\nport = "wombat"\n'

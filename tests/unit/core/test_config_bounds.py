@@ -20,7 +20,7 @@ from raccoon.core.sections import (
     MotionConfig,
     MotorConfig,
 )
-from raccoon.robot.actions import wait
+from raccoon.robot.actions.actions import wait
 from raccoon.robot.opening import open_robot
 
 SECTIONS: dict[str, type[Any]] = {

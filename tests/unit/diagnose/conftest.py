@@ -14,7 +14,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
-from raccoon.sim.chain import Chain
+from raccoon.sim.effects.chain import Chain
 
 
 @pytest.fixture(scope="module")

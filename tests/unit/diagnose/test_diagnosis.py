@@ -22,12 +22,11 @@ from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.variants import parameters_of
-from raccoon.sim import effects
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.effects import all_effects
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.effect import all_effects, effect
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 ROBOT = RobotConfig()
 
@@ -116,12 +115,12 @@ def test_a_gap_that_no_sample_tells_from_a_wider_one_is_not_as_unsure_as_before(
 
 def test_every_drive_effect_is_a_cause_with_a_sentence_and_a_manoeuvre() -> None:
     causes = {each.id for each in drive_causes()}
-    for effect in all_effects():
-        if effect.group == "tophat" or effect.id in NO_CAUSE:
-            assert effect.id not in causes
+    for each in all_effects():
+        if each.group == "tophat" or each.id in NO_CAUSE:
+            assert each.id not in causes
             continue
-        assert effect.id in causes
-        assert manoeuvre_for(effect.id) is not None
+        assert each.id in causes
+        assert manoeuvre_for(each.id) is not None
 
 
 def test_neutral_coordinates_give_the_nominal_robot_whose_wheels_give_as_usual() -> None:
@@ -217,7 +216,7 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
         )
 
     def searching(active: dict[str, float], failed: dict[str, str]) -> SimpleNamespace:
-        causes = {name: SimpleNamespace(name=name, effect=effects.effect(name)) for name in numbers}
+        causes = {name: SimpleNamespace(name=name, effect=effect(name)) for name in numbers}
         fit = SimpleNamespace(point=SimpleNamespace(active=active))
         problem = SimpleNamespace(causes=causes)
         return SimpleNamespace(fit=fit, problem=problem, failed=failed, gains={})
@@ -241,7 +240,7 @@ def test_a_lone_cause_that_is_clear_stands_however_flat_the_misfit_is_there(
     play = "drive.backlash"
     monkeypatch.setattr(proving, "parameters", lambda *_: {"angle": ParameterResult(0.15, 0.12, "rad", 0.0)})
     monkeypatch.setattr(Spread, "of", lambda _: None)
-    causes = {play: SimpleNamespace(name=play, effect=effects.effect(play))}
+    causes = {play: SimpleNamespace(name=play, effect=effect(play))}
     fit = SimpleNamespace(point=SimpleNamespace(active={play: 1.5}))
     search: Any = SimpleNamespace(fit=fit, problem=SimpleNamespace(causes=causes), gains={play: gain})
     assert (proving._sizeless(search) is None) == stands

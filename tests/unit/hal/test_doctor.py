@@ -15,9 +15,9 @@ from raccoon.core.config import DriveConfig, Measured, MotorConfig, RobotConfig,
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault
 from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 ROBOT = RobotConfig(tophats={"front_left": TophatConfig(analog=0), "front_right": TophatConfig(analog=1)})
 

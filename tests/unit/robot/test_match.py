@@ -24,7 +24,7 @@ from raccoon import (
 )
 from raccoon.core.config import ServoConfig
 from raccoon.core.readings import STOP, Inputs, Outputs
-from raccoon.robot.actions import Action, Steps
+from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.match import mission, run_match, timed, wait_for_light
 from robots import CONFIG, simulated

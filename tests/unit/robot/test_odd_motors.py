@@ -34,10 +34,10 @@ from raccoon.core.readings import Inputs, Outputs
 from raccoon.hal.wombat.emulator import Emulator
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Line, Wall, World
+from raccoon.sim.world.world import Line, Wall, World
 from robots import CONFIG, run, simulated
 
 BARE = replace(CONFIG, motors={})

@@ -17,9 +17,9 @@ from raccoon import (
     turn,
     wait,
 )
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 
 def mission(robot: Robot) -> tuple[float, float, float]:

@@ -16,7 +16,7 @@ from raccoon import Action, Robot, Stopped, background, do, drive, open_robot, p
 from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
-from raccoon.robot.actions import Steps
+from raccoon.robot.actions.actions import Steps
 from raccoon.robot.loop import punctual
 
 CHILD = """

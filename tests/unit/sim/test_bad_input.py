@@ -12,12 +12,12 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Measured
-from raccoon.sim.chain import Chain, Noise
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain, Noise
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.rollout import rollout
-from raccoon.sim.world import Box, Light, Line, Ramp, Thing, Wall
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
+from raccoon.sim.world.world import Box, Light, Line, Ramp, Thing, Wall
 
 TIME = (np.arange(40) * 0.005).astype(np.float64)
 ZERO, ONE = np.zeros(40), np.ones(40)

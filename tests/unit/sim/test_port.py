@@ -8,9 +8,9 @@ from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import World
+from raccoon.sim.world.world import World
 
 
 def sim(config: RobotConfig | None = None, **options: Any) -> SimPort:

@@ -12,10 +12,10 @@ from raccoon.core.config import RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.robot.opening import open_robot
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Thing, World
+from raccoon.sim.world.world import Thing, World
 from raccoon.sweep.factors import Factor, default_factors, fault_factors
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.match import Match, columns, crashed, nominal_end, play

@@ -10,8 +10,8 @@ from numpy.random import Generator, default_rng
 
 from raccoon.core.config import RobotConfig
 from raccoon.model.paper import COMPETITION_VOLTAGE, MOTORS, TESTING_VOLTAGE, PaperMotor
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 
 TABLE_BATTERY = 6.6  # V, where the battery is not what differs
 TAPE_STD = 0.001  # m, of a distance read off a tape

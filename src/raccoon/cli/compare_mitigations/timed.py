@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from raccoon.cli.compare_mitigations.vehicles import Vehicle, simulated
 from raccoon.control.voltage import VoltageScaling
 from raccoon.core.config import RobotConfig
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 STOPPING = 0.25  # s with the motors shorted after each leg
 LONGEST = 30.0  # s of a leg, whatever happens

@@ -12,12 +12,12 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Inputs, Outputs, Truth
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.plant.quantities import State
 from raccoon.sim.port import SimPort
-from raccoon.sim.quantities import State
-from raccoon.sim.rollout import rollout
-from raccoon.sim.world import World
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
+from raccoon.sim.world.world import World
 
 RATE_HZ = 200.0
 IMU_RATE_HZ = 50.0

@@ -23,10 +23,10 @@ from raccoon.model.paper import (
     PaperMotor,
     battery_speeds,
 )
-from raccoon.robot.actions import looking
+from raccoon.robot.actions.actions import looking
 
 if TYPE_CHECKING:
-    from raccoon.sim.parameters import Parameters
+    from raccoon.sim.effects.parameters import Parameters
     from raccoon.sim.port import SimPort
 
 BATTERIES = (6.1, 6.6, 7.0)
@@ -69,9 +69,9 @@ def simulated(trial: Trial, run: int) -> SimPort:
 
 
 def _port(voltage: float, resistance: float, left: PaperMotor, right: PaperMotor, seed: int) -> SimPort:
-    from raccoon.sim.parameters import Parameters
+    from raccoon.sim.effects.parameters import Parameters
     from raccoon.sim.port import SimPort
-    from raccoon.sim.world import World
+    from raccoon.sim.world.world import World
 
     config = configuration()
     parameters = (

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from raccoon.core.errors import ConfigError
-from raccoon.sim.effects import Effect, Parameter, Place, all_effects
+from raccoon.sim.effects.effect import Effect, Parameter, Place, all_effects
 
 WHERE = {Place.ROBOT: "", Place.SIDE: "@left @right", Place.TOPHAT: "@port"}
 

@@ -10,21 +10,22 @@ from raccoon.cli.effects.listing import WHERE, neutral_text
 from raccoon.cli.effects.recordings import Comparison, comparison
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
-from raccoon.sim.effects import Effect, all_effects
+from raccoon.sim.effects.effect import Effect, all_effects
 
 _HEAD = """# Effects
 
 What can make a robot differ from the textbook one, and what a diagnosis may name (all but
 `friction.presliding`, which every robot has, and `imu.low_pass`, which is no fault: a diagnosis fits both).
-Written by `raccoon effects --write docs`; edit `sim/catalogue.py` instead.
+Written by `raccoon effects --write docs`; edit `sim/effects/catalogue.py` instead.
 
 Each picture shows one channel of the same drive (creeping, steps forward and back, turns; for tophats: over
 lines), grey without and red with the effect, in the channel in which it shows most. An effect that is off
 sits at its neutral value, where it changes nothing, exactly.
 
-Adding an effect: an entry in `sim/catalogue.py`, its term in `sim/equations.py` or `friction.py` (a
-statement that ends with `# effect: ID`), its numbers in `sim/physical.py`, and this page written again. The
-tests of neutral values take it up by themselves; [the simulator's page](simulator.md) says more.
+Adding an effect: an entry in `sim/effects/catalogue.py`, its term in `sim/plant/equations.py` or
+`friction.py` (a statement that ends with `# effect: ID`), its numbers in `sim/effects/physical.py`, and this
+page written again. The tests of neutral values take it up by themselves; [the simulator's page](simulator.md)
+says more.
 """
 
 

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig, TophatConfig
 from raccoon.core.readings import Outputs
-from raccoon.sim.commands import Commands
-from raccoon.sim.effects import Effect, Place
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.effect import Effect, Place
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.rollout import rollout
-from raccoon.sim.world import World
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
+from raccoon.sim.world.world import World
 
 Floats = NDArray[np.float64]
 ROBOT = replace(RobotConfig(), tophats={"front": TophatConfig(analog=0)})

@@ -10,7 +10,7 @@ from traceback import extract_tb
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
-from raccoon.robot.functions import perform
+from raccoon.robot.actions.functions import perform
 from raccoon.robot.opening import no_robot_opened, replay
 from raccoon.robot.robot import Robot
 from raccoon.sweep.program import Mission, Program

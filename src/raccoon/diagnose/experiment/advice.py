@@ -39,8 +39,8 @@ from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT
 from raccoon.diagnose.select.visible import VISIBLE, shows_from
-from raccoon.sim.chain import Chain
-from raccoon.sim.effects import all_effects, effect
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.effect import all_effects, effect
 
 Array = NDArray[np.float64]
 

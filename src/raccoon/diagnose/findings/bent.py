@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.symmetry import id_of, is_own
-from raccoon.sim.effects import effect
+from raccoon.sim.effects.effect import effect
 
 FAR = 3.0
 """Standard deviations from which a number is worth a word: of thirty that robot.toml says rightly, one in

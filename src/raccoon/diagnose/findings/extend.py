@@ -14,10 +14,10 @@ from raccoon.diagnose.hypotheses.candidates import NO_CAUSE
 from raccoon.diagnose.hypotheses.coordinates import Settings, neutral_settings, places
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.variants import parameters_of
-from raccoon.sim.chain import Chain
-from raccoon.sim.effects import effect
-from raccoon.sim.parameters import Key, Parameters
-from raccoon.sim.provenance import Origin
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.parameters import Key, Parameters
+from raccoon.sim.effects.provenance import Origin
 
 REFITTED = "refitted inside robot.toml's standard deviation"
 OF_EVERY_ROBOT = "refitted: every robot has it, and robot.toml does not say how much"

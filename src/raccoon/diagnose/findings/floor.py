@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit.linear import FLOOR_SECONDS, courses, speed_of
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitening import STANDSTILL
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 

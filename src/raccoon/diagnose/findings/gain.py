@@ -14,7 +14,7 @@ from raccoon.diagnose.fit.linear import FLOOR_SECONDS
 from raccoon.diagnose.fit.noise import event_means
 from raccoon.diagnose.fit.problem import Point, Problem, Whitener
 from raccoon.diagnose.select.outlook import Search, steadied
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 

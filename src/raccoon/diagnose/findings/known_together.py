@@ -10,7 +10,7 @@ from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.select.gates import MANY
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.symmetry import BACK_EMF
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 TURN_READS = {"imu.gyro_scale": 1.0, "drive.wheel_radius": 1.0, "drive.track_width": -1.0}
 """Power with which the gyro's reading follows each of them."""

@@ -22,8 +22,8 @@ from raccoon.diagnose.select.refits import LAGS, SCALE, SMOOTHS, delay_alike
 from raccoon.diagnose.select.rivals import CLOSE, odds
 from raccoon.diagnose.select.search import NOTHING
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
-from raccoon.sim.effects import Effect
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.effect import Effect
+from raccoon.sim.effects.parameters import SIDES
 
 TWINS = (frozenset({"imu.gyro_scale", "drive.track_width", "drive.wheel_radius"}),)
 """Whole-robot causes that a gyro and wheels without a reference cannot tell apart: turn rate = scale r w /

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.problem import Point, Problem, Whitener, neighbours
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 

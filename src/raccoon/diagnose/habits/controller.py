@@ -25,8 +25,8 @@ from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.silence import told
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 
 USUAL_CHAINS = (Chain.firmware(), Chain())
 FREE_RUNNING = replace(Chain.firmware(), slots=False, free_running=True)

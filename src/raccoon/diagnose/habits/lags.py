@@ -24,8 +24,8 @@ from raccoon.diagnose.select.search import gone_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.watch import tell
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 

@@ -56,8 +56,8 @@ from raccoon.diagnose.select.refits import SCALE, lag_as
 from raccoon.diagnose.select.search import begun, gone_on, whole
 from raccoon.diagnose.select.sets import apart
 from raccoon.diagnose.watch import tell
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 
 LIKE_A_FILTER = (LATE, "bemf.filter_lag")
 FAR_BEHIND = 100.0

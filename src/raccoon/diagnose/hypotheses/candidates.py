@@ -24,8 +24,8 @@ from raccoon.diagnose.hypotheses.coordinates import (
     places,
 )
 from raccoon.diagnose.own import OwnEffect
-from raccoon.sim.effects import Place, all_effects, effect
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.effect import Place, all_effects, effect
+from raccoon.sim.effects.parameters import SIDES
 
 
 def _limit(settings: Settings, where: str | None, u: Sequence[float]) -> None:

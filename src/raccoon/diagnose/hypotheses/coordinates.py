@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.own import OwnEffect
-from raccoon.sim.effects import Effect, Place, all_effects, effect
-from raccoon.sim.parameters import SIDES, nominal
+from raccoon.sim.effects.effect import Effect, Place, all_effects, effect
+from raccoon.sim.effects.parameters import SIDES, nominal
 
 Setting = tuple[str, str | None, str]
 """Effect id, place (left, right or None for the whole robot), parameter."""

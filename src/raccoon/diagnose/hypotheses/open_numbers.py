@@ -14,7 +14,7 @@ from typing import Any
 
 from raccoon.core.config import Measured, NominalModel, RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import Coordinate, added, multiplied
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 INSIDE = 3.5
 """Standard deviations around robot.toml's value inside which a parameter is refitted silently."""

@@ -37,7 +37,7 @@ from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.diagnose.rollout.firmware import firmware_of
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

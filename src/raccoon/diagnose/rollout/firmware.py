@@ -30,8 +30,8 @@ from raccoon.hal.wombat.counters import StockBemf
 from raccoon.hal.wombat.devices import RACCOON_21_DEAD_ZONE, RACCOON_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK
 from raccoon.hal.wombat.dialect import LARGEST_BEMF
 from raccoon.hal.wombat.raccoon_command import FULL_PWM
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import SIDES, Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import SIDES, Parameters
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.hypotheses.coordinates import Cause
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 

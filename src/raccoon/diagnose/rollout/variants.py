@@ -17,10 +17,9 @@ from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.physical import (
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.physical import (
     LOOSE_STEP,
     SHORTEST,
     plant_numbers,
@@ -29,8 +28,9 @@ from raccoon.sim.physical import (
     time_constants,
     wiring_signs,
 )
-from raccoon.sim.quantities import Plant
-from raccoon.sim.rollout import Lanes, rollout
+from raccoon.sim.plant.quantities import Plant
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import Lanes, rollout
 
 Array = NDArray[np.float64]
 Possible = NDArray[np.bool_]

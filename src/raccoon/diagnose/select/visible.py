@@ -7,7 +7,7 @@ import math
 from raccoon.diagnose.hypotheses.candidates import HIGHEST_LIMIT
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
 from raccoon.diagnose.select.outlook import Search
-from raccoon.sim.effects import Parameter
+from raccoon.sim.effects.effect import Parameter
 
 SURELY = 2.33
 """Standard deviations of the evidence by which chance lowers it in one of a hundred recordings."""

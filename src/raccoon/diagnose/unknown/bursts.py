@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.noise import CHANGING, STANDING, STEADY, Regimes
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 

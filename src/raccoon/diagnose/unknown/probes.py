@@ -24,7 +24,7 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.sim.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device, Inputs, Outputs
 from raccoon.estimate.drive.wheel_track import GAP
-from raccoon.estimate.drive.wheels import counts_scale
+from raccoon.model.bemf import counts_scale
 
 LEAST_LOAD = 0.55
 """V beyond what it rolled with, on each wheel."""

@@ -5,8 +5,9 @@ from __future__ import annotations
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
 from raccoon.estimate.drive.wheel_track import HOLD, WheelTrack
-from raccoon.estimate.drive.wheels import SAMPLE_TIME, counts_scale
+from raccoon.estimate.drive.wheels import SAMPLE_TIME
 from raccoon.estimate.ekf.state import OdometrySettings
+from raccoon.model.bemf import counts_scale
 
 SILENT_WHEEL = 50.0
 """(rad/s)^2 over one second, variance of a wheel that gives no reading: it may turn at any speed."""

@@ -27,10 +27,11 @@ from raccoon.estimate.drive.standstill import Standstill
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.turn_share import TurnShare
-from raccoon.estimate.drive.wheels import counts_scale, lag_seconds
+from raccoon.estimate.drive.wheels import lag_seconds
 from raccoon.estimate.drive.wiring import Wiring
 from raccoon.estimate.ekf.filter import DriveFilter, variance_index
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
+from raccoon.model.bemf import counts_scale
 from raccoon.model.drive import DriveGeometry
 
 __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]

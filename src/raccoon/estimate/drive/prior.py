@@ -6,10 +6,10 @@ import numpy as np
 
 from raccoon.core.config import DriveModel, RobotConfig
 from raccoon.core.readings import Device
-from raccoon.estimate.drive.wheels import counts_scale
 from raccoon.estimate.ekf.filter import ProcessNoise
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State
+from raccoon.model.bemf import counts_scale
 
 _SCALES = [State.WAY, State.BALANCE, State.WHEEL_TURN]
 

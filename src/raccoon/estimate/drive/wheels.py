@@ -1,11 +1,7 @@
 """From a controller's counters and back-EMF words to wheel speeds and angles: the one place of that
 conversion.
 
-A motor's counter is the integral of its back-EMF, so both share one scale: radians a (count · second)::
-
-    calibrated:   radians_per_tick / device.position_counts_seconds
-    otherwise:    device.bemf_volts / K_E           (back-EMF in volts is K_E times speed)
-
+A motor's counter is the integral of its back-EMF, so both share one scale (`raccoon.model.bemf.counts_scale`)
 and one offset in counts, read at standstill, which adds offset · time to the counter.
 """
 
@@ -14,9 +10,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from raccoon.core.config import BemfModel, MotorConfig, RobotConfig
+from raccoon.core.config import BemfModel, RobotConfig
 from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs
-from raccoon.model.bemf import counter_lag
+from raccoon.model.bemf import counter_lag, counts_scale
 
 SAMPLE_TIME = 0.005
 """s between two samples of the back-EMF; their noise is independent from one to the next."""
@@ -59,24 +55,6 @@ class WheelReading:
     right_absurd: bool = False
     left_blind: bool = False
     right_blind: bool = False
-
-
-def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
-    """Radians of the `side` ("left" or "right") wheel in one back-EMF count · second, without its wiring
-    sign.
-    """
-    motor = robot.motor(getattr(robot.drive, side))
-    return radians_per_count(motor, getattr(robot.model, side).back_emf_constant.value, device)
-
-
-def radians_per_count(motor: MotorConfig, back_emf_constant: float, device: Device) -> float:
-    """Radians of any motor's shaft in one back-EMF count · second, without its wiring sign.
-
-    back_emf_constant: V/(rad/s), for a motor that is not calibrated.
-    """
-    if motor.radians_per_tick is not None:
-        return motor.radians_per_tick.value / device.position_counts_seconds
-    return device.bemf_volts / back_emf_constant
 
 
 def lag_seconds(robot: RobotConfig, device: Device) -> float:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.estimate.drive.wheels import counts_scale
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
+from raccoon.model.bemf import counts_scale
 
 Array = NDArray[np.float64]
 

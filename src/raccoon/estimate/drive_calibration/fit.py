@@ -24,8 +24,8 @@ import numpy as np
 from raccoon.core.config import DriveModel, Measured, MotorConfig, NominalModel, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.estimate.drive.wheels import counts_scale
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
+from raccoon.model.bemf import counts_scale
 
 LEAST_TURN = math.radians(90.0)
 LEAST_SHARE = 0.2

@@ -23,9 +23,10 @@ from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device, Inputs
 from raccoon.estimate.drive.prior import scale_std
-from raccoon.estimate.drive.wheels import WheelDecoder, counts_scale
+from raccoon.estimate.drive.wheels import WheelDecoder
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
 from raccoon.estimate.ekf.state import OdometrySettings
+from raccoon.model.bemf import counts_scale
 
 SHORTEST = 0.2
 """m; below it the tape's error is above 1 %."""

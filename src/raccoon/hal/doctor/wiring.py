@@ -13,6 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
 from raccoon.hal.doctor.trial import MotorTrial
+from raccoon.model.bemf import counts_scale
 
 TURN_LIMIT = 0.05
 """rad/s that one driven wheel must turn the robot by, to tell which way."""
@@ -65,10 +66,7 @@ def _share(config: RobotConfig, side: str, trial: MotorTrial, turn: float) -> fl
     readings = [abs(move.bemf) for move in trial.moves if move.bemf is not None]
     if not readings or mean(readings) == 0.0:
         return None
-    motor, drive = config.motor(trial.motor_port), config.model.drive
-    per_count: float = trial.device.bemf_volts / getattr(config.model, side).back_emf_constant.value
-    if motor.radians_per_tick is not None:
-        per_count = motor.radians_per_tick.value / trial.device.position_counts_seconds
+    drive, per_count = config.model.drive, counts_scale(config, side, trial.device)
     return abs(turn) * drive.track_width.value / (mean(readings) * per_count * drive.wheel_radius.value)
 
 

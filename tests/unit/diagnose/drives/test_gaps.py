@@ -19,7 +19,7 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, Unexplained, Verdict
 from raccoon.diagnose.rollout.variants import COLUMNS, Habits, PlantRollout
-from raccoon.sim.chain import Chain
+from raccoon.sim.effects.chain import Chain
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()

@@ -19,9 +19,9 @@ from raccoon.diagnose.drives.quality import check_units, strange_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world import Wall, World
+from raccoon.sim.world.world import Wall, World
 from raccoon.trace.columns import recording_of
 from raccoon.trace.format import read_trace
 from raccoon.trace.record import RecordingPort

@@ -15,7 +15,7 @@ from raccoon.diagnose.experiment.excitation import drive_and_record
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.reports.html import save_html
 from raccoon.diagnose.result import Verdict
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.trace.loading import load_run
 

@@ -15,11 +15,11 @@ from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.quantities import State
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.plant.quantities import State
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()

@@ -13,7 +13,7 @@ WHOLE, GROWTH = 512, 200
 PROGRAM = """
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from simulated_drives import recorded
 
 def peak():

@@ -46,8 +46,8 @@ from raccoon.diagnose.rollout.variants import Habits, _cycle
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.search import begun
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
 from simulated_drives import recorded
 from unit.diagnose.searches import search_at, standing
 

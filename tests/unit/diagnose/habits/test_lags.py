@@ -26,7 +26,7 @@ from raccoon.diagnose.habits.lags import (
 from raccoon.diagnose.habits.others import Under
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Rival, Search
-from raccoon.sim.chain import Chain
+from raccoon.sim.effects.chain import Chain
 from unit.diagnose.searches import standing
 
 FIRMWARE = Habits(Chain.firmware(), False)

@@ -16,10 +16,10 @@ from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.habits.lost import changed_at, lost_changes, restored
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 Array = NDArray[np.float64]
 ROBOT = RobotConfig()

@@ -11,9 +11,9 @@ from raccoon.diagnose.habits.controller import starting_settings
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, neutral_settings
 from raccoon.diagnose.rollout.variants import Variant, parameters_of
-from raccoon.sim.chain import Chain
-from raccoon.sim.effects import effect
-from raccoon.sim.physical import plant_numbers
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.physical import plant_numbers
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}

@@ -27,8 +27,8 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect, Simulated, load_own
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.rollout.variants import Habits
-from raccoon.sim.chain import Chain
-from raccoon.sim.effects import Parameter
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.effect import Parameter
 
 EXAMPLE = Path(__file__).resolve().parents[4] / "examples" / "own_causes.py"
 ROBOT = RobotConfig()

@@ -14,10 +14,10 @@ from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.model.bemf import counter_lag
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 ROBOT = RobotConfig()
 STOCK = replace(SI_WORDS, bemf_lag=3.0 / 235.0)

@@ -11,7 +11,7 @@ from raccoon import Action, deg, open_robot, seq, straight, turn, wait
 from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Diagnosis, Verdict
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.trace.loading import load_run
 

@@ -34,10 +34,10 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.diagnose.rollout.variants import parameters_of
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]

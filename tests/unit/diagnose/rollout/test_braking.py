@@ -12,10 +12,10 @@ from raccoon.diagnose.habits.lost import LostChange, changed_at
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
-from raccoon.sim.chain import Chain
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 from simulated_drives import NOISE
 
 ROBOT = RobotConfig()

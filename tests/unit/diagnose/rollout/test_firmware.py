@@ -31,10 +31,10 @@ from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21, STOCK
 from raccoon.hal.wombat.emulator import Emulator, Firmware, PlantState
 from raccoon.hal.wombat.port import WombatPort
-from raccoon.sim.chain import Chain
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.plant.sensing import battery_word
 from raccoon.sim.port import SimPort
-from raccoon.sim.sensing import battery_word
 from raccoon.trace.loading import load_run
 
 ROBOT = RobotConfig()

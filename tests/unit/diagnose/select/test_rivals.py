@@ -33,8 +33,8 @@ from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, FAR, compared
 from raccoon.diagnose.unknown.probes import PREFIX, probes_for
-from raccoon.sim.chain import Chain
-from raccoon.sim.effects import effect
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.effect import effect
 from unit.diagnose.searches import searched
 
 CAUSES = {

@@ -38,7 +38,7 @@ from raccoon.diagnose.select.outlook import (
 from raccoon.diagnose.select.search import NOTHING, SURE, _credible, _fails_held_out, _too_little
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown.probes import probes_for
-from raccoon.sim.effects import effect
+from raccoon.sim.effects.effect import effect
 from unit.diagnose.searches import search_at
 
 ROBOT = RobotConfig()

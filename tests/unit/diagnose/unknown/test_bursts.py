@@ -11,10 +11,10 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fit.noise import CHANGING, STANDING, STEADY
 from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
-from raccoon.sim.chain import Chain, Noise
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.chain import Chain, Noise
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 
 ROLES = ("bemf_left", "gyro", "battery")
 REGIMES = np.repeat([STEADY, CHANGING], 100)

@@ -39,7 +39,7 @@ from raccoon.diagnose.result import (
 )
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]

@@ -17,7 +17,7 @@ from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE
 from raccoon.diagnose.recordings.reference.compared import Factor, Reference, reference_of
 from raccoon.diagnose.recordings.reference.stretches import Columns
-from raccoon.sim.parameters import SIDES, Parameters
+from raccoon.sim.effects.parameters import SIDES, Parameters
 
 GYRO, TRACK, RADIUS = "imu.gyro_scale", "drive.track_width", "drive.wheel_radius"
 READING = ("bemf.scale", "motor.back_emf_constant")

@@ -26,7 +26,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.sim.parameters import SIDES, Parameters
+from raccoon.sim.effects.parameters import SIDES, Parameters
 
 K_E = "motor.back_emf_constant"
 SCALE = ("motor.armature_resistance", "drive.inertia", "friction.coulomb")

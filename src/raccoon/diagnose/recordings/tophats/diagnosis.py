@@ -22,8 +22,8 @@ from raccoon.diagnose.recordings.tophats.fit import Nominal
 from raccoon.diagnose.recordings.tophats.judge import SensorResult, judge_tophat
 from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT, NOISE
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
-from raccoon.sim.effects import effect
-from raccoon.sim.parameters import Parameters
+from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
 SLOWEST = 0.9

@@ -47,7 +47,7 @@ from raccoon.diagnose.result import (
     Rejected,
     SensorFault,
 )
-from raccoon.sim.effects import effect
+from raccoon.sim.effects.effect import effect
 from raccoon.sim.tophats import GENERATION
 
 Array = NDArray[np.float64]

@@ -1,0 +1,100 @@
+"""What a condition is: something that can come true, put together with `&`, `|` and `~`.
+
+A condition is a recipe like an action: what it measures from (a time, a place, a heading) is taken when the
+action starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
+
+from raccoon.robot.actions.limits import check_kind
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+Test = Callable[[], bool]
+Check = Callable[["Robot"], object]
+"""Raises what is wrong with something on a robot, before it is used."""
+JOIN = "; when(lambda robot: ...) makes one of any test"
+
+
+class Condition:
+    """Something that can come true. Compose with `&`, `|` and `~`.
+
+    name: for messages. start: called when the action starts; makes the test that is asked once a tick.
+    opposed: what `~` turns round instead, where `start` does not count what holds already. check: raises what
+    is known to be wrong with it on this robot before it starts.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        start: Callable[[Robot], Test],
+        opposed: Callable[[Robot], Test] | None = None,
+        check: Check | None = None,
+    ) -> None:
+        self.name = name
+        self._start = start
+        self._opposed = opposed or start
+        self._check = check
+
+    def check(self, robot: Robot) -> None:
+        """Raise what is wrong with this condition on `robot`: a name that robot.toml does not have."""
+        if self._check is not None:
+            self._check(robot)
+
+    def start(self, robot: Robot) -> Test:
+        """The test for one run of an action."""
+        return self._start(robot)
+
+    def __and__(self, other: Condition) -> Condition:
+        check_kind(other, Condition, "&", JOIN)
+        return _both(self, other, f"({self.name} and {other.name})", all)
+
+    def __or__(self, other: Condition) -> Condition:
+        check_kind(other, Condition, "|", JOIN)
+        return _both(self, other, f"({self.name} or {other.name})", any)
+
+    def __invert__(self) -> Condition:
+        def start(robot: Robot) -> Test:
+            test = self._opposed(robot)
+            return lambda: not test()
+
+        return Condition(f"not {self.name}", start, check=self.check)
+
+    def __bool__(self) -> bool:
+        raise TypeError(
+            f"condition '{self.name}' has no truth of its own: combine conditions with & | ~, not and/or/not"
+        )
+
+    def __repr__(self) -> str:
+        return f"<Condition {self.name}>"
+
+
+def _both(
+    first: Condition, second: Condition, name: str, combine: Callable[[tuple[bool, bool]], bool]
+) -> Condition:
+    def start(robot: Robot) -> Test:
+        tests = first.start(robot), second.start(robot)
+        # Both are asked every tick, so that a condition with a memory (over_line) sees all of the drive.
+        return lambda: combine((tests[0](), tests[1]()))
+
+    return Condition(name, start, check=each_of(first, second))
+
+
+class Checked(Protocol):
+    """An action or a condition."""
+
+    def check(self, robot: Robot) -> None: ...
+
+
+def each_of(*parts: Checked) -> Check:
+    """The check of what is made of these parts."""
+
+    def check(robot: Robot) -> None:
+        for part in parts:
+            part.check(robot)
+
+    return check

@@ -1,0 +1,215 @@
+"""The conditions that end actions: `drive(0.2).until(on_black("left") | after_distance(0.5))`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from raccoon.control.watch import STALL_TIME
+from raccoon.core.config import REAL_CONTROLLERS
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
+from raccoon.estimate.drive.estimate import HELD
+from raccoon.robot.actions.condition import Check, Condition, Test
+from raccoon.robot.actions.limits import (
+    check_angle,
+    check_counts,
+    check_function,
+    check_port,
+    check_wait,
+    check_way,
+)
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+HELD_TIME = 0.5
+"""S for which what the odometry said before is no news: its reasons last for 0.3 s."""
+
+
+def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
+    """Any predicate of the robot, asked once a tick."""
+    check_function(test, "when()", "robot")
+    return Condition(name, lambda robot: lambda: test(robot))
+
+
+def after_time(seconds: float) -> Condition:
+    """`seconds` s after the start of the action."""
+    check_wait(seconds)
+
+    def start(robot: Robot) -> Test:
+        begin = robot.time
+        return lambda: robot.time - begin >= seconds
+
+    return Condition(f"after {seconds:g} s", start)
+
+
+def after_distance(distance: float) -> Condition:
+    """After `distance` m of travel, forwards or backwards, since the start of the action."""
+    check_way(distance=distance)
+
+    def start(robot: Robot) -> Test:
+        begin = robot.estimate.distance
+        return lambda: abs(robot.estimate.distance - begin) >= abs(distance)
+
+    return Condition(f"after {distance:g} m", start)
+
+
+def after_angle(angle: float, *, turns: float = 1.0) -> Condition:
+    """After turning by `angle` rad, either way, since the start of the action.
+
+    turns: the most full turns that are meant.
+    """
+    check_angle(turns, angle=angle)
+
+    def start(robot: Robot) -> Test:
+        begin = robot.estimate.heading
+        return lambda: abs(robot.estimate.heading - begin) >= abs(angle)
+
+    return Condition(f"after {angle:g} rad", start)
+
+
+def on_black(tophat: str) -> Condition:
+    """The named tophat sees black. A calibration is needed (CalibrationError at the start otherwise)."""
+    return _surface(tophat, True)
+
+
+def on_white(tophat: str) -> Condition:
+    """The named tophat sees white. A calibration is needed (CalibrationError at the start otherwise)."""
+    return _surface(tophat, False)
+
+
+def over_line(tophat: str) -> Condition:
+    """The named tophat has crossed a line: it saw black and then white."""
+
+    def start(robot: Robot) -> Test:
+        sensor = robot.tophat(tophat)
+        sensor.require()
+        seen = False
+
+        def test() -> bool:
+            nonlocal seen
+            seen = seen or sensor.black is True
+            return seen and sensor.black is False
+
+        return test
+
+    return Condition(f"over the line at {tophat}", start, check=lambda robot: robot.tophat(tophat))
+
+
+def _surface(tophat: str, black: bool) -> Condition:
+    def start(robot: Robot) -> Test:
+        sensor = robot.tophat(tophat)
+        sensor.require()
+        return lambda: sensor.black is black
+
+    name = f"{tophat} on {'black' if black else 'white'}"
+    return Condition(name, start, check=lambda robot: robot.tophat(tophat))
+
+
+def analog_above(port: int, counts: float) -> Condition:
+    """The analog port reads more than `counts` (from 0 to 4095)."""
+    check_port("analog", port, ANALOG_PORTS)
+    check_counts(counts, ANALOG_FULL_SCALE)
+    return when(lambda robot: _is_above(robot.analog(port), counts), f"analog {port} above {counts:g}")
+
+
+def analog_below(port: int, counts: float) -> Condition:
+    """The analog port reads less than `counts` (from 0 to 4095)."""
+    check_port("analog", port, ANALOG_PORTS)
+    check_counts(counts, 0)
+    return when(lambda robot: _is_below(robot.analog(port), counts), f"analog {port} below {counts:g}")
+
+
+def pressed(port: int) -> Condition:
+    """The digital port is closed."""
+    check_port("digital", port, DIGITAL_PORTS)
+    return when(lambda robot: robot.digital(port) is True, f"digital {port} pressed")
+
+
+def button_pressed() -> Condition:
+    """The Wombat's own button is pressed. Nobody presses a simulated one, which is said.
+
+    Raises ConfigError before anything moves where the controller has none.
+    """
+
+    def check(robot: Robot) -> None:
+        if robot.config.controller.port == "create":
+            raise ConfigError("a Create has no such button: its own are pressed(8) and pressed(9)")
+
+    def start(robot: Robot) -> Test:
+        if robot.config.controller.port not in REAL_CONTROLLERS:
+            say(robot, "nobody presses a simulated button: start=wait(1.0) begins a match in simulation")
+        return lambda: robot.button is True
+
+    return Condition("button pressed", start, check=check)
+
+
+def stalled() -> Condition:
+    """A driven wheel does not turn: the robot is blocked, or a motor is unplugged."""
+    return _fresh("stalled", (_wheel_stalled, STALL_TIME))
+
+
+def blocked(mechanism: str) -> Condition:
+    """The named mechanism is driven and does not turn: it is at its end stop, or holds something."""
+    test = (lambda robot: robot.mechanism(mechanism).stalled, STALL_TIME)
+    return _fresh(f"{mechanism} blocked", test, check=lambda robot: robot.mechanism(mechanism))
+
+
+def bumped() -> Condition:
+    """A wheel stalls, both carry as much as tyres that spin at a wall do, or they do not move as the
+    accelerometer feels the robot move."""
+    return _fresh("bumped", (_struck, math.inf), (_held, HELD_TIME), (_wheel_stalled, STALL_TIME))
+
+
+def _struck(robot: Robot) -> bool:
+    return any(why.startswith("bumped") for why in robot.estimate.reasons)
+
+
+def _held(robot: Robot) -> bool:
+    return HELD in robot.estimate.reasons
+
+
+def _wheel_stalled(robot: Robot) -> bool:
+    return bool(robot.drive.wheels.stalled)
+
+
+def _fresh(name: str, *tests: tuple[Callable[[Robot], bool], float], check: Check | None = None) -> Condition:
+    """Any of `tests`, each with the s for which what holds at the start must last to count (see `_anew`)."""
+
+    def start(robot: Robot) -> Test:
+        asked = [_anew(robot, test, lasting) for test, lasting in tests]
+
+        def any_anew() -> bool:
+            answers = [each() for each in asked]  # all of them every tick: each has a memory
+            return any(answers)
+
+        return any_anew
+
+    return Condition(name, start, lambda robot: lambda: any(test(robot) for test, _ in tests), check)
+
+
+def _anew(robot: Robot, test: Callable[[Robot], bool], lasting: float) -> Test:
+    """`test`, but where it holds at the start it has to come true again, or to last for `lasting` s.
+
+    It may be what the action before was ended by, which this one drives away from.
+    """
+    begin, old = robot.time, test(robot)
+
+    def anew() -> bool:
+        nonlocal old
+        holds = test(robot)
+        old = old and holds and robot.time - begin <= lasting
+        return holds and not old
+
+    return anew
+
+
+def _is_above(value: float | None, limit: float) -> bool:
+    return value is not None and value > limit
+
+
+def _is_below(value: float | None, limit: float) -> bool:
+    return value is not None and value < limit

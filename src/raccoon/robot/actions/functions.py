@@ -1,0 +1,64 @@
+"""Functions of the robot as programs and as steps: called once, they may give an action that is then done."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar, overload
+
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.limits import check_function
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+T = TypeVar("T")
+NOTHING_RUN = "the program ran nothing on the robot: an action is done with robot.run(...)"
+
+
+def perform(robot: Robot, program: Action[T] | Callable[[Robot], Action[T] | T]) -> T:
+    """Do a whole program, and give its result: an action, or a function of the robot.
+
+    An action that the function gives back is done, too: nobody makes one to leave it undone. Raises TypeError
+    where it gives back what was to be called, or steps that nobody would go through.
+    """
+    made: Action[T] | T = program if isinstance(program, Action) else _called("the program", program, robot)
+    return robot.run(made) if isinstance(made, Action) else made
+
+
+@overload
+def do(function: Callable[[Robot], Action[T]], name: str = "do") -> Action[T]: ...
+
+
+@overload
+def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]: ...
+
+
+def do(function: Callable[[Robot], Any], name: str = "do") -> Action[Any]:
+    """Call a function of the robot once; takes no time. An action that it gives back is done then.
+
+    Raises TypeError for a function of steps that yields, and where it gives back a function or such steps.
+    """
+    check_function(function, "do()", "robot")
+
+    def steps(robot: Robot) -> Steps[Any]:
+        made = _called("what do() calls", function, robot)
+        return (yield from made.start(robot)) if isinstance(made, Action) else made
+
+    return Action(name, steps)
+
+
+def _called(what: str, function: Callable[[Robot], Any], robot: Robot) -> Any:
+    """What `function` gives. Raises TypeError where that was to be done, and nobody would do it."""
+    made = function(robot)
+    if inspect.isgenerator(made) or inspect.iscoroutine(made):
+        made.close()
+        name = made.__name__
+        raise TypeError(
+            f"{what} gives what the function {name} yields, which nothing would go through: "
+            f"give Action('{name}', {name}) instead"
+        )
+    if inspect.isroutine(made):
+        name = made.__name__
+        raise TypeError(f"{what} gives the function {name} and does not call it: write {name}(...)")
+    return made

@@ -1,0 +1,213 @@
+"""What a program may ask for: mistakes of units and kinds are said where they are made."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from numbers import Real
+from typing import Any
+
+from raccoon.core.readings import ANALOG_FULL_SCALE
+from raccoon.core.schema import BATTERY_VOLTAGE
+from raccoon.core.sections import RATE, SPEED
+
+LONGEST = 10.0
+"""m; a table has 2.4 m, so more is a distance in centimetres."""
+FASTEST = SPEED.high
+"""m/s, of robot.toml and of arguments."""
+MOST_TURNS = 4.0
+"""Full turns of a heading, which counts those that were made; more is an angle in degrees."""
+ROUNDING = 1e-9
+"""Share by which a sum of degrees may miss a full turn."""
+LONGEST_WAIT = 600.0
+"""s, five matches: more are milliseconds."""
+FASTEST_TURN = RATE.high
+"""rad/s, of robot.toml and of arguments."""
+
+
+def check_number(name: str, value: object, allowed: str) -> None:
+    """Raise TypeError where `value` is no number at all. allowed: which numbers are, in words.
+
+    True and False are none: to Python they are 1 and 0, which nobody means by them.
+    """
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"{name} is {value!r}: it must be a number, {allowed}")
+
+
+def check_positive(name: str, value: float, hint: str = "") -> None:
+    """Raise ValueError for what is not above 0, TypeError for no number. hint: what to write instead."""
+    check_number(name, value, "above 0")
+    if not 0.0 < value < math.inf:
+        raise ValueError(f"{name} is {value}: it must be above 0" + (f" ({hint})" if hint else ""))
+
+
+def check_finite(**values: float) -> None:
+    """Raise ValueError naming the first value that is not finite, TypeError for what is no number."""
+    for name, value in values.items():
+        check_number(name, value, "and finite")
+        if not math.isfinite(value):
+            raise ValueError(f"{name} is {value}: it must be a finite number")
+
+
+def check_limits(hint: str = "", /, **values: float | None) -> None:
+    """Raise ValueError naming the first limit that is not None and not above 0, TypeError for no number.
+
+    hint: what to write instead.
+    """
+    for name, value in values.items():
+        if value is not None:
+            check_positive(name, value, hint)
+
+
+def check_battery_voltage(**voltages: float) -> None:
+    """Raise ValueError naming the first that is no V of a battery, TypeError for what is no number."""
+    allowed = f"from {BATTERY_VOLTAGE.low:g} to {BATTERY_VOLTAGE.high:g} V"
+    for name, value in voltages.items():
+        check_number(name, value, allowed)
+        if not BATTERY_VOLTAGE.allows(value):
+            _refuse(name, value, allowed)
+
+
+def check_wait(seconds: float) -> None:
+    """Raise ValueError for what is no time in s to let pass, TypeError for what is no number."""
+    allowed = f"from 0 to {LONGEST_WAIT:g} s (500 ms are 0.5)"
+    check_number("seconds", seconds, allowed)
+    if not 0.0 <= seconds <= LONGEST_WAIT:
+        _refuse("seconds", seconds, allowed)
+
+
+def check_way(**ways: float) -> None:
+    """Raise ValueError naming the first that is no distance in m, TypeError for what is no number."""
+    allowed = f"up to {LONGEST:g} m either way (30 cm are 0.30)"
+    for name, value in ways.items():
+        check_number(name, value, allowed)
+        if not abs(value) <= LONGEST:
+            _refuse(name, value, allowed)
+
+
+def check_angle(turns: float = 1.0, more: str = "turns= allows more", /, **angles: float) -> None:
+    """Raise ValueError naming the first that is no angle in rad, up to so many full `turns`.
+
+    more: what to do where more is meant.
+    """
+    check_positive("turns", turns)
+    most = f"up to {turns:g} turn{'' if turns == 1.0 else 's'} in rad either way"
+    for name, value in angles.items():
+        check_number(name, value, f"{most} (write deg(90) for degrees)")
+        if abs(value) <= turns * math.tau * (1.0 + ROUNDING):
+            continue
+        meant = (
+            f"write deg({value:g}) for degrees"
+            if _looks_like_degrees(value)
+            else f"it is {math.degrees(value):g} degrees"
+        )
+        _refuse(name, value, f"{most} ({'; '.join(filter(None, (meant, more)))})")
+
+
+def _looks_like_degrees(angle: float) -> bool:
+    """Nobody means a broken number of degrees, nor a round one of rad."""
+    return angle % 0.5 == 0.0
+
+
+def check_heading(**headings: float) -> None:
+    """Raise ValueError naming the first that is no heading in rad.
+
+    A heading counts full turns, so more than one of them may be meant, but nobody means a whole number then.
+    """
+    check_angle(MOST_TURNS, "", **headings)
+    for name, value in headings.items():
+        if abs(value) > math.tau and _looks_like_degrees(value):
+            raise ValueError(
+                f"{name} is {value:g}: beyond a full turn no heading in rad is so round "
+                f"(write deg({value:g}) for degrees)"
+            )
+
+
+def check_speed(**speeds: float | None) -> None:
+    """Raise ValueError naming the first that is not None and no speed in m/s, negative or not."""
+    allowed = f"up to {FASTEST:g} m/s (20 cm/s are 0.20)"
+    for name, value in speeds.items():
+        if value is None:
+            continue
+        check_number(name, value, allowed)
+        if not abs(value) <= FASTEST:
+            _refuse(name, value, allowed)
+
+
+def check_rate(**rates: float | None) -> None:
+    """Raise ValueError naming the first that is not None and no turn rate in rad/s."""
+    allowed = f"up to {FASTEST_TURN:g} rad/s (write deg(90) for degrees a second)"
+    for name, value in rates.items():
+        if value is None:
+            continue
+        check_number(name, value, allowed)
+        if not abs(value) <= FASTEST_TURN:
+            _refuse(name, value, allowed)
+
+
+def check_port(kind: str, port: int, count: int) -> None:
+    """Raise ValueError where there is no such port."""
+    if isinstance(port, bool) or port not in range(count) or not hasattr(port, "__index__"):
+        raise ValueError(f"{kind} port {port!r}: there are 0 to {count - 1}")
+
+
+def check_counts(counts: float, beyond: float) -> None:
+    """Raise ValueError for counts that an analog port never gives. beyond: the end with nothing beyond it."""
+    allowed = f"from 0, below {beyond:g}" if beyond else f"above 0, up to {ANALOG_FULL_SCALE}"
+    check_number("counts", counts, allowed)
+    if not 0.0 <= counts <= ANALOG_FULL_SCALE or counts == beyond:
+        _refuse("counts", counts, allowed)
+
+
+def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
+    """Raise TypeError where `value` is of another kind; functions that were not called are named."""
+    if isinstance(value, kind):
+        return
+    name = getattr(value, "__name__", None)
+    what = f"the function {name}" if callable(value) and name else repr(value)
+    if inspect.isgenerator(value):
+        what = f"what the function {name} yields"
+        hint = f"{hint}: give the function itself, Action('{name}', {name}), or write seq() instead of yield"
+    elif kind.__name__ == "Action" and type(value).__name__ == "MotionResult":
+        what, hint = (
+            "the result of one",
+            f"{hint}: run() did it already; give the action itself, without run()",
+        )
+    called = f": call it, {name}(...)" if callable(value) and name and name != "<lambda>" else ""
+    article = "an" if kind.__name__[0] in "AEIOU" else "a"
+    raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")
+
+
+def check_function(function: object, where: str, *of: str) -> None:
+    """Raise TypeError where `function` is none that takes so many arguments. of: what they are called."""
+    if callable(function) and takes(function, *of):
+        if inspect.isgeneratorfunction(function) or inspect.iscoroutinefunction(function):
+            name = getattr(function, "__name__", repr(function))
+            raise TypeError(
+                f"{where} takes a function that ends at once, and {name} has steps (it yields or is async): "
+                f"write Action('{name}', {name}), which is an action of its steps"
+            )
+        return
+    what = repr(function)
+    if callable(function) and hasattr(function, "__name__"):
+        what = f"{function.__name__}{inspect.signature(function)}"
+    given = f"of the {' and '.join(of)}" if of else "without arguments"
+    raise TypeError(f"{where} takes a function {given}, not {what}: write {' '.join(('lambda', *of))}: ...")
+
+
+def takes(function: Callable[..., Any], *arguments: object) -> bool:
+    """Whether `function` can be called with these arguments, as far as it tells."""
+    try:
+        inspect.signature(function).bind(*arguments)
+    except TypeError:
+        return False
+    except ValueError:  # some functions written in C do not tell
+        return True
+    return True
+
+
+def _refuse(name: str, value: float, allowed: str) -> None:
+    if not math.isfinite(value):
+        raise ValueError(f"{name} is {value}: it must be a finite number, {allowed}")
+    raise ValueError(f"{name} is {value:g}: allowed are numbers {allowed}")

@@ -1,0 +1,1 @@
+"""Before a match: calibrations, checks and rehearsals that a program runs on its robot."""

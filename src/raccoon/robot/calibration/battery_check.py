@@ -1,0 +1,98 @@
+"""Before the start: is this the battery the program was tuned with, and can it last?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.limits import check_limits
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+READING_TIME = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class BatteryCheck:
+    """The resting battery against the one the program was tuned with.
+
+    voltage V at rest, None where there is no reading. tuned_at: V, None where nothing says it. speed_change:
+    how much faster (0.1: 10 %) a program without control runs now. ok: nothing to complain about. advice: a
+    sentence for people.
+    """
+
+    voltage: float | None
+    tuned_at: float | None
+    speed_change: float
+    ok: bool
+    advice: str
+
+
+def tuned_voltage(config: RobotConfig) -> float | None:
+    """V that robot.toml says the program was tuned at: `battery.tuned_at`, else that of the calibrations."""
+    if config.battery.tuned_at is not None:
+        return config.battery.tuned_at.value
+    seen = [
+        value.battery_voltage
+        for port in (config.drive.left, config.drive.right)
+        for value in (config.motor(port).radians_per_tick, config.motor(port).power_factor)
+        if value is not None and value.battery_voltage is not None
+    ]
+    return sum(seen) / len(seen) if seen else None
+
+
+def check_battery(tolerance: float = 0.15, *, refuse: bool = False) -> Action[BatteryCheck]:
+    """Stand for 0.3 s and compare the resting battery with the one the program was tuned at.
+
+    tolerance: V. refuse: raise CalibrationError instead of only saying so in the result, recording and log.
+    """
+    check_limits(tolerance=tolerance)
+
+    def steps(robot: Robot) -> Steps[BatteryCheck]:
+        begin = robot.time
+        while robot.time - begin < READING_TIME:
+            yield
+        check = judge(robot.battery_voltage, robot.config, tolerance)
+        if check.ok:
+            robot.note(f"battery: {check.advice}")
+        else:
+            say(robot, f"battery: {check.advice}")
+        if refuse and not check.ok:
+            raise CalibrationError(check.advice)
+        return check
+
+    return Action("check the battery", steps)
+
+
+def judge(voltage: float | None, config: RobotConfig, tolerance: float) -> BatteryCheck:
+    """The verdict on a resting voltage (V)."""
+    tuned = tuned_voltage(config)
+    if voltage is None:
+        return BatteryCheck(None, tuned, 0.0, False, "there is no battery reading")
+    change = 0.0 if tuned is None else _speed_change(voltage, tuned, config)
+    weakest = config.battery.weakest
+    if voltage < weakest - tolerance:
+        advice = f"{voltage:.2f} V is below the weakest battery of the match ({weakest:.2f} V): charge it"
+        return BatteryCheck(voltage, tuned, change, False, advice)
+    if tuned is None:
+        return BatteryCheck(voltage, None, 0.0, True, f"{voltage:.2f} V; nothing says what it was tuned at")
+    if abs(voltage - tuned) > tolerance:
+        advice = (
+            f"{voltage:.2f} V, tuned at {tuned:.2f} V: timed motions run {100.0 * abs(change):.0f} % "
+            f"{'faster' if change > 0.0 else 'slower'}; take a battery of {tuned:.2f} V or drive by distance"
+        )
+        return BatteryCheck(voltage, tuned, change, False, advice)
+    return BatteryCheck(voltage, tuned, change, True, f"{voltage:.2f} V, as tuned ({tuned:.2f} V)")
+
+
+def _speed_change(voltage: float, tuned: float, config: RobotConfig) -> float:
+    """Of a free wheel at full power: (U - R I_0) over the same, with the friction current I_0 = T_c / K_E."""
+    motor = config.model.left
+    lost = motor.armature_resistance.value * config.model.friction.coulomb.value
+    lost /= motor.back_emf_constant.value
+    return (voltage - lost) / (tuned - lost) - 1.0

@@ -1,0 +1,32 @@
+"""What the drives of calibrations share: every reading is kept, and one that fails is said to be theirs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from raccoon.core.errors import CalibrationError, MotionTimeout
+from raccoon.core.readings import Inputs
+from raccoon.robot.actions.actions import Action, looking
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+T = TypeVar("T")
+
+
+def watched(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
+    """The action, with every reading of its ticks put into `inputs`."""
+
+    def look(robot: Robot) -> None:
+        if robot.inputs is not None:
+            inputs.append(robot.inputs)
+
+    return looking(action, look, f"watched {action.name}")
+
+
+def driven(robot: Robot, action: Action[T]) -> T:
+    """Do the drive of a calibration; a robot that cannot drive cannot be calibrated."""
+    try:
+        return robot.run(action)
+    except MotionTimeout as error:
+        raise CalibrationError(f"the drive of the calibration failed: {error}") from error

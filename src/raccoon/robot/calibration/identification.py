@@ -1,0 +1,181 @@
+"""A short excitation from which each wheel's voltages follow: for the tuner and for static compensation.
+
+Both wheels are driven straight ahead and back at several duties. From the motor equation in volts
+(raccoon.control.identify) come friction, V a rad/s and V a rad/s2 of each wheel, and from those the gains of
+its speed loop with their margins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from raccoon.control.feedforward import WheelModel, wheel_models
+from raccoon.control.identify import Vector3, WheelVoltages, Windows, fit_voltages
+from raccoon.control.pid import PidGains
+from raccoon.control.tuning import Margins, margins, speed_loop_gains
+from raccoon.core.config import Measured, RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import Device
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.parts.drive import dead_time
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+LEVELS = (0.30, 0.55, 0.80)
+LEVEL_TIME = 0.45
+REST_TIME = 0.4
+WORST_RESIDUAL = 0.25
+"""V that a window may be off by before the motor equation is no model of the wheel."""
+WORST_SHARE = 0.2
+"""Relative standard deviation above which a voltage is not supported by the data."""
+LEAST_PHASE, LEAST_GAIN_DB = math.radians(45.0), 6.0
+
+Rows = list[tuple[Vector3, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """What was seen: rows of the motor equation of the left and of the right wheel; mean battery V."""
+
+    left: Rows
+    right: Rows
+    battery: float
+
+
+def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Action[Excitation]:
+    """Drive straight ahead at each duty of `levels` for `seconds` s, and back again.
+
+    The robot moves about 0.2 m ahead and returns.
+    """
+    for level in levels:
+        if not 0.0 < level <= 1.0:
+            raise ValueError(f"level is {level}: allowed are duties above 0 up to 1")
+
+    def steps(robot: Robot) -> Steps[Excitation]:
+        rows: tuple[Rows, Rows] = ([], [])
+        batteries: list[float] = []
+        try:
+            for sign in (1.0, -1.0):
+                for level in (*levels, *reversed(levels[:-1])):
+                    yield from _level(robot, sign * level, seconds, rows, batteries)
+                yield from _rest(robot)
+        finally:
+            robot.drive.stop()
+            robot.replan()
+        if not batteries:
+            raise CalibrationError("there is no battery reading: the motors' voltage is not known")
+        return Excitation(rows[0], rows[1], sum(batteries) / len(batteries))
+
+    return Action("excite the wheels", steps)
+
+
+def _level(
+    robot: Robot, duty: float, seconds: float, rows: tuple[Rows, Rows], batteries: list[float]
+) -> Steps[None]:
+    """One duty for so long."""
+    windows = (Windows(), Windows())
+    begin, smoothed, before = robot.time, None, 0.0
+    while robot.time - begin < seconds:
+        battery = robot.battery_voltage
+        if battery is not None and robot.time > begin and robot.dt > 0.0:
+            # The speeds are smoothed; so is the voltage, to be of the same moment.
+            share = robot.dt / (SPEED_SMOOTHING + robot.dt)
+            smoothed = before if smoothed is None else smoothed + share * (before - smoothed)
+            here = robot.estimate
+            for window, found, speed in zip(windows, rows, (here.left_speed, here.right_speed), strict=True):
+                row = window.add(smoothed, speed, robot.dt)
+                if row is not None:
+                    found.append(row)
+            batteries.append(battery)
+        before = 0.0 if battery is None else duty * battery
+        robot.drive.duties(duty, duty)
+        yield
+
+
+def _rest(robot: Robot) -> Steps[None]:
+    begin = robot.time
+    while robot.time - begin < REST_TIME:
+        yield
+
+
+@dataclass(frozen=True, slots=True)
+class WheelFit:
+    """One wheel as identified, with the gains of its loop and the margins they give."""
+
+    side: str
+    port: int
+    voltages: WheelVoltages
+    model: WheelModel
+    gains: PidGains
+    margins: Margins
+
+    def entries(self, battery: float) -> dict[str, Measured]:
+        """The values by their key in robot.toml."""
+        found = self.voltages
+        pairs = (
+            ("static_voltage", max(found.static, 0.0), found.static_std),
+            ("speed_voltage", found.speed, found.speed_std),
+            ("acceleration_voltage", found.acceleration, found.acceleration_std),
+        )
+        return {
+            f"motor.{self.port}.{key}": Measured(value, std, battery_voltage=battery)
+            for key, value, std in pairs
+        }
+
+
+def fit_wheels(seen: Excitation, config: RobotConfig, device: Device) -> tuple[WheelFit, WheelFit]:
+    """Left and right wheel. Raises CalibrationError where the data cannot support the gains, saying why."""
+    models, late = wheel_models(config, device), dead_time(config)
+    return (
+        _fit("left", config.drive.left, seen.left, models[0], late),
+        _fit("right", config.drive.right, seen.right, models[1], late),
+    )
+
+
+def _fit(side: str, port: int, rows: Rows, model: WheelModel, late: float) -> WheelFit:
+    where = f"the {side} wheel (motor port {port})"
+    try:
+        found = fit_voltages(rows)
+    except ValueError as error:
+        raise CalibrationError(f"{where}: {error}; is it plugged in and free to turn?") from error
+    if found.residual > WORST_RESIDUAL:
+        raise CalibrationError(
+            f"{where}: the motor equation is off by {found.residual:.2f} V (allowed: {WORST_RESIDUAL} V): "
+            "does it slip, rub or bump?"
+        )
+    for name in ("speed", "acceleration"):
+        value, std = getattr(found, name), getattr(found, f"{name}_std")
+        if not value > 0.0 or std > WORST_SHARE * value:
+            raise CalibrationError(
+                f"{where}: {name}_voltage comes out as {value:.3g} +- {std:.2g}: the data cannot support it"
+            )
+    fitted = model.with_voltages(max(found.static, 0.0), found.speed, found.acceleration)
+    gains = speed_loop_gains(fitted, SPEED_SMOOTHING, late)
+    reached = margins(gains, fitted, SPEED_SMOOTHING, late)
+    if reached.phase < LEAST_PHASE or reached.gain_db < LEAST_GAIN_DB:
+        raise CalibrationError(
+            f"{where}: the gains would have margins of {math.degrees(reached.phase):.0f} deg and "
+            f"{reached.gain_db:.1f} dB: at least 45 deg and 6 dB are needed"
+        )
+    return WheelFit(side, port, found, fitted, gains, reached)
+
+
+def power_factors(fits: tuple[WheelFit, WheelFit], battery: float) -> dict[str, Measured]:
+    """Static compensation k by its key in robot.toml: the faster motor gets less, so that both turn alike.
+
+    At full power on `battery` V a wheel turns at w = (U - S) / V. With the slower wheel's w the other one
+    needs k = (V w + S) / U. The deviation is that of the voltages, as if they were independent.
+    """
+    slowest = min((battery - fit.voltages.static) / fit.voltages.speed for fit in fits)
+    factors = {}
+    for fit in fits:
+        found = fit.voltages
+        value = min(1.0, (found.speed * slowest + found.static) / battery)
+        std = math.hypot(found.speed_std * slowest, found.static_std) / battery
+        factors[f"motor.{fit.port}.power_factor"] = Measured(value, std, battery_voltage=battery)
+    return factors

@@ -1,0 +1,101 @@
+"""Getting the start light right before a match: its calibration and a rehearsal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from raccoon.core.config import REAL_CONTROLLERS
+from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
+from raccoon.robot.actions.actions import Action, Steps, wait
+from raccoon.robot.actions.limits import check_function, check_port
+from raccoon.robot.calibration.drives import watched
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.estimate.start_light import StartLightCalibration, StartLightReading
+    from raccoon.robot.robot import Robot
+
+SECONDS = 1.0  # of readings with the lamp off, and on
+
+
+def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) -> StartLightCalibration:
+    """What the sensor on analog `port` reads with the lamp off and on, for `wait_for_light`.
+
+    Call it with the lamp off. switched_on: asked once, comes back when somebody has switched it on (such as
+    `lambda: input("lamp on, then Enter")`). The result is noted in the recording. Raises CalibrationError
+    where the lamp makes too little difference or the port reads nothing, ValueError where there is no such
+    port, TypeError where `switched_on` is no function.
+    """
+    check_port("analog", port, ANALOG_PORTS)
+    check_function(switched_on, "calibrate_light()")
+    from raccoon.estimate.start_light import calibrate_start_light
+
+    off = _counts(robot, port)
+    switched_on()
+    found = calibrate_start_light(off, _counts(robot, port))
+    robot.note(f"start light on analog {port}: {found.off:.0f} counts off, {found.on:.0f} on")
+    return found
+
+
+def rehearse_light(
+    port: int, calibration: StartLightCalibration | None = None, *, seconds: float = 20.0
+) -> Action[int]:
+    """Test mode of the start light: how often the lamp was seen to go on within `seconds` s.
+
+    Every time is noted in the recording and nothing starts. Where it is too bright to tell the lamp, or light
+    that stays is refused, that is said. Raises ValueError for a time that is not above 0 and for a port that
+    is not there.
+    """
+    check_port("analog", port, ANALOG_PORTS)
+    if not seconds > 0.0:
+        raise ValueError(f"seconds is {seconds}: allowed are numbers above 0")
+
+    def steps(robot: Robot) -> Steps[int]:
+        from raccoon.estimate.start_light import StartLight
+
+        light = StartLight(calibration, rehearsal=True)
+        begin = robot.time
+        while robot.time - begin < seconds:
+            reading = light.update(robot.time, word(robot, port))
+            if reading.fired:
+                robot.note(f"rehearsal: start light {light.fires}")
+            tell_light(robot, port, reading)
+            yield
+        return light.fires
+
+    return Action(f"rehearse the light on analog {port}", steps)
+
+
+def word(robot: Robot, port: int) -> float | None:
+    """Counts of this very cycle, None where it had none: the last ones again would be light that stands."""
+    return None if robot.inputs is None else robot.inputs.analog[port]
+
+
+def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
+    """Say what keeps the start light on analog `port` from being seen."""
+    if reading.refused:
+        say(
+            robot,
+            f"analog {port}: it became bright and stays so, but not as a start light does: no start. "
+            f"If it was the lamp, calibrate it (calibrate_light), or calibrate it again",
+        )
+    if reading.status is Status.UNCERTAIN:
+        say(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
+
+
+def tell_no_lamp(robot: Robot, port: int) -> None:
+    """Say that the simulator has no lamp over analog `port`: a program would wait for ever, in silence."""
+    tophats = [each.analog for each in robot.config.tophats.values()]
+    if robot.config.controller.port not in REAL_CONTROLLERS and port not in tophats:
+        say(
+            robot,
+            f"analog {port}: the simulator has no start light, so this waits for ever: "
+            "start=wait(1.0) begins a match in simulation",
+        )
+
+
+def _counts(robot: Robot, port: int) -> list[float]:
+    readings: list[Inputs] = []
+    robot.run(watched(wait(SECONDS), readings))
+    return [counts for each in readings if (counts := each.analog[port]) is not None]

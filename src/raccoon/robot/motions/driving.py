@@ -1,0 +1,144 @@
+"""Driving without a goal, until something ends it: at a speed, or with plain duties."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import line_command, slewed
+from raccoon.control.profile import ProfileState
+from raccoon.control.voltage import VoltageScaling
+from raccoon.core.errors import MotionTimeout
+from raccoon.model.pose import Pose
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.limits import (
+    check_battery_voltage,
+    check_finite,
+    check_number,
+    check_rate,
+    check_speed,
+)
+from raccoon.robot.motions.pacing import GAINS, STALL_PATIENCE, check_wiring, reason
+from raccoon.robot.remarks import say
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+__all__ = ["drive", "motors"]
+
+
+def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
+    """Drive at `speed` m/s and `turn_rate` rad/s until ended from outside (`.until`, `.timeout`, `race`).
+
+    Without a turn rate the heading of the plan is held. Raises MotionTimeout where the gyro shows for half a
+    second that a motor is plugged in the other way round.
+    """
+    check_speed(speed=speed)
+    check_rate(turn_rate=turn_rate)
+    check_finite(speed=speed, turn_rate=turn_rate)  # None is no default here
+    label = f"drive {speed:g} m/s"
+
+    def steps(robot: Robot) -> Steps[None]:
+        motion = robot.config.motion
+        start = robot.plan
+        if robot.drive.begins_anew(robot.time):
+            say(
+                robot,
+                "drive() begins anew again and again: it speeds up from rest each time and stays slow; in a "
+                "loop ask for the speed of each cycle, by robot.drive.velocity() and robot.tick()",
+            )
+        velocity = robot.estimate.velocity
+        rate = robot.estimate.turn_rate
+        miswired = 0.0
+        top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration)
+        top = math.copysign(top, speed)
+        try:
+            while True:
+                if robot.paused:  # the motors may have been stopped meanwhile
+                    velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
+                miswired = check_wiring(robot, miswired, label)
+                velocity = slewed(velocity, top, acceleration * robot.dt)
+                rate = slewed(rate, turn_rate, motion.turn_acceleration * robot.dt)
+                held = 0.0
+                if turn_rate == 0.0:
+                    _, across = start.offset_of(robot.estimate.x, robot.estimate.y)
+                    off = robot.estimate.heading - start.heading
+                    state = ProfileState(0.0, velocity, 0.0)
+                    _, held = line_command(state, 0.0, across, off, GAINS)
+                robot.drive.follow(velocity, rate + held)
+                if turn_rate != 0.0 and robot.drive.cut:
+                    robot.drive.speeds.limited = True
+                yield
+        finally:
+            robot.drive.stop()
+            here = robot.estimate
+            robot.plan = Pose(here.x, here.y, start.heading if turn_rate == 0.0 else here.heading)
+
+    return Action(label, steps)
+
+
+def search(speed: float, reach: float) -> Action[None]:
+    """Drive at `speed` m/s, negative backwards, until `reach` m are driven or somebody ends it.
+
+    Raises ValueError for a speed of 0, MotionTimeout where a wheel has not turned for 0.4 s, or the way takes
+    more than twice its time and 2 s.
+    """
+    check_speed(speed=speed)
+    if speed == 0.0:
+        raise ValueError("speed is 0: allowed are numbers above or below it")
+
+    def steps(robot: Robot) -> Steps[None]:
+        begin, start, silent = robot.time, robot.estimate.distance, 0.0
+        acceleration = robot.config.motion.acceleration
+        top, acceleration = robot.drive.speeds.planned(abs(speed), acceleration)
+        allowed = 2.0 * (reach / top + top / acceleration) + 2.0
+        body = drive(speed).start(robot)
+        try:
+            while (way := abs(robot.estimate.distance - start)) <= reach:
+                silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
+                seconds = robot.time - begin
+                if silent > STALL_PATIENCE or seconds > allowed:
+                    raise MotionTimeout(
+                        f"drive not done after {seconds:.1f} s: {way:.3f} of {reach:g} m; {reason(robot)}"
+                    )
+                next(body)
+                yield
+        finally:
+            body.close()
+
+    return Action(f"search {reach:g} m", steps)
+
+
+def motors(left: float, right: float, *, tuned_at: float | None = None) -> Action[None]:
+    """Put plain duties (-1..1) on the wheels until ended from outside: no control at all, as a comparison.
+
+    tuned_at: V of the battery that the duties were found on; they are scaled by it over the present voltage.
+    What the present battery cannot give is said once, in the log and the recording, with the speed that is
+    missing.
+    """
+    for name, duty in (("left", left), ("right", right)):
+        check_number(f"{name} duty", duty, "from -1 to 1")
+        if not -1.0 <= duty <= 1.0:
+            raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+    if tuned_at is not None:
+        check_battery_voltage(tuned_at=tuned_at)
+    scaling = None if tuned_at is None else VoltageScaling(tuned_at)
+
+    def steps(robot: Robot) -> Steps[None]:
+        try:
+            while True:
+                duties = left, right
+                if scaling is not None:
+                    scaled = [scaling.scaled(duty, robot.battery_voltage) for duty in duties]
+                    duties = scaled[0].duty, scaled[1].duty
+                    missing = max(each.missing for each in scaled)
+                    if missing > 0.0:
+                        speed = robot.drive.speed_of(missing * max(abs(left), abs(right)) * scaling.reference)
+                        say(robot, f"voltage scaling: {100.0 * missing:.0f} % missing, {speed:.3f} m/s")
+                robot.drive.duties(*duties)
+                yield
+        finally:
+            robot.drive.stop()
+            robot.replan()
+
+    return Action(f"motors {left:g} {right:g}", steps)

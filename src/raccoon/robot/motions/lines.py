@@ -1,0 +1,209 @@
+"""Motions that go by what is on the table: align on a line, align against a wall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from raccoon.core.errors import ConfigError, MotionTimeout
+from raccoon.model.pose import Pose
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.limits import (
+    check_angle,
+    check_finite,
+    check_heading,
+    check_limits,
+    check_speed,
+    check_way,
+)
+from raccoon.robot.motions.driving import search
+from raccoon.robot.motions.motions import turning
+from raccoon.robot.motions.pacing import MotionResult, reason
+
+if TYPE_CHECKING:
+    from raccoon.robot.parts.tophats import TophatSensor
+    from raccoon.robot.robot import Robot
+
+LEAST_REACH = 0.02
+WALL_SPEED_SHARE = 0.2
+WALL_TIME = 0.3
+PRESS_FORCE = 8.0
+"""N a wheel, against a wall: tyres of 0.9 under half of 3 kg carry 13 N."""
+
+
+def align_on_line(
+    left: str,
+    right: str,
+    speed: float | None = None,
+    *,
+    reach: float = 0.5,
+    squint: float = math.radians(60.0),
+) -> Action[MotionResult]:
+    """Drive over an edge of a line with two tophats, then turn square to it.
+
+    left, right: names of the tophats. speed: m/s, negative backwards; half of `motion.speed` when None.
+    reach: m to look for the line. squint: rad, the most that the line may lie askew. Where each sensor met
+    the edge tells the line's direction: the edge on which both came to black, or, where one stood on the line
+    already, the one on which both left it. The result's heading is the robot's against the line's normal.
+    Raises MotionTimeout where there is no line within reach or a wheel does not turn, CalibrationError
+    without calibrations.
+    """
+    check_speed(speed=speed)
+    check_limits(reach=reach, squint=squint)
+    check_way(reach=reach)
+    check_angle(1.0, "", squint=squint)
+    if speed == 0.0:
+        raise ValueError("speed is 0: allowed are numbers above or below it")
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        begin = robot.time
+        first = yield from _edges(robot, left, right, speed, reach)
+        (x0, y0), (x1, y1) = first
+        # From the right sensor's point to the left one's is the line; its normal to the right looks ahead.
+        normal = math.atan2(y0 - y1, x0 - x1) - 0.5 * math.pi
+        here = robot.estimate.heading
+        angle = math.remainder(normal - here, math.tau)
+        if abs(angle) > squint:
+            raise MotionTimeout(
+                f"the line lies {math.degrees(angle):.0f} deg askew: allowed are {math.degrees(squint):.0f}"
+            )
+        robot.replan()
+        turned = yield from turning(robot, angle)
+        goal = Pose(robot.estimate.x, robot.estimate.y, here + angle)
+        robot.plan = goal
+        off = robot.estimate.heading - goal.heading
+        return MotionResult(
+            0.0, 0.0, off, robot.time - begin, turned.std, turned.saturated, turned.heading_std
+        )
+
+    return Action(
+        f"align on a line with {left} and {right}", steps, lambda robot: _check_sides(robot, left, right)
+    )
+
+
+def _edges(
+    robot: Robot, left: str, right: str, speed: float | None, reach: float
+) -> Steps[tuple[tuple[float, float], tuple[float, float]]]:
+    """Drive until both sensors have met the same edge; where on the field each did, left first."""
+    sensors = robot.tophat(left), robot.tophat(right)
+    for sensor in sensors:
+        sensor.require()
+        sensor.forget_edge()
+    body = search(0.5 * robot.config.motion.speed if speed is None else speed, reach).start(robot)
+    # A line has two edges, and a sensor that stands on it meets but the second: only places on the same one
+    # give its direction. By whether the edge leads to black: where the left and the right sensor met it.
+    met: dict[bool, list[tuple[float, float] | None]] = {True: [None, None], False: [None, None]}
+    try:
+        while True:
+            for index, sensor in enumerate(sensors):
+                edge = sensor.edge
+                if edge is None:
+                    continue
+                sensor.forget_edge()
+                places = met[edge.to_black]
+                if places[index] is None:
+                    places[index] = _place(robot, sensor, robot.time - edge.time)
+                if places[0] is not None and places[1] is not None:
+                    return places[0], places[1]
+            try:
+                next(body)
+            except StopIteration:
+                raise MotionTimeout(_no_line(robot, left, right, met.values(), reach)) from None
+            yield
+    finally:
+        body.close()
+
+
+def _no_line(
+    robot: Robot,
+    left: str,
+    right: str,
+    met: Iterable[list[tuple[float, float] | None]],
+    reach: float,
+) -> str:
+    """Which sensors lack the edge that they were nearest to having both met, and why that may be."""
+    places = max(met, key=lambda each: sum(place is not None for place in each))
+    names = [name for name, place in zip((left, right), places, strict=True) if place is None]
+    return f"no line at {' and '.join(names)} within {reach:g} m; {reason(robot)}"
+
+
+def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:
+    """Where on the field a sensor was `ago` s before now."""
+    here = robot.estimate
+    pose = Pose(here.x, here.y, here.heading).ahead(-here.velocity * ago)
+    ahead = pose.ahead(sensor.config.forward)
+    side = sensor.config.left
+    return ahead.x - side * math.sin(ahead.heading), ahead.y + side * math.cos(ahead.heading)
+
+
+def align_on_wall(
+    speed: float = 0.06,
+    *,
+    heading: float | None = None,
+    heading_std: float = math.radians(1.0),
+    timeout: float = 5.0,
+) -> Action[MotionResult]:
+    """Push against a wall until both wheels stand, so that the robot is square to it.
+
+    speed: m/s at which it comes, negative backwards. It presses with no more than 8 N a wheel (by the motors'
+    models): at full voltage most motors are stronger than the grip, and the wheels would spin for ever.
+    heading: rad of the field that the robot then has, where that is known: the odometry takes it, with
+    `heading_std` rad. Raises MotionTimeout where the wheels still turn after `timeout` s: there is no wall,
+    or they spin at it.
+    """
+    check_speed(speed=speed)
+    check_finite(speed=speed)  # None is no default here
+    check_heading(heading=0.0 if heading is None else heading)
+    check_limits(timeout=timeout, heading_std=heading_std)
+    if speed == 0.0:
+        raise ValueError("speed is 0: allowed are numbers above or below it")
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        begin, quiet = robot.time, 0.0
+        wheel_speed = robot.drive.wheel_speed(speed)
+        try:
+            while quiet < WALL_TIME:
+                if robot.time - begin > timeout:
+                    raise MotionTimeout(
+                        f"no wall after {timeout:g} s: the wheels still turn, on the way or spinning at it"
+                    )
+                here = robot.estimate
+                turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
+                started = robot.time - begin > WALL_TIME
+                quiet = 0.0 if turns or not started else quiet + robot.dt
+                # At first all of it: a robot that stands sticks.
+                force = PRESS_FORCE if started else math.inf
+                turning_at = here.left_speed, here.right_speed
+                robot.drive.push(speed, robot.battery_voltage, turning_at, force)
+                yield
+        finally:
+            robot.drive.stop()
+            robot.replan()
+        off = 0.0
+        if heading is not None:
+            off = math.remainder(robot.estimate.heading - heading, math.tau)
+            robot.odometry.observe_heading(heading, heading_std)
+        here = robot.estimate
+        robot.plan = Pose(here.x, here.y, here.heading)
+        std = math.hypot(here.x_std, here.y_std)
+        return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std)
+
+    return Action("align on a wall", steps)
+
+
+def _check_sides(robot: Robot, left: str, right: str) -> None:
+    """Raise ConfigError where robot.toml lacks one of the tophats, or has them the other way round."""
+    if robot.tophat(left).config.left <= robot.tophat(right).config.left:
+        raise ConfigError(f"tophat {left} is not to the left of {right} in robot.toml")
+
+
+def tophat_ahead(robot: Robot, name: str) -> TophatSensor:
+    """A tophat that can follow a line. Raises ConfigError where it does not sit ahead of the axis."""
+    sensor = robot.tophat(name)
+    if sensor.config.forward < LEAST_REACH:
+        raise ConfigError(
+            f"tophat.{name}.forward = {sensor.config.forward}: to follow a line it must sit at least "
+            f"{LEAST_REACH} m ahead of the axis"
+        )
+    return sensor

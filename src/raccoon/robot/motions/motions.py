@@ -1,0 +1,250 @@
+"""Motions to a goal: straight, turn, arc and pivot, each an action that keeps to its path.
+
+Each motion starts from where the one before it was meant to end (`robot.plan`), not from where it did end, so
+a small error is made good by the next motion instead of adding to it.
+
+Every motion to a goal takes `tolerance` (how near the goal it may end; robot.toml's `[motion]` when None)
+and `timeout` (s; twice its profile and 2 s when None), gives a `MotionResult`, and raises MotionTimeout
+saying why when it cannot get there: stalled (with the motor port), saturated (with the speed that is
+missing), slipping.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import line_command, turn_command
+from raccoon.control.profile import profile
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.limits import (
+    check_angle,
+    check_heading,
+    check_limits,
+    check_rate,
+    check_speed,
+    check_way,
+)
+from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, at_rest, finish
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+__all__ = ["MotionResult", "arc", "pivot", "straight", "turn", "turn_to"]
+
+# A plan further than this from the estimate is not continued: somebody moved the robot.
+PLAN_REACH = 0.05
+PLAN_REACH_HEADING = 0.3
+FAR = 0.5
+"""m, radius of an arc at which heading and place tell equally well how far along it is: 0.1 deg is 1 mm."""
+
+
+def straight(
+    distance: float,
+    speed: float | None = None,
+    *,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive `distance` m straight (negative: backwards), ending at rest on the mark.
+
+    speed: m/s, the highest on the way; robot.toml's `motion.speed` when None. tolerance: m.
+    """
+    check_way(distance=distance)
+    check_speed(speed=speed)
+    check_limits("the sign belongs to the distance", speed=speed)
+    check_limits(tolerance=tolerance, timeout=timeout)
+    distance = float(distance)  # of NumPy's too: results and plans are of plain numbers
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        motion = robot.config.motion
+        start = robot.plan
+        wanted = motion.speed if speed is None else float(speed)
+        top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
+        near = motion.distance_tolerance if tolerance is None else tolerance
+        walk = profile(distance, top, acceleration, motion.jerk)
+        pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
+        for state in pace.states(lambda: start.offset_of(robot.estimate.x, robot.estimate.y)[0], start.ahead):
+            along, across = start.offset_of(robot.estimate.x, robot.estimate.y)
+            off = robot.estimate.heading - start.heading
+            if pace.finished and at_rest(robot) and abs(distance - along) <= near:
+                break
+            velocity, turn_rate = line_command(state, along, across, off, GAINS)
+            robot.drive.follow(velocity, turn_rate, state.acceleration)
+            yield
+        return finish(robot, start.ahead(distance), pace)
+
+    return Action(f"straight {distance:g} m", steps)
+
+
+def turn(
+    angle: float,
+    rate: float | None = None,
+    *,
+    turns: float = 1.0,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Turn on the spot by `angle` rad (left is positive), ending at rest.
+
+    rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
+    most full turns that are meant. tolerance: rad.
+    """
+    check_limits(tolerance=tolerance, timeout=timeout)
+    check_angle(turns, angle=angle)
+    check_rate(rate=rate)
+    check_limits("the sign belongs to the angle", rate=rate)
+    return Action(
+        f"turn {math.degrees(angle):g} deg", lambda robot: turning(robot, angle, rate, tolerance, timeout)
+    )
+
+
+def turn_to(
+    heading: float,
+    rate: float | None = None,
+    *,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started."""
+    check_heading(heading=heading)
+    check_rate(rate=rate)
+    check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        angle = math.remainder(heading - robot.plan.heading, math.tau)
+        return (yield from turning(robot, angle, rate, tolerance, timeout))
+
+    return Action(f"turn to {math.degrees(heading):g} deg", steps)
+
+
+def turning(
+    robot: Robot,
+    angle: float,
+    rate: float | None = None,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Steps[MotionResult]:
+    """The steps of a turn on the spot."""
+    motion = robot.config.motion
+    start = robot.plan
+    angle = float(angle)
+    wanted = motion.turn_rate if rate is None else float(rate)
+    top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
+    near = motion.heading_tolerance if tolerance is None else tolerance
+    walk = profile(angle, top, acceleration, motion.turn_jerk)
+    pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn")
+    for state in pace.states(lambda: robot.estimate.heading - start.heading, start.turned):
+        turned = robot.estimate.heading - start.heading
+        if pace.finished and at_rest(robot) and abs(angle - turned) <= near:
+            break
+        robot.drive.follow(0.0, turn_command(state, turned, GAINS), 0.0, state.acceleration)
+        yield
+    return finish(robot, start.turned(angle), pace)
+
+
+def arc(
+    radius: float,
+    angle: float,
+    speed: float | None = None,
+    *,
+    backwards: bool = False,
+    turns: float = 1.0,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive along a circle of `radius` m through `angle` rad (left is positive), ending at rest.
+
+    The centre is on the side it turns to (on the other one where it drives backwards). speed: m/s of the
+    outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of the way.
+    """
+    check_limits(tolerance=tolerance, timeout=timeout)
+    check_angle(turns, angle=angle)
+    check_speed(speed=speed)
+    check_limits("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
+    check_way(radius=radius)
+    if not radius > 0.0:
+        raise ValueError(f"radius is {radius} m: it must be above 0 (turn() turns on the spot)")
+    signed = math.copysign(radius, -angle if backwards else angle)
+    return Action(
+        f"arc {radius:g} m {math.degrees(angle):g} deg",
+        lambda robot: _arc(robot, signed, angle, speed, tolerance, timeout),
+    )
+
+
+def pivot(
+    angle: float,
+    wheel: str,
+    speed: float | None = None,
+    *,
+    turns: float = 1.0,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Turn by `angle` rad (left is positive) about one wheel, which stands still: "left" or "right".
+
+    speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
+    tolerance: m of the robot's middle.
+    """
+    check_limits(tolerance=tolerance, timeout=timeout)
+    check_angle(turns, angle=angle)
+    check_speed(speed=speed)
+    check_limits("the sign belongs to the angle", speed=speed)
+    if wheel not in ("left", "right"):
+        raise ValueError(f"wheel is {wheel!r}: allowed are 'left' and 'right'")
+    side = 1.0 if wheel == "left" else -1.0
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        signed = side * robot.drive.half_track
+        return (yield from _arc(robot, signed, angle, speed, tolerance, timeout))
+
+    return Action(f"pivot {math.degrees(angle):g} deg about the {wheel} wheel", steps)
+
+
+def _arc(
+    robot: Robot,
+    signed: float,
+    angle: float,
+    speed: float | None,
+    tolerance: float | None,
+    timeout: float | None,
+) -> Steps[MotionResult]:
+    """Around a centre `signed` m to the left; the way is signed * angle, negative backwards."""
+    motion = robot.config.motion
+    start = robot.plan
+    angle = float(angle)
+    outer = 1.0 + robot.drive.half_track / abs(signed)  # the outer wheel keeps the limit
+    wanted = (motion.speed if speed is None else float(speed)) / outer
+    top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
+    near = motion.distance_tolerance if tolerance is None else tolerance
+    pace = Pace(
+        robot,
+        profile(signed * angle, top, acceleration, motion.jerk),
+        LAG_LIMIT,
+        timeout,
+        top / wanted,
+        "arc",
+    )
+
+    centre = start.x - signed * math.sin(start.heading), start.y + signed * math.cos(start.heading)
+    by_place = signed * signed / (signed * signed + FAR * FAR)
+
+    def turned() -> float:
+        """Rad of the arc: on a tight one the heading tells it, on a wide one the place."""
+        here = robot.estimate
+        bearing = math.atan2((here.x - centre[0]) / signed, (centre[1] - here.y) / signed)
+        return here.heading - start.heading + by_place * math.remainder(bearing - here.heading, math.tau)
+
+    for state in pace.states(lambda: signed * turned(), lambda way: start.along_arc(signed, way / signed)):
+        done = turned()
+        along, here = signed * done, start.along_arc(signed, done)
+        _, across = here.offset_of(robot.estimate.x, robot.estimate.y)
+        if pace.finished and at_rest(robot) and abs(signed * angle - along) <= near:
+            break
+        off = robot.estimate.heading - here.heading
+        velocity, turn_rate = line_command(state, along, across, off, GAINS)
+        robot.drive.follow(
+            velocity, turn_rate + velocity / signed, state.acceleration, state.acceleration / signed
+        )
+        yield
+    return finish(robot, start.along_arc(signed, angle), pace)

@@ -1,0 +1,201 @@
+"""What all motions share: walking a profile in time, limits, how a motion ends and what it says then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import TrackingGains
+from raccoon.control.profile import Profile, ProfileState
+from raccoon.core.errors import MotionTimeout
+from raccoon.model.pose import Pose
+from raccoon.robot.remarks import mismatch, miswired, say, tell
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+GAINS = TrackingGains()
+"""How hard every motion pulls back to its path."""
+# The profile waits for a robot that falls this far behind it, instead of running away.
+LAG_LIMIT = 0.02
+LAG_LIMIT_TURN = 0.15
+# Fast enough to end on the mark, slow enough that the wheels stop within a tick or two.
+REST_SPEED = 0.02
+REST_RATE = 0.12
+# S that a wheel may be driven without turning before the motion gives up.
+STALL_PATIENCE = 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class MotionResult:
+    """Where a motion ended against its goal.
+
+    along, across: m beyond the goal and left of the path. heading: rad left of the goal's heading.
+    duration: s. std: m, of the position as the odometry sees it (more where the wheels turn out to be off
+    their calibration). saturated: the battery could not give all.
+    heading_std: rad. missing_speed: m/s that a saturated wheel was short of, at the worst moment.
+    planned: share of the speed that was asked for which the weakest battery of the match allows (1: all).
+    remarks: what was strange, in words: doubts of the odometry on the way, motors that are not what
+    robot.toml says. held: m of the way that it may not have gone, because both wheels carried there what
+    tyres do that spin at a wall: so far it may stand before its goal.
+    """
+
+    along: float
+    across: float
+    heading: float
+    duration: float
+    std: float
+    saturated: bool
+    heading_std: float = 0.0
+    missing_speed: float = 0.0
+    planned: float = 1.0
+    remarks: tuple[str, ...] = ()
+    held: float = 0.0
+
+    @property
+    def arrived(self) -> bool:
+        """Whether nothing held the robot on its way: False where its wheels came to the goal, by what they
+        turned, and it may stand at a wall or has pushed something nearly as heavy."""
+        return self.held == 0.0
+
+
+class Pace:
+    """Walks a profile in time, waiting for a robot that cannot keep up.
+
+    lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up; twice the profile and
+    2 s where it is None. planned: see MotionResult. what: the motion, for messages; a "turn" is in rad.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        profile: Profile,
+        lag_limit: float,
+        timeout: float | None = None,
+        planned: float = 1.0,
+        what: str = "straight",
+    ) -> None:
+        self._robot = robot
+        self.what = what
+        self.profile = profile
+        self.planned = planned
+        self._lag_limit = lag_limit
+        self._allowed = 2.0 * profile.duration + 2.0 if timeout is None else timeout
+        self._time = 0.0
+        self._stalled = 0.0
+        self.begin = robot.time
+        self._start = robot.estimate.distance
+        self.saturated = False
+        self.missing_speed = 0.0
+        self.held = 0.0
+        self._held_before = robot.odometry.held_way  # of the motion before, which may have ended at a wall
+        self.doubts: dict[str, None] = {}
+        """What the odometry complained of on the way, each once, in order."""
+        self.finished = False
+        """True once the profile has ended; the robot may still be closing in."""
+
+    def states(self, progress: Callable[[], float], place: Callable[[float], Pose]) -> Iterator[ProfileState]:
+        """One state a tick; raises MotionTimeout when it takes too long or a wheel does not turn.
+
+        progress: how far the robot is. place: where on the path so far is; a motion that is ended early was
+        meant to end where it came to.
+        """
+        robot, profile = self._robot, self.profile
+        sign = -1.0 if profile.distance < 0.0 else 1.0
+        last = robot.time
+        try:
+            while True:
+                state = profile.at(self._time)
+                yield state
+                self._watch()
+                # A robot that is ahead is not waited for: the profile has to end for it to come back.
+                if sign * (state.position - progress()) < self._lag_limit:
+                    # The whole of it also after a pause: the motors went on with their last command.
+                    self._time += robot.time - last
+                last = robot.time
+                self.finished = self._time >= profile.duration
+                if robot.time - self.begin > self._allowed or self._stalled > STALL_PATIENCE:
+                    raise MotionTimeout(self._explain(progress()))
+        finally:
+            robot.drive.stop()
+            robot.plan = place(progress())
+
+    @property
+    def doubt(self) -> float:
+        """M by which the way is unsure where the wheels are off their calibration."""
+        return 0.5 * mismatch(self._robot) * (self._robot.estimate.distance - self._start)
+
+    def _watch(self) -> None:
+        wheels, robot = self._robot.drive.wheels, self._robot
+        self.saturated = self.saturated or wheels.saturated
+        self.missing_speed = max(self.missing_speed, robot.drive.missing_speed)
+        if robot.estimate.reasons:
+            self.doubts.update(dict.fromkeys(robot.estimate.reasons))
+        held = robot.odometry.held_way
+        self.held += max(0.0, held - self._held_before)
+        self._held_before = held
+        lost = wheels.stalled or robot.odometry.wiring.suspects
+        self._stalled = self._stalled + robot.dt if lost else 0.0
+
+    def _explain(self, progress: float) -> str:
+        seconds = self._robot.time - self.begin
+        way = f"{progress:.3f} of {self.profile.distance:.3f} m"
+        if self.what == "turn":
+            way = f"{math.degrees(progress):.1f} of {math.degrees(self.profile.distance):.1f} deg"
+        return f"{self.what} not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
+
+
+def reason(robot: Robot) -> str:
+    """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says."""
+    wiring = miswired(robot)
+    if robot.odometry.wiring.turned:  # the rest follows from it
+        return wiring
+    said = (wiring or robot.drive.complaint(), *robot.estimate.reasons, *tell(robot))
+    return "; ".join(said)
+
+
+def check_wiring(robot: Robot, lasted: float, name: str) -> float:
+    """For how many s the gyro has said by now that motors are plugged in otherwise than robot.toml says.
+
+    lasted: what this gave in the tick before. Raises MotionTimeout, naming the motion, where it is sure for
+    as long as a wheel may stand: under control such a robot spins, faster and faster.
+    """
+    if not robot.odometry.wiring.turned:
+        return 0.0
+    if lasted > STALL_PATIENCE:
+        raise MotionTimeout(f"{name}: {miswired(robot)}")
+    return lasted + robot.dt
+
+
+def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
+    """Stop, make `goal` the place the next motion starts from, and say where the robot is against it."""
+    robot.drive.stop()
+    robot.plan = goal
+    here = robot.estimate
+    along, across = goal.offset_of(here.x, here.y)
+    if pace.held > 0.0:
+        say(
+            robot,
+            f"{pace.what} may have ended {pace.held:.3f} m before its goal: the wheels turned, and carried "
+            "what tyres do that spin at a wall (result.arrived is False)",
+        )
+    return MotionResult(
+        along,
+        across,
+        here.heading - goal.heading,
+        robot.time - pace.begin,
+        math.hypot(here.x_std, here.y_std, pace.doubt),
+        pace.saturated,
+        here.heading_std,
+        pace.missing_speed,
+        pace.planned,
+        (*pace.doubts, *tell(robot)),
+        pace.held,
+    )
+
+
+def at_rest(robot: Robot) -> bool:
+    """Slow enough that stopping now is stopping here."""
+    return abs(robot.estimate.velocity) < REST_SPEED and abs(robot.estimate.turn_rate) < REST_RATE

@@ -1,0 +1,176 @@
+"""Motions to places of the field: drive to a pose, follow a path.
+
+Places are in the field frame: x ahead of where the robot started, y to its left (docs/quantities.md). As
+motions.py says, each takes `tolerance` and `timeout`, gives a MotionResult and raises MotionTimeout.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import dropwhile
+from typing import TYPE_CHECKING
+
+from raccoon.control.motion import line_command
+from raccoon.control.path import Path, Point, distinct, legs
+from raccoon.control.profile import profile
+from raccoon.model.pose import Pose
+from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.limits import check_heading, check_limits, check_number, check_speed, check_way
+from raccoon.robot.motions.motions import straight, turning
+from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, at_rest, finish
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
+
+# Nearer than this the way to the place has no direction worth turning to.
+HERE = 0.005
+
+
+def drive_to(
+    x: float,
+    y: float,
+    heading: float | None = None,
+    speed: float | None = None,
+    *,
+    backwards: bool = False,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive to the place (x, y) m of the field: turn towards it, drive straight, turn to `heading` rad.
+
+    heading: None keeps the one it arrives with. backwards: with its back first. speed: m/s on the way.
+    tolerance: m of the straight part. timeout: s of each of the three parts. The result is against the pose
+    that was asked for.
+    """
+    check_way(x=x, y=y)
+    check_heading(heading=0.0 if heading is None else heading)
+    check_speed(speed=speed)
+    check_limits("backwards=True drives backwards", speed=speed)
+    check_limits(tolerance=tolerance, timeout=timeout)
+    x, y = float(x), float(y)
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        begin = robot.time
+        start = robot.plan
+        distance = math.hypot(x - start.x, y - start.y)
+        parts: list[MotionResult] = []
+        if distance > HERE:
+            bearing = math.atan2(y - start.y, x - start.x) + (math.pi if backwards else 0.0)
+            angle = math.remainder(bearing - start.heading, math.tau)
+            parts.append((yield from turning(robot, angle, timeout=timeout)))
+            way = straight(-distance if backwards else distance, speed, tolerance=tolerance, timeout=timeout)
+            parts.append((yield from way.start(robot)))
+        if heading is not None:
+            angle = math.remainder(heading - robot.plan.heading, math.tau)
+            parts.append((yield from turning(robot, angle, timeout=timeout)))
+        return _whole(robot, Pose(x, y, robot.plan.heading), begin, parts)
+
+    return Action(f"drive to ({x:g}, {y:g})", steps)
+
+
+def _whole(robot: Robot, goal: Pose, begin: float, parts: list[MotionResult]) -> MotionResult:
+    """The result of several motions against the goal of them all."""
+    here = robot.estimate
+    along, across = goal.offset_of(here.x, here.y)
+    return MotionResult(
+        along,
+        across,
+        here.heading - goal.heading,
+        robot.time - begin,
+        math.hypot(here.x_std, here.y_std),
+        any(each.saturated for each in parts),
+        here.heading_std,
+        max((each.missing_speed for each in parts), default=0.0),
+        min((each.planned for each in parts), default=1.0),
+        tuple(dict.fromkeys(said for each in parts for said in each.remarks)),
+        sum(each.held for each in parts),
+    )
+
+
+def follow_path(
+    points: Sequence[Point],
+    speed: float | None = None,
+    *,
+    rounding: float = 0.10,
+    tolerance: float | None = None,
+    timeout: float | None = None,
+) -> Action[MotionResult]:
+    """Drive forwards through `points` (x, y) m of the field without stopping, from where the robot is.
+
+    The first piece leads from the robot's place to the first point at which it does not stand already; it
+    turns on the spot where that lies aside. Where the points after that lead back to where it comes from, it
+    stops at that first point and turns as well. rounding: m, radius of the arcs that round the corners.
+    speed: m/s of the faster wheel, the highest on the way. tolerance: m along the path at its end. timeout: s
+    of each way without a stop. Raises ValueError for points that are no path, such as some that turn back.
+    """
+    check_speed(speed=speed)
+    check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
+    _check_points(points)
+    points = [(float(x), float(y)) for x, y in points]
+    if len(distinct(points)) > 1:
+        Path(points, rounding)  # what is wrong with the points is said before anything moves
+    for number, (x, y) in enumerate(points):
+        check_way(**{f"x of points[{number}]": x, f"y of points[{number}]": y})
+
+    def steps(robot: Robot) -> Steps[MotionResult]:
+        begin, here = robot.time, robot.plan
+        ahead = list(dropwhile(lambda point: math.dist(point, (here.x, here.y)) <= HERE, points))
+        if not ahead:
+            x, y = points[-1]
+            return _whole(robot, Pose(x, y, here.heading), begin, [])
+        parts: list[MotionResult] = []
+        # Where the robot is, and so the corner at the first point, is not known before.
+        for leg in legs([(here.x, here.y), *ahead]):
+            path = Path(leg, rounding)
+            angle = math.remainder(path.start.heading - robot.plan.heading, math.tau)
+            if abs(angle) > robot.config.motion.heading_tolerance:
+                yield from turning(robot, angle)
+            parts.append((yield from _follow(robot, path, speed, tolerance, timeout)))
+        return parts[0] if len(parts) == 1 else _whole(robot, robot.plan, begin, parts)
+
+    return Action(f"follow a path of {len(points)} points", steps)
+
+
+def _check_points(points: Sequence[Point]) -> None:
+    """Raise ValueError where there is none, TypeError for what is no point."""
+    if len(points) == 0:
+        raise ValueError("points is empty: a path needs at least 1 point")
+    for number, point in enumerate(points):
+        try:
+            x, y = point
+        except (TypeError, ValueError):
+            raise TypeError(f"points[{number}] is {point!r}: it must be (x, y), m of the field") from None
+        check_number(f"x of points[{number}]", x, "m of the field")
+        check_number(f"y of points[{number}]", y, "m of the field")
+
+
+def _follow(
+    robot: Robot, path: Path, speed: float | None, tolerance: float | None, timeout: float | None
+) -> Steps[MotionResult]:
+    motion = robot.config.motion
+    turns = round((robot.plan.heading - path.start.heading) / math.tau) * math.tau
+    outer = 1.0 + robot.drive.half_track * path.sharpest_curvature
+    wanted = (motion.speed if speed is None else float(speed)) / outer
+    top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
+    near = motion.distance_tolerance if tolerance is None else tolerance
+    walk = profile(path.length, top, acceleration, motion.jerk)
+    pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted, "path")
+    progress = [0.0]
+
+    def place(way: float) -> Pose:
+        pose = path.at(way).pose
+        return Pose(pose.x, pose.y, pose.heading + turns)
+
+    for state in pace.states(lambda: progress[0], place):
+        here = robot.estimate
+        along = progress[0] = path.nearest(here.x, here.y, progress[0])
+        at = path.at(along)
+        _, across = at.pose.offset_of(here.x, here.y)
+        if pace.finished and at_rest(robot) and abs(path.length - along) <= near:
+            break
+        off = math.remainder(here.heading - at.pose.heading, math.tau)
+        velocity, turn_rate = line_command(state, along, across, off, GAINS)
+        robot.drive.follow(velocity, turn_rate + velocity * at.curvature, state.acceleration)
+        yield
+    return finish(robot, place(path.length), pace)

@@ -1,0 +1,73 @@
+"""What a robot carries besides its drive: the named servos and mechanisms of robot.toml, as one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import SERVO_PORTS, STOP, Inputs, Outputs
+from raccoon.robot.parts.mechanisms import Mechanism
+from raccoon.robot.parts.servos import Servo
+
+T = TypeVar("T")
+
+
+class Attachments:
+    """Servos and mechanisms by name. They add their part to the drive's command, tick by tick."""
+
+    def __init__(self, config: RobotConfig) -> None:
+        self.servos = {name: Servo(name, each) for name, each in config.servos.items()}
+        self.mechanisms = {name: Mechanism(name, each, config) for name, each in config.mechanisms.items()}
+
+    def sense(self, inputs: Inputs, dt: float) -> None:
+        """Take the readings of a cycle."""
+        for mechanism in self.mechanisms.values():
+            mechanism.sense(inputs, dt)
+
+    def resume(self) -> None:
+        """Go on after a pause in which nothing was controlled."""
+        for mechanism in self.mechanisms.values():
+            mechanism.resume()
+
+    def added_to(
+        self, outputs: Outputs, dt: float, battery_voltage: float | None, *, resting: bool = False
+    ) -> Outputs:
+        """The command of the drive with that of the attachments. resting: see `Mechanism.duty`."""
+        if not self.servos and not self.mechanisms:
+            return outputs
+        duty = list(outputs.duty)
+        brake = list(outputs.brake)
+        for mechanism in self.mechanisms.values():
+            port = mechanism.config.motor
+            duty[port] = mechanism.duty(dt, battery_voltage, resting=resting)
+            brake[port] = mechanism.goal is not None
+        return Outputs(tuple(duty), tuple(brake), self._pulses())
+
+    def stopped(self) -> Outputs:
+        """Every motor off, mechanisms released. Servos hold what they hold: a fault must not drop it."""
+        for mechanism in self.mechanisms.values():
+            mechanism.release()
+        return Outputs(servo_us=self._pulses()) if self.servos else STOP
+
+    def switch_off(self) -> None:
+        """Servos off with the next command."""
+        for servo in self.servos.values():
+            servo.pulse = None
+
+    def _pulses(self) -> tuple[int | None, ...]:
+        pulses: list[int | None] = [None] * SERVO_PORTS
+        for servo in self.servos.values():
+            if servo.pulse is not None:
+                pulses[servo.config.port] = round(servo.pulse)
+        return tuple(pulses)
+
+
+def named(group: str, known: Mapping[str, T], name: str) -> T:
+    """The entry of a section of robot.toml; ConfigError saying which there are."""
+    try:
+        return known[name]
+    except KeyError:
+        names = ", ".join(known) or "none"
+        raise ConfigError(f"there is no {group} {name!r} in robot.toml; there is {names}") from None

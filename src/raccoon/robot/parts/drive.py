@@ -1,0 +1,287 @@
+"""The drive base: what the motions ask of it, and the duties that come out each tick."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from raccoon.control.feedforward import BELIEVED, calibrated_constant, wheel_models
+from raccoon.control.tuning import speed_loop_gains
+from raccoon.control.watch import ODD_SHARE, oddities
+from raccoon.control.wheels import REST, WheelLoop, WheelTarget
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import MOTOR_PORTS, Device, Outputs
+from raccoon.estimate.drive.estimate import HELD
+from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
+from raccoon.robot.actions.limits import (
+    FASTEST,
+    FASTEST_TURN,
+    check_finite,
+    check_number,
+    check_rate,
+    check_speed,
+)
+from raccoon.robot.parts.speeds import Speeds
+
+if TYPE_CHECKING:
+    from raccoon.estimate.drive.estimate import DriveEstimate
+
+FIRMWARE_SAMPLE = 0.005
+"""S between two samples of the back-EMF."""
+SHORT_DRIVE, SHORT_DRIVES = 0.1, 10
+"""S in which a drive does not come to its speed, and how many of them in a row are a loop."""
+
+
+def dead_time(config: RobotConfig) -> float:
+    """S from a reading to its effect: half a control period of hold plus one sample of the firmware."""
+    return 0.5 / config.controller.rate_hz + FIRMWARE_SAMPLE
+
+
+class Drive:
+    """Two driven wheels. Motions call `follow`, `duties` or `push` once in each tick they want something,
+    a loop of the program's own `velocity`.
+
+    Without a command in a tick the wheels stop: nothing runs on by being forgotten.
+    """
+
+    def __init__(self, config: RobotConfig) -> None:
+        model = config.model.drive
+        self._config = config
+        self._device: Device | None = None
+        self.wheels = self._loop(None)
+        self.speeds = Speeds(config, self.wheels.models)
+        """What motions are planned with."""
+        self._radius = model.wheel_radius.value
+        self._half_track = 0.5 * model.track_width.value
+        self._turn_inertia_share = model.inertia_turn.value / model.inertia_straight.value
+        self._ports = (config.drive.left, config.drive.right)
+        self._brake = tuple(port in self._ports for port in range(MOTOR_PORTS))
+        self._signs = tuple(
+            (-1.0 if config.motor(port).inverted else 1.0) * config.motor(port).power_factor.value
+            for port in self._ports
+        )
+        self.remarks: dict[str, str] = {}
+        """What was said to be strange so far, the first of each kind."""
+        self.followed = True
+        """Whether the readings follow the commands. Those of a recording do not follow others, and tell
+        nothing of the motors."""
+        self._target = REST
+        self._open_loop: tuple[float, float] | None = None
+        self._given = (0.0, 0.0)
+        self._claimed = False
+        self.cut = False
+        """Whether the velocity asked for in this tick is one that would not be read, and was cut."""
+        self._begun, self._begins = -math.inf, 0
+
+    def _loop(self, device: Device | None) -> WheelLoop:
+        left, right = wheel_models(self._config, device)
+        late = dead_time(self._config)
+        gains = tuple(speed_loop_gains(wheel, SPEED_SMOOTHING, late) for wheel in (left, right))
+        voltage = self._config.model.battery.open_circuit_voltage.value
+        cycle = 1.0 / self._config.controller.rate_hz
+        return WheelLoop(left, right, (gains[0], gains[1]), SPEED_SMOOTHING, voltage, cycle, late)
+
+    def know(self, device: Device) -> None:
+        """Take the K_E of calibrated motors from what this device's counters mean, and how fast a wheel may
+        turn that it reads; once a device.
+        """
+        if device is not self._device:
+            self._device = device
+            self.wheels = self._loop(device)
+            self.speeds.know(device, self.wheels.models)
+
+    def resume(self) -> None:
+        """Go on after a pause in which nothing was controlled."""
+        self.wheels.resume()
+
+    def velocity(
+        self,
+        forward: float,
+        turn_rate: float = 0.0,
+        acceleration: float = 0.0,
+        turn_acceleration: float = 0.0,
+    ) -> None:
+        """Drive at `forward` m/s turning at `turn_rate` rad/s in this tick: for a loop of the program's own.
+
+        acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed.
+        Where the controller would no longer read a wheel that fast, both go slower by the same share. Raises
+        ValueError for what no robot of this size does, and TypeError for no number, as `drive` does.
+        """
+        plain = type(forward) is type(turn_rate) is type(acceleration) is type(turn_acceleration) is float
+        if not (plain and abs(forward) <= FASTEST and abs(turn_rate) <= FASTEST_TURN):
+            check_speed(forward=forward)
+            check_rate(turn_rate=turn_rate)
+            check_finite(forward=forward, turn_rate=turn_rate)  # None is no default here
+            check_finite(acceleration=acceleration, turn_acceleration=turn_acceleration)
+        self.follow(forward, turn_rate, acceleration, turn_acceleration)
+
+    def follow(
+        self,
+        forward: float,
+        turn_rate: float = 0.0,
+        acceleration: float = 0.0,
+        turn_acceleration: float = 0.0,
+    ) -> None:
+        """`velocity` of a motion, which has checked what it was asked for and corrects beyond that.
+
+        Raises ValueError for what is no finite number: as a duty it would be full power.
+        """
+        # Numbers of NumPy stop here: the wheels' loops and the recordings have plain ones.
+        forward, turn_rate = float(forward), float(turn_rate)
+        acceleration, turn_acceleration = float(acceleration), float(turn_acceleration)
+        if not math.isfinite(forward + turn_rate + acceleration + turn_acceleration):
+            asked = f"{forward} m/s, {turn_rate} rad/s, {acceleration} m/s2 and {turn_acceleration} rad/s2"
+            raise ValueError(f"velocity is {asked}: all of them must be finite numbers")
+        self._claim()
+        turn = turn_rate * self._half_track
+        gain = acceleration / self._radius
+        spin = turn_acceleration * self._half_track / self._radius * self._turn_inertia_share
+        self._open_loop = None
+        left, right = (forward - turn) / self._radius, (forward + turn) / self._radius
+        share = self.speeds.readable_share(left, right)
+        self.cut = share < 1.0
+        self._target = WheelTarget(left * share, right * share, (gain - spin) * share, (gain + spin) * share)
+
+    def duties(self, left: float, right: float) -> None:
+        """Put these duties (-1..1) on the wheels in this tick, without any control: time-based driving."""
+        for name, duty in (("left", left), ("right", right)):
+            check_number(f"{name} duty", duty, "from -1 to 1")
+            if not -1.0 <= duty <= 1.0:
+                raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+        self._claim()
+        self._open_loop = (float(left), float(right))
+
+    def push(
+        self, forward: float, battery_voltage: float | None, speeds: tuple[float, float], force: float
+    ) -> None:
+        """In this tick, give both motors the voltage for `forward` m/s and no more, whatever they do; and of
+        that no more than presses with `force` N a wheel at the rad/s that the left and the right one turn
+        with (inf: all of it).
+        """
+        self._claim()
+        voltage = self.wheels.battery if battery_voltage is None else battery_voltage
+        wanted, torque = self.wheel_speed(float(forward)), force * self._radius
+        wanted *= self.speeds.readable_share(wanted, wanted)
+        left, right = (
+            max(-1.0, min(1.0, wheel.pressing(wanted, speed, torque) / voltage))
+            for wheel, speed in zip(self.wheels.models, speeds, strict=True)
+        )
+        self._open_loop = (left, right)
+
+    @property
+    def asked(self) -> bool:
+        """Whether something was asked for in this tick already."""
+        return self._claimed
+
+    def begins_anew(self, time: float) -> bool:
+        """Whether drives without a goal have begun so often by `time` s, one after the other, that none of
+        them comes to its speed. True once.
+        """
+        self._begins = self._begins + 1 if time - self._begun < SHORT_DRIVE else 0
+        self._begun = time
+        return self._begins == SHORT_DRIVES
+
+    def wheel_speed(self, forward: float) -> float:
+        """Rad/s of the wheels at `forward` m/s straight ahead."""
+        return forward / self._radius
+
+    def stop(self) -> None:
+        """No motion from this tick on."""
+        self._target = REST
+        self._open_loop = None
+        self._claimed = self.cut = False
+
+    def _claim(self) -> None:
+        """One command a tick: of two actions that drive at once one would be lost, and neither arrive."""
+        if self._claimed:
+            raise RuntimeError(
+                "two actions drive the wheels at the same time, in parallel or in the background: "
+                "put them into a seq, or end one before the other begins; in a loop of your own robot.tick() "
+                "comes after each"
+            )
+        self._claimed = True
+
+    def outputs(self, estimate: DriveEstimate, dt: float, battery_voltage: float | None) -> Outputs:
+        """The command of this tick; forgets what was asked, so it must be asked again in the next."""
+        if self._open_loop is not None:
+            left, right = self._open_loop
+            self.wheels.reset()
+        else:
+            if HELD in estimate.reasons:
+                self.wheels.hold()
+            left, right = self.wheels.step(
+                self._target, estimate.left_speed, estimate.right_speed, dt, battery_voltage
+            )
+        self._given = (left, right)
+        self.stop()
+        duty = [0.0] * MOTOR_PORTS
+        duty[self._ports[0]] = max(-1.0, min(1.0, self._signs[0] * left))
+        duty[self._ports[1]] = max(-1.0, min(1.0, self._signs[1] * right))
+        return Outputs(duty=tuple(duty), brake=self._brake)
+
+    def current(self, left_speed: float, right_speed: float, battery_voltage: float) -> float:
+        """A that the motors draw from the battery under the last command, by their models."""
+        total = 0.0
+        for duty, speed, wheel in zip(
+            self._given, (left_speed, right_speed), self.wheels.models, strict=True
+        ):
+            total += duty * (duty * battery_voltage - wheel.back_emf_constant * speed) / wheel.resistance
+        return total
+
+    def oddities(self) -> tuple[str, ...]:
+        """What is strange about the motors, each with its port: a weak magnet, a high resistance."""
+        if not self.followed:
+            return ()
+        found = []
+        odd = oddities(*self.wheels.states)
+        wheels = zip(("left", "right"), self._ports, self.wheels.models, odd, strict=True)
+        for side, port, model, said in wheels:
+            nominal = getattr(self._config.model, side).back_emf_constant.value
+            share = model.back_emf_constant / nominal
+            if abs(share - 1.0) > ODD_SHARE:
+                said = f"has {share:.2f} times the nominal K_E by its calibration"
+            if said:
+                found.append(f"the {side} motor (port {port}) {said}")
+        return tuple(found)
+
+    def complaint(self) -> str:
+        """Why the wheels may not do what is asked, in words."""
+        if not self.followed:
+            return "the readings are recorded, and do not follow these commands"
+        if stalled := self.wheels.stalled:
+            ports = dict(zip(("left", "right"), self._ports, strict=True))
+            named = " and ".join(f"{side} (motor port {ports[side]})" for side in stalled)
+            return f"power and no motion at {named}: blocked, unplugged or a fuse"
+        if self.wheels.missing_speed > 0.0:
+            return self._why_missing()
+        if self.wheels.saturated:
+            return "a wheel is at full power and falls behind"
+        return "the wheels follow" if any(self._given) else "the wheels are not driven"
+
+    def _why_missing(self) -> str:
+        """Why a wheel is slower than it is asked to be, at full power."""
+        missing, volts = self.wheels.missing_speed * self._radius, self.wheels.battery
+        if volts < self._config.battery.weakest:  # with this one all that is planned can be driven
+            return f"the battery is too weak, {volts:.2f} V: {missing:.3f} m/s are missing"
+        said = f"a wheel at full power falls behind by {missing:.3f} m/s though the battery has {volts:.2f} V"
+        for side, port in zip(("left", "right"), self._ports, strict=True):
+            told = None if self._device is None else calibrated_constant(self._config, side, self._device)
+            share = 1.0 if told is None else told / getattr(self._config.model, side).back_emf_constant.value
+            if not BELIEVED[0] < share < BELIEVED[1]:
+                wrong = f"radians_per_tick of motor {port} makes its K_E {share:.2g} times that of [model]"
+                return f"{said}: {wrong}"
+        return f"{said}: something holds the robot or a wheel, or a number of robot.toml is wrong"
+
+    def speed_of(self, voltage: float) -> float:
+        """M/s that so many V more at the motors are worth."""
+        return min(wheel.gain for wheel in self.wheels.models) * voltage * self._radius
+
+    @property
+    def missing_speed(self) -> float:
+        """M/s that the faster wheel is short of because the battery cannot give more."""
+        return self.wheels.missing_speed * self._radius
+
+    @property
+    def half_track(self) -> float:
+        """Half the track width, m."""
+        return self._half_track

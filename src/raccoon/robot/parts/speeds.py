@@ -1,0 +1,121 @@
+"""How fast the wheels may be driven: what the weakest battery gives, and what the controller still reads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from raccoon.control.feedforward import WheelModel
+from raccoon.control.voltage import SpeedBudget
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Device
+from raccoon.core.sections import MotionConfig
+from raccoon.model.bemf import counts_scale
+
+# A wheel is never planned slower than this share of its speed without load, however little is said to be left
+# for it by the battery and the wished acceleration.
+LEAST_SHARE = 0.3
+READ_SHARE = 0.95
+"""Of the back-EMF that a controller reads, what wheels under control are driven to: its noise and the loop's
+overshoot stay within the rest."""
+USUAL = MotionConfig()
+"""Accelerations that a robot.toml without any has."""
+
+
+class Speeds:
+    """Speeds that motions plan with, kept for the whole match, so that a run is the same on a fresh battery.
+
+    models: the wheels. They and `readable` change where the controller says more of itself, see `know`.
+    """
+
+    def __init__(self, config: RobotConfig, models: tuple[WheelModel, WheelModel]) -> None:
+        drive, battery = config.model.drive, config.model.battery
+        self._config = config
+        self._models = models
+        self._budget = SpeedBudget(config.battery.weakest, battery.internal_resistance.value)
+        self._radius = drive.wheel_radius.value
+        self._half_track = 0.5 * drive.track_width.value
+        self._turn_inertia_share = drive.inertia_turn.value / drive.inertia_straight.value
+        self._device = ""
+        self.readable = math.inf
+        """Rad/s of a wheel up to which its back-EMF is surely read."""
+        self.limited = False
+        """Whether a program wished for more than that."""
+        self._said = False
+
+    def know(self, device: Device, models: tuple[WheelModel, WheelModel]) -> None:
+        """Take what this device reads, and the wheels' models by what its words mean."""
+        self._device, self._models = device.name, models
+        self.readable, self.limited, self._said = math.inf, False, False
+        if device.bemf_range is not None:
+            slower = min(counts_scale(self._config, side, device) for side in ("left", "right"))
+            self.readable = READ_SHARE * device.bemf_range * slower
+
+    def readable_share(self, left: float, right: float) -> float:
+        """How much of both speeds (rad/s) may be driven, so that they are read and their ratio is kept."""
+        fastest = max(abs(left), abs(right))
+        return self.readable / fastest if fastest > self.readable else 1.0
+
+    @property
+    def unsaid(self) -> bool:
+        """Whether a wish was limited and nobody has asked for the remark about it."""
+        return self.limited and not self._said
+
+    def remark(self) -> str:
+        """What limits the wheels, for people."""
+        self._said = True
+        return (
+            f"wheels are driven at {self.readable * self._radius:.3f} m/s at most: {self._device} reads no "
+            "back-EMF of faster ones, and nobody would know where the robot is"
+        )
+
+    def planned_speed(self, wanted: float, acceleration: float, outer: float = 1.0) -> float:
+        """M/s, at most `wanted`, that the weakest battery of the match can still give and that is read.
+
+        acceleration: m/s2 while it speeds up. outer: speed of the faster wheel over the robot's.
+        """
+        gain = acceleration * outer / self._radius
+        top = min(
+            max(
+                LEAST_SHARE * self._budget.weakest / wheel.back_emf_constant,
+                self._budget.top_wheel_speed(wheel, gain),
+            )
+            for wheel in self._models
+        )
+        # What keeps a robot on its path comes on top, and must be read too.
+        most = (1.0 - self._budget.reserve) * self.readable
+        if min(wanted * outer / self._radius, top) > most:
+            self.limited = True
+            top = most
+        return min(wanted, top * self._radius / outer)
+
+    def planned(self, wanted: float, acceleration: float, outer: float = 1.0) -> tuple[float, float]:
+        """Speed (m/s, see `planned_speed`) and acceleration (m/s2) to plan with, at most these.
+
+        Speeding up hard takes voltage that the speed is then short of. So of an acceleration above the
+        default only as much is planned as leaves the speed of the default: more never makes a robot slower.
+        """
+        return _eased(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, USUAL.acceleration)
+
+    def planned_turn(self, wanted: float, acceleration: float) -> tuple[float, float]:
+        """The same of a turn on the spot: rad/s and rad/s2."""
+        return _eased(
+            lambda gain: self.planned_turn_rate(wanted, gain), acceleration, USUAL.turn_acceleration
+        )
+
+    def planned_turn_rate(self, wanted: float, acceleration: float) -> float:
+        """Rad/s on the spot, at most `wanted`, that can be given and read as in `planned_speed`."""
+        share = self._half_track * self._turn_inertia_share
+        speed = self.planned_speed(wanted * self._half_track, acceleration * share)
+        return speed / self._half_track
+
+
+def _eased(speed_at: Callable[[float], float], wished: float, usual: float) -> tuple[float, float]:
+    """Speed and the most acceleration, up to `wished`, that leaves what the usual one does."""
+    if wished <= usual or speed_at(wished) >= speed_at(usual):
+        return speed_at(wished), wished
+    low, high, speed = usual, wished, speed_at(usual)
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if speed_at(middle) >= speed else (low, middle)
+    return speed, low

@@ -1,0 +1,284 @@
+"""From parameters as people know them to the numbers of the equations."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.nominal import NominalModel
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, MOTOR_PORTS
+from raccoon.sim.effects.parameters import SIDES, Parameters
+from raccoon.sim.plant.quantities import Plant, State
+
+Numbers = tuple[float, ...]
+Floats = NDArray[np.float64]
+
+LOOSE_STEP = 0.00105
+"""s of a step of a robot whose gears have play: a little above 1 ms, so that a cycle of 5 ms whose time stamp
+jitters still has five."""
+LEAST_COMPLIANCE = 1e-5
+"""rad/(N m) below which nothing gives: no sensor sees it, and steps would have to be below 0.2 ms."""
+LEAST_CREEP = 0.002
+"""rad/s below which nothing creeps: less than a count of back-EMF, and a step of 1 ms would ring."""
+LEAST_LOW_PASS = 0.00125
+"""s below which a gyro filters nothing: half of the longest step."""
+BRISTLE_STEP = 0.6
+"""Longest step as a part of sqrt(compliance J), the time of the bristles' swing over 2 pi."""
+
+
+def plant_numbers(parameters: Parameters) -> Plant:
+    """The plant of a robot: nominal values and effects multiplied out, signs of wiring taken away.
+
+    Raises ConfigError naming a nominal value that no robot can have.
+    """
+    check_nominal(parameters.robot.model)
+    sides = _Sides(parameters)
+    return Plant._make(
+        (
+            *_motor_numbers(parameters, sides),
+            *_friction_numbers(sides),
+            *_presliding_numbers(parameters),
+            *_chassis_numbers(parameters, sides),
+            *_controller_numbers(parameters, sides),
+        )
+    )
+
+
+@lru_cache(maxsize=64)
+def check_nominal(model: NominalModel) -> None:
+    """Raise ConfigError for a value outside its bounds: what a program made, no file's reader has checked."""
+    for part in fields(model):
+        section = getattr(model, part.name)
+        name = f"motor.{part.name}" if part.name in SIDES else part.name
+        for each in fields(section):
+            value, bounds = getattr(section, each.name).value, each.metadata["bounds"]
+            if not bounds.allows(value):
+                raise ConfigError(f"model.{name}.{each.name} is {value}: allowed are {bounds}")
+
+
+def _motor_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
+    value, chain = parameters.value, parameters.chain
+    return (
+        value("battery.open_circuit_voltage", "voltage"),
+        # Currents are means over the pauses; those that flow together flow in the rest of the time.
+        value("battery.internal_resistance", "resistance") / (1.0 - chain.coast_share * chain.together),
+        value("battery.discharge", "volts_per_coulomb"),
+        *sides.resistance(),
+        *sides.back_emf(),
+        # Heat is fed by means over the pauses for samples, and heated by the square while a motor is driven.
+        *(gain / (1.0 - chain.coast_share) for gain in sides.of("motor.heating", "gain")),
+        *(1.0 / each for each in sides.of("motor.heating", "time_constant")),
+        *sides.of("motor.current_limit", "limit"),
+    )
+
+
+def _friction_numbers(sides: _Sides) -> Numbers:
+    return (
+        *sides.of("friction.coulomb", "torque"),
+        *sides.of("friction.viscous", "coefficient"),
+        *sides.of("friction.stiction", "torque"),
+        *(1.0 / each for each in sides.of("friction.stiction", "speed")),
+        *sides.of("friction.load_dependent", "coefficient"),
+        *sides.of("friction.direction_dependent", "asymmetry"),
+        *sides.of("friction.direction_dependent", "viscous_asymmetry"),
+        *sides.of("friction.quadratic", "coefficient"),
+    )
+
+
+def _presliding_numbers(parameters: Parameters) -> Numbers:
+    compliance = parameters.value("friction.presliding", "compliance")
+    creep = parameters.value("friction.presliding", "creep")
+    return (
+        compliance if compliance >= LEAST_COMPLIANCE else 0.0,
+        parameters.value("friction.presliding", "damping"),
+        creep if creep >= LEAST_CREEP else 0.0,
+        parameters.value("friction.presliding", "creep_tail"),
+    )
+
+
+def _chassis_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
+    value = parameters.value
+    drive = parameters.robot.model.drive
+    inertia = value("drive.inertia", "factor")
+    straight, turn = drive.inertia_straight.value * inertia, drive.inertia_turn.value * inertia
+    slips = list(zip(*(sides.of("drive.wheel_slip", each) for each in ("time", "at_once")), strict=True))
+    runout = sides.of("drive.wheel_eccentricity", "amplitude")
+    phase = sides.of("drive.wheel_eccentricity", "phase")
+    return (
+        *(0.5 * each for each in sides.of("drive.backlash", "angle")),
+        *sides.of("drive.backlash", "coasting"),
+        *(time * (1.0 - share) for time, share in slips),
+        *(time * share for time, share in slips),
+        value("drive.turn_scrub", "torque"),
+        *(drive.wheel_radius.value * each for each in sides.of("drive.wheel_radius", "factor")),
+        # amplitude * sin(angle + phase), by the cosine and the sine of the wheel's angle
+        *(size * math.sin(at) for size, at in zip(runout, phase, strict=True)),
+        *(size * math.cos(at) for size, at in zip(runout, phase, strict=True)),
+        1.0 / (drive.track_width.value * value("drive.track_width", "factor")),
+        0.5 * (straight + turn),
+        0.5 * (straight - turn),
+        value("drive.slope", "along_x"),
+        value("drive.slope", "along_y"),
+        0.0,  # what a robot touches, a table says; see `world.contact`
+        0.0,
+    )
+
+
+def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
+    chain = parameters.chain
+    back_emf, scale = sides.back_emf(), sides.of("bemf.scale", "factor")
+    signs, offset = wiring_signs(parameters), sides.of("bemf.offset", "counts")
+    return (
+        *sides.of("actuation.deadband", "duty"),
+        parameters.value("actuation.latency", "seconds"),
+        1.0 - chain.coast_share,
+        *(k * factor / BEMF_VOLTS_PER_COUNT for k, factor in zip(back_emf, scale, strict=True)),
+        *(sign * counts for sign, counts in zip(signs, offset, strict=True)),
+        *sides.of("bemf.dead_zone", "counts"),
+        *(filter_rate(each) for each in sides.of("bemf.filter_lag", "time_constant")),
+        filter_rate(chain.battery_time_constant),
+        chain.battery_held,
+        1.0 if chain.median else 0.0,
+        *_dips(parameters),
+        0.0,  # who knows the rows sets it; see `gyro_lag`
+        *_low_pass_numbers(parameters),
+    )
+
+
+def _dips(parameters: Parameters) -> Numbers:
+    """Between pauses a wheel gains what it loses in them: half of that it is off its mean at their end. What
+    a pause takes away is the mean of the motor's torque."""
+    drive, chain = parameters.robot.model.drive, parameters.chain
+    factor = 0.5 * chain.pause / parameters.value("drive.inertia", "factor")
+    per_sum, per_difference = 1.0 / drive.inertia_straight.value, 1.0 / drive.inertia_turn.value
+    own, other = 0.5 * (per_sum + per_difference), 0.5 * (per_sum - per_difference)
+    return factor * own, factor * other * chain.together
+
+
+def _low_pass_numbers(parameters: Parameters) -> Numbers:
+    seconds = parameters.value("imu.low_pass", "time_constant")
+    return (seconds, 1.0 / seconds) if seconds >= LEAST_LOW_PASS else (0.0, 0.0)
+
+
+def filter_rate(time_constant: float) -> float:
+    """1/s; for a filter that passes everything, so much that it keeps nothing."""
+    return 1.0 / time_constant if time_constant > 0.0 else 1e30
+
+
+class _Sides:
+    """Left and right values of a parameter."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+
+    def of(self, effect: str, name: str) -> tuple[float, float]:
+        value = self._parameters.value
+        return value(effect, name, "left"), value(effect, name, "right")
+
+    def resistance(self) -> tuple[float, float]:
+        model = self._parameters.robot.model
+        left, right = self.of("motor.armature_resistance", "factor")
+        return model.left.armature_resistance.value * left, model.right.armature_resistance.value * right
+
+    def back_emf(self) -> tuple[float, float]:
+        model = self._parameters.robot.model
+        left, right = self.of("motor.back_emf_constant", "factor")
+        return model.left.back_emf_constant.value * left, model.right.back_emf_constant.value * right
+
+
+def gyro_lag(latency: Floats, row: float) -> Floats:
+    """s before the end of a row of commands of `row` s at which a gyro looks that is `latency` s late: what
+    is left of its latency after whole rows."""
+    whole = np.floor(latency / row + 1e-9) * row
+    return np.asarray(np.maximum(latency - whole, 0.0), float)
+
+
+SHORTEST = 1e-4
+"""S: no drive train's mechanical time constant is below it."""
+
+
+def time_constants(plants: NDArray[np.float64]) -> NDArray[np.float64]:
+    """s: each robot's mechanical time constant, (robots,), that of a stiff battery, J / (K^2 / R + B), with
+    the smaller of the two inertias; a battery's resistance only makes it longer.
+
+    plants: (robots, fields of Plant).
+    """
+    damping = [
+        _column(plants, f"back_emf_{side}") ** 2 / _column(plants, f"resistance_{side}")
+        + _column(plants, f"viscous_{side}")
+        for side in SIDES
+    ]
+    return np.asarray(_least_inertia(plants) / np.maximum(*damping), float)
+
+
+def _column(plants: NDArray[np.float64], field: str) -> NDArray[np.float64]:
+    return np.asarray(plants[:, Plant._fields.index(field)])
+
+
+def _least_inertia(plants: NDArray[np.float64]) -> NDArray[np.float64]:
+    own, other = _column(plants, "inertia_own"), _column(plants, "inertia_other")
+    return np.asarray(own - np.abs(other), float)
+
+
+def safe_step(plants: NDArray[np.float64]) -> float:
+    """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant, and
+    a millisecond where gears have play: a wheel that meets a tooth jumps, and readings are before or after.
+    Where wheels give before they slide, the swing of bristles and inertia as well.
+
+    plants: (robots, fields of Plant). Raises ConfigError where a time constant is below 0.1 ms, which no
+    drive train has.
+    """
+    shortest = float(np.min(time_constants(plants)))
+    if shortest < SHORTEST:
+        raise ConfigError(
+            f"the robot's mechanical time constant is {shortest} s: allowed are {SHORTEST:g} s and more"
+        )
+    loose = any(np.any(_column(plants, f"half_play_{side}") > 0.0) for side in SIDES)
+    swing = np.sqrt(_column(plants, "compliance") * _least_inertia(plants))
+    swiftest = float(np.min(swing, where=swing > 0.0, initial=math.inf))
+    return min(0.5 * shortest, LOOSE_STEP if loose else math.inf, BRISTLE_STEP * swiftest)
+
+
+def sample_slots(parameters: Parameters) -> tuple[float, float]:
+    """Where in the controller's cycle the left and the right motor are sampled (1 is its end)."""
+    if parameters.chain.free_running:
+        return 0.5, 0.5
+    if not parameters.chain.slots:
+        return 1.0, 1.0
+    drive = parameters.robot.drive
+    return (drive.left + 1) / MOTOR_PORTS, (drive.right + 1) / MOTOR_PORTS
+
+
+def wiring_signs(parameters: Parameters) -> tuple[float, float]:
+    """-1 for a side whose motor turns the wheel backwards on positive duty."""
+    robot = parameters.robot
+    left, right = robot.motor(robot.drive.left), robot.motor(robot.drive.right)
+    return -1.0 if left.inverted else 1.0, -1.0 if right.inverted else 1.0
+
+
+def state_at_rest(plant: Plant) -> State:
+    """Standing at the origin, winding cold, battery rested, filters settled."""
+    return State._make(states_at_rest(np.array([plant]))[0].tolist())
+
+
+def states_at_rest(plants: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The same of many robots: (robots, fields of Plant) in, (robots, fields of State) out."""
+    column = {name: index for index, name in enumerate(State._fields)}
+    at = {name: plants[:, index] for index, name in enumerate(Plant._fields)}
+    states = np.zeros((len(plants), len(column)))
+    for name in ("heading_cos", "wheel_cos_left", "wheel_cos_right"):
+        states[:, column[name]] = 1.0
+    for name in ("bus", "battery"):
+        states[:, column[name]] = at["open_circuit_voltage"]
+    for side in SIDES:
+        offset = at[f"offset_{side}"]
+        for name in ("recent", "older", "filtered"):
+            states[:, column[f"{name}_{side}"]] = offset
+        dead = np.abs(offset) <= at[f"dead_zone_{side}"]
+        states[:, column[f"bemf_{side}"]] = np.where(dead, 0.0, offset)
+    return states

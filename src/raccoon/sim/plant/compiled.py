@@ -1,0 +1,244 @@
+"""The equations compiled by numba where it is installed, and as they are where it is not.
+
+numba's cache looks at the file of a compiled function only, not at those it calls, so a changed equation
+would go unnoticed. So all functions are put into one generated module whose name is a digest of their text.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import logging
+import os
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from raccoon.core.files import write_atomically
+from raccoon.sim.plant.lanes import KINDS, Kind, lanes_text
+from raccoon.sim.plant.quantities import Plant, State
+
+Advance = Callable[..., Any]
+ANY = Kind()
+NOT_KEPT = "nothing can be written in {} (the variable RACCOON_CACHE names another folder)"
+_TEXTS = ("series.py", "friction.py", "equations.py", "sensing.py", "driver.py")
+_HEAD = """from __future__ import annotations
+
+from math import sqrt
+
+from raccoon.sim.plant.quantities import Circuit, Command, Plant, Rubbing, State
+
+NEVER = 1e30
+"""
+
+
+def has_numba() -> bool:
+    """Whether numba is installed."""
+    return importlib.util.find_spec("numba") is not None
+
+
+def given(numbers: ArrayLike) -> Any:
+    """Numbers as `Advancing` takes them: an array where it is compiled, else Python's own.
+
+    NumPy's are several times slower one by one, and warn of inf * 0, which the equations mean (a limit that
+    nothing has, of a bridge that is open).
+    """
+    array = np.ascontiguousarray(numbers)
+    return array if has_numba() else array.tolist()
+
+
+def source(kind: Kind = ANY) -> str:
+    """Text of all functions of the plant, for robots of a kind."""
+    texts = [files("raccoon.sim.plant").joinpath(name).read_text("utf-8") for name in _TEXTS]
+    tags = [f"# effect: {each}" for each in kind.without]
+    tags += [f"# without effect: {each}" for each in kind.always]
+    if kind is not ANY:
+        tags.append("# world: contact")  # robots in lanes have no table
+    if not kind.creeping:
+        tags.append("# creeping")
+    texts = [_without(text, tuple(tags)) for text in texts]
+    return "\n\n".join((_HEAD, *map(_functions, texts), _cells_text(), lanes_text(kind.unfollowed)))
+
+
+def _cells_text() -> str:
+    """Source of `advance_cells`: `driver.advance` with the fields of state and plant in arrays, of which it
+    changes the state's. numba takes an array in a moment, and a hundred fields in ten times that of a step.
+
+    It gives nothing back: to make a tuple, numba calls Python after the compiled function, and where a signal
+    handler raises in there (Ctrl-C, SIGTERM, the end of a match) it goes on with what it did not get, and
+    crashes.
+    """
+    state, plant = (
+        ", ".join(f"{name}[{index}]" for index in range(len(fields)))
+        for name, fields in (("state", State._fields), ("plant", Plant._fields))
+    )
+    course = "commands, times, begin, end, cycle, longest_step, slots, noise, kept, out"
+    stores = "\n".join(f"    state[{index}] = s[{index}]" for index in range(len(State._fields)))
+    return (
+        f"def advance_cells(state, plant, {course}):\n"
+        f"    s = advance(State({state}), Plant({plant}), {course})\n{stores}"
+    )
+
+
+def _functions(text: str) -> str:
+    nodes = [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    lines = text.split("\n")
+    return "\n\n\n".join("\n".join(lines[node.lineno - 1 : node.end_lineno]) for node in nodes)
+
+
+def _without(text: str, tags: tuple[str, ...]) -> str:
+    """A text less the statements that end with one of these tags."""
+    lines: list[str | None] = list(text.split("\n"))
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Assign | ast.AugAssign) and node.end_lineno is not None:
+            last = lines[node.end_lineno - 1]
+            if last is not None and last.endswith(tags):
+                lines[node.lineno - 1 : node.end_lineno] = [None] * (node.end_lineno - node.lineno + 1)
+    return "\n".join(line for line in lines if line is not None)
+
+
+def python_module(text: str) -> ModuleType:
+    """The functions of a text, not compiled."""
+    module = ModuleType("raccoon_plant")
+    exec(compile(text, "<plant>", "exec"), module.__dict__)
+    return module
+
+
+def advance_one() -> Advance:
+    """`driver.advance`, compiled where numba is installed. One for each robot: it remembers the last one."""
+    from raccoon.sim.plant import driver
+
+    return Advancing(advance_cells()) if has_numba() else driver.advance
+
+
+class Advancing:
+    """`driver.advance` by its compiled form. What it got or gave last lies in its arrays, and is not put
+    there again."""
+
+    def __init__(self, compiled: Advance) -> None:
+        self._compiled = compiled
+        self._cells, self._numbers = np.zeros(len(State._fields)), np.zeros(len(Plant._fields))
+        self._state: State | None = None
+        self._plant: Plant | None = None
+
+    def __call__(self, state: State, plant: Plant, *course: Any) -> State:
+        # Whatever raises between two of these lines (Ctrl-C), the next call starts from what it is given.
+        if state is not self._state:
+            self._cells[:] = state
+        if plant is not self._plant:
+            self._plant = None
+            self._numbers[:] = plant
+            self._plant = plant
+        self._state = None
+        self._compiled(self._cells, self._numbers, *course)
+        after = State._make(self._cells.tolist())
+        self._state = after
+        return after
+
+
+@cache
+def advance_cells() -> Advance:
+    """The form of `driver.advance` that is compiled."""
+    # A warning, since a program that starts shows no other remark, and would seem to hang.
+    return announced(_made(source()).advance_cells, "the simulator", logging.WARNING)
+
+
+@cache
+def advance_lanes(kind: str) -> Advance:
+    """The form for many robots (see `lanes`). kind: which robots, see `KINDS`.
+
+    That it has to be compiled first is logged (logger raccoon, info): it takes a quarter of a minute.
+    """
+    made: Advance = _made(source(KINDS[kind])).advance_lanes
+    return announced(made, f"the simulator of {kind}", logging.INFO) if has_numba() else made
+
+
+@cache
+def vector() -> int:
+    """Robots that the vector unit does at once; those beyond a whole number of vectors would go one by one,
+    which costs more than lanes that are idle."""
+    from llvmlite.binding import get_host_cpu_features
+
+    return 8 if get_host_cpu_features().get("avx512f") else 4
+
+
+@cache
+def _made(text: str) -> Any:
+    """The module of a text: one for all functions of it that are asked for."""
+    return compiled_module(text) if has_numba() else python_module(text)
+
+
+def compiled_module(text: str) -> Any:
+    """A module with the functions of a text compiled (on first use), cached between runs where possible."""
+    import numba
+
+    module, cached = _module(text)
+    order = [node.name for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    for name in order:
+        outer = name in ("advance_cells", "advance_lanes")
+        function = getattr(module, name)
+        options = {"nogil": True} if outer else {"forceinline": True}
+        made = numba.njit(error_model="numpy", **options)(function)
+        if outer and cached:
+            with suppress(RuntimeError):  # beside the file and in the user's folder nothing can be written
+                made.enable_caching()
+        setattr(module, name, made)
+    return module
+
+
+def announced(function: Any, what: str, level: int) -> Advance:
+    """A compiled function that says so in the log "raccoon" when it really is compiled: not where numba
+    finds it in its cache, wherever that is."""
+    from numba.core import event
+
+    class Listener(event.Listener):  # type: ignore[misc]  # numba has no types
+        def on_start(self, event: Any) -> None:
+            if event.data["dispatcher"] is function:
+                kept = function.stats.cache_path is not None
+                often = "the first time only" if kept else f"each time: {NOT_KEPT.format(cache_folder())}"
+                logging.getLogger("raccoon").log(level, "compiling %s, %s", what, often)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Listener())
+    return function  # type: ignore[no-any-return]
+
+
+def _module(text: str) -> tuple[ModuleType, bool]:
+    """The module of a text, and whether it lies in a file beside which a cache can be kept."""
+    name = f"raccoon_plant_{hashlib.sha256(text.encode()).hexdigest()[:16]}"
+    try:
+        path = _written(cache_folder() / f"{name}.py", text)
+    except OSError:
+        return python_module(text), False
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{path}: cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module, True
+
+
+def cache_folder() -> Path:
+    """Where compiled plants are kept: RACCOON_CACHE, or raccoon in the user's cache folder."""
+    chosen = os.environ.get("RACCOON_CACHE")
+    base = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
+    return Path(chosen) if chosen else Path(base).expanduser() / "raccoon"
+
+
+def _written(path: Path, text: str) -> Path:
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(path, text)
+    return path

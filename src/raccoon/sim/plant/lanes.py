@@ -1,0 +1,231 @@
+"""The text that runs the plant's equations for many robots side by side.
+
+All numbers of BLOCK robots lie in one flat array, row by row: the fields of `State`, those of `Plant`, then
+the orders. An inner loop over the robots loads, computes with the very functions a single robot uses, and
+stores; compiled, a vector unit does several robots at once. Most robots have none of the effects that cost
+half of the time (`SELDOM`, and `GIVING`): for them the text is made without those, and gives the same bits.
+So it is for robots of which only readings are asked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+
+from raccoon.sim.plant.quantities import Circuit, Plant, State
+
+BLOCK = 32  # robots: their numbers stay in the fastest cache
+STRIDE = 36  # from row to row: not a power of two, or rows would crowd into the same cache sets
+STATE_ROWS = len(State._fields)
+PLANT_ROWS = len(Plant._fields)
+OLDER_ROW = STATE_ROWS + PLANT_ROWS
+NEWER_ROW, ORDER_ROW, CHANGE_ROW = OLDER_ROW + 4, OLDER_ROW + 8, OLDER_ROW + 12
+CIRCUIT_ROW = CHANGE_ROW + 1
+SPEED_ROW = CIRCUIT_ROW + len(Circuit._fields)
+KEEP_ROW = SPEED_ROW + 2
+ROWS = KEEP_ROW + 3
+# Fields before these change in a step, when a motor is sampled, and in a cycle.
+_FIRST_SAMPLED, _FIRST_SENSED = (State._fields.index(name) for name in ("sampled_left", "recent_left"))
+# What no step reads of the one before: only a cycle's last step has to work it out.
+_UNREAD = ("forward_speed", "bus")
+_GRIPS = ("grip_left", "grip_right")  # known with the speeds, and read by nothing before the next step
+_STEPPED = [name for name in State._fields[:_FIRST_SAMPLED] if name not in _GRIPS]
+
+SELDOM: Mapping[str, Mapping[str, float]] = {
+    "motor.heating": {"heating_left": 0.0, "heating_right": 0.0},
+    "motor.current_limit": {"limit_left": math.inf, "limit_right": math.inf},
+    "friction.stiction": {"stiction_left": 0.0, "stiction_right": 0.0},
+    "drive.backlash": {"half_play_left": 0.0, "half_play_right": 0.0},
+    "drive.wheel_slip": dict.fromkeys(("slip_left", "slip_right", "kick_left", "kick_right"), 0.0),
+    "drive.turn_scrub": {"scrub": 0.0},
+    "drive.wheel_eccentricity": dict.fromkeys(
+        ("runout_cos_left", "runout_cos_right", "runout_sin_left", "runout_sin_right"), 0.0
+    ),
+}
+"""Effects that cost much and that few robots have; the fields of `Plant`, neutral where one is off."""
+LOOSE = ("drive.backlash", "drive.wheel_slip", "drive.wheel_eccentricity")
+"""Those of them between motor and floor, without which a wheel's angle and play need not be followed."""
+GIVING: Mapping[str, float] = {"compliance": 0.0, "creep": 0.0}
+"""What a robot has whose wheels give before they slide (`friction.presliding`); neutral where they are rigid.
+Every robot of a diagnosis has it, and no other."""
+NO_READING = (
+    "time", "x", "y", "wheel_cos_left", "wheel_sin_left", "wheel_cos_right", "wheel_sin_right", "play_left",
+    "play_right", "wheel_left", "wheel_right", "rolling_left", "rolling_right", "heat_left", "heat_right",
+)  # fmt: skip
+"""Fields of `State` on which no reading of a robot without seldom effects depends."""
+_NO_PLACE = ("time", "x", "y")
+_HEAT = ("heat_left", "heat_right")
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Robots for which a text is made: effects that none of them has, effects that all of them have, fields
+    of the state that nobody asks for, and whether wheels that give may creep."""
+
+    without: tuple[str, ...] = ()
+    always: tuple[str, ...] = ()
+    unfollowed: tuple[str, ...] = ()
+    creeping: bool = True
+
+
+SELDOM_KIND = "robots with seldom effects"
+GIVING_KIND = "robots whose wheels give"
+READ_KIND = "readings of robots whose wheels give"
+ROLLING_KIND = "readings of robots with seldom motors or friction, or that creep"
+LOOSE_KIND = "readings of robots whose wheels play, slip or are not round"
+PLAIN_KIND = "plain robots"
+KINDS: Mapping[str, Kind] = {
+    SELDOM_KIND: Kind(),
+    GIVING_KIND: Kind(tuple(SELDOM), ("friction.presliding",)),
+    READ_KIND: Kind(tuple(SELDOM), ("friction.presliding",), NO_READING, creeping=False),
+    ROLLING_KIND: Kind(
+        LOOSE, ("friction.presliding",), tuple(each for each in NO_READING if each not in _HEAT)
+    ),
+    LOOSE_KIND: Kind((), ("friction.presliding",), _NO_PLACE),
+    PLAIN_KIND: Kind((*SELDOM, "friction.presliding")),
+}
+
+
+def lanes_text(unfollowed: Collection[str] = ()) -> str:
+    """Source of `advance_lanes`, which brings count <= BLOCK robots from times[begin] to times[end].
+
+    Its arguments: a is the flat array, of whose lanes the first `width` are advanced, best a multiple of
+    what a vector holds; the others are as in `driver.advance`, except that noise[i] has a column a robot and
+    out[i, r + 1, places[k]] gets the field of robot k < count.
+
+    unfollowed: fields of the state that are not kept; compiled, what only they need is not computed.
+    """
+    stepped = [State._fields.index(name) for name in _STEPPED if name not in unfollowed]
+    between = [row for row in stepped if State._fields[row] not in _UNREAD]
+    return _TEXT.format(
+        stride=STRIDE,
+        change=_cell(CHANGE_ROW),
+        latency=_cell(STATE_ROWS + Plant._fields.index("latency")),
+        store_keeps=_stores(KEEP_ROW, "keeps", 16, 3),
+        keeps=_cells(KEEP_ROW, 3),
+        store_now=_stores(ORDER_ROW, "order", 12),
+        store_older=_stores(OLDER_ROW, "older", 12),
+        store_newer=_stores(NEWER_ROW, "newer", 12),
+        store_order=_stores(ORDER_ROW, "order", 20),
+        older=_cells(OLDER_ROW, 4),
+        newer=_cells(NEWER_ROW, 4),
+        order=_cells(ORDER_ROW, 4),
+        circuit=_cells(CIRCUIT_ROW, len(Circuit._fields)),
+        speeds=_cells(SPEED_ROW, 2),
+        store_circuit=_stores(CIRCUIT_ROW, "c", 20, len(Circuit._fields)),
+        store_speeds=_stores(SPEED_ROW, "speeds", 20, 2),
+        store_grips=_stores(State._fields.index(_GRIPS[0]), "grips", 20, 2),
+        state=_cells(0, STATE_ROWS),
+        plant=_cells(STATE_ROWS, PLANT_ROWS),
+        store_step=_fields(stepped, 20),
+        store_between=_fields(between, 20),
+        store_sampled=_stores(_FIRST_SAMPLED, "looked", 20, 2),
+        store_cycle=_fields(range(_FIRST_SENSED, STATE_ROWS), 16),
+    )
+
+
+def _cell(row: int) -> str:
+    return f"a[{row * STRIDE} + k]"
+
+
+def _cells(row: int, count: int) -> str:
+    return ", ".join(_cell(each) for each in range(row, row + count))
+
+
+def _stores(row: int, name: str, indent: int, count: int = 4) -> str:
+    return "\n".join(f"{' ' * indent}{_cell(row + i)} = {name}[{i}]" for i in range(count))
+
+
+def _fields(rows: Iterable[int], indent: int) -> str:
+    return "\n".join(f"{' ' * indent}{_cell(row)} = n.{State._fields[row]}" for row in rows)
+
+
+_TEXT = """
+def advance_lanes(
+    a, width, commands, times, begin, end, cycle, longest_step, slots, noise, kept, out, places, count
+):
+    turn = 0
+    period = -1.0
+    changed = begin
+    settled = False
+    longest = 0.0
+    for k in range(width):
+        longest = max(longest, {latency})
+    for row in range(begin, end):
+        dt = times[row + 1] - times[row]
+        cycles = cycle_count(dt, cycle)
+        steps = step_count(dt / cycles, longest_step)
+        h = dt / (cycles * steps)
+        per_h = 1.0 / h
+        if period != period_of(dt / cycles, cycle):
+            period = period_of(dt / cycles, cycle)
+            for k in range(width):
+                p = Plant({plant})
+                keeps = kept_shares(p, period)
+{store_keeps}
+        now = order_of(commands, row)
+        if row > begin and now != order_of(commands, row - 1):
+            changed = row
+        before = settled
+        settled = times[changed] <= times[row] - longest  # an order that is in force at all motors
+        for k in range(width if settled and (changed == row or not before) else 0):
+            p = Plant({plant})
+            order = effective(p, now)
+{store_now}
+        for k in range(0 if settled else width):
+            p = Plant({plant})
+            index = in_force(times, row, p.latency)
+            older = effective(p, order_of(commands, index))
+            newer = effective(p, order_of(commands, index + 1 if index < row else row))
+{store_older}
+{store_newer}
+            {change} = change_time(times, row, index, p.latency)
+        for each in range(cycles):
+            for step in range(steps):
+                for k in range(0 if settled else width):
+                    share = within_unit({change} * per_h - (each * steps + step))
+                    order = mixed(({older}), ({newer}), share)
+{store_order}
+                left = sample_place(slots[0], steps, step)
+                right = sample_place(slots[1], steps, step)
+                to_go = ((cycles - each) * steps - step - 1) * h
+                for k in range(width):
+                    s = State({state})
+                    p = Plant({plant})
+                    c = circuit(s, p, command(({order}), left, right, to_go), h)
+{store_circuit}
+                    rubbing = frictions(s, p, c, h)
+                    speeds = driven(s, p, c, rubbing[0], rubbing[1], h, per_h)
+{store_speeds}
+                    grips = speeds[2:]
+{store_grips}
+                for k in range(width if left > 0.0 or right > 0.0 else 0):
+                    s = State({state})
+                    looked = sampled_both(s, {speeds}, left, right)
+{store_sampled}
+                for k in range(width if step < steps - 1 else 0):
+                    s = State({state})
+                    p = Plant({plant})
+                    c = Circuit({circuit})
+                    u = command(({order}), left, right, to_go)
+                    n = moved(s, p, u, c, {speeds}, s.grip_left, s.grip_right, h, per_h)
+{store_between}
+                for k in range(width if step == steps - 1 else 0):
+                    s = State({state})
+                    p = Plant({plant})
+                    c = Circuit({circuit})
+                    u = command(({order}), left, right, to_go)
+                    n = moved(s, p, u, c, {speeds}, s.grip_left, s.grip_right, h, per_h)
+{store_step}
+            draw = turn % noise.shape[1]
+            for k in range(width):
+                s = State({state})
+                p = Plant({plant})
+                n = sensed(s, p, dt / cycles, ({keeps}), noise[0, draw, k], noise[1, draw, k])
+{store_cycle}
+            turn += 1
+        for channel in range(len(kept)):
+            for k in range(count):
+                out[channel, row - begin + 1, places[k]] = a[kept[channel] * {stride} + k]
+"""

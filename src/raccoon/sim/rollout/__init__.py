@@ -1,0 +1,1 @@
+"""Open-loop runs along recorded commands, of one robot or of many side by side."""

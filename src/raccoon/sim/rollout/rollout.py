@@ -1,0 +1,287 @@
+"""Open-loop runs along recorded commands, of one robot or of many at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from raccoon.core.errors import ConfigError
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
+from raccoon.sim.effects.chain import Noise
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.physical import gyro_lag, safe_step, states_at_rest
+from raccoon.sim.plant.lanes import NO_READING
+from raccoon.sim.plant.quantities import Plant, State
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.packing import Lanes
+from raccoon.sim.rollout.running import Course, cycles_of, run
+
+__all__ = ["Lanes", "Rollout", "channel_names", "initial_states", "rollout"]
+
+Floats = NDArray[np.float64]
+Initial = State | Mapping[str, ArrayLike]
+_SIDES = ("left", "right")
+_LATENCY = 3  # column of `Lanes.gyro`
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rollout:
+    """Channels by trace name, each of shape (robots, rows); row i is at time[i].
+
+    final: state of each robot at the last row (array (robots, fields of State)), to go on from; NaN in fields
+    that were not followed.
+    """
+
+    time: Floats
+    channels: Mapping[str, Floats]
+    final: Floats
+
+    def __getitem__(self, name: str) -> Floats:
+        try:
+            return self.channels[name]
+        except KeyError:
+            raise KeyError(f"{name}: there is {', '.join(self.channels)}") from None
+
+
+def rollout(
+    robots: Parameters | Sequence[Parameters] | Lanes,
+    commands: Commands,
+    *,
+    channels: Sequence[str] | None = None,
+    initial: Initial | None = None,
+    begin: int = 0,
+    end: int | None = None,
+    longest_step: float = 0.0025,
+    readings_only: bool = False,
+    noise: Noise | None = None,
+    seed: int = 0,
+) -> Rollout:
+    """What robots do under recorded commands, without rounding.
+
+    robots: one, several (they run side by side, one lane each) or packed `Lanes`. commands: n rows; the
+    robots start at row `begin` and run to row `end` (the last one by default); earlier rows still count for
+    the latency. channels: trace names to return, by default all of `channel_names`:
+
+    - motor.N.bemf (counts) and motor.N.position (counts * s since the start), with the board's sign
+    - motor.N.current (A) and motor.N.speed (rad/s), with the board's sign
+    - imu.gyro.z (rad/s, with the IMU's effects; drift counts from commands.time[0])
+    - battery.voltage (V)
+    - truth.x, truth.y (m), truth.heading (rad): from the start pose
+
+    initial: a State, or fields of it by name (a number, or one a robot) over a robot at rest; where a speed
+    is given, the back-EMF filter has settled on it unless its fields are given too. longest_step: s of one
+    physics step; a row is cut into equal steps no longer than it, and shorter ones where a robot's time
+    constant asks for that. readings_only: what no reading depends on (place, angles of the wheels, heat) is
+    not followed, which is faster for robots whose wheels give; truth.x and truth.y cannot be asked for then,
+    and `final` is nothing to go on from. noise: how much the readings scatter, other numbers for each robot,
+    from one seed; by default not at all.
+
+    Row i of a channel is at commands.time[begin + i]: row 0 is the initial state, and the command of row i
+    acts between rows i and i + 1. The equations are `sim.equations`; the result is the same, bit for bit,
+    for a robot alone and in a lane, with and without numba.
+
+    Raises ConfigError for unknown channels or fields, channels that are not followed, rows out of range and
+    steps that are not above 0.
+    """
+    lanes = _looking(_packed(robots), commands)
+    end = len(commands) - 1 if end is None else end
+    _check(begin, end, len(commands), longest_step)
+    names = tuple(channels) if channels is not None else channel_names(lanes.ports)
+    fields = _fields_of(names, lanes.ports)
+    if readings_only:
+        _check_readings(fields)
+    states = initial_states(lanes.plant, initial)
+    kept = np.array([State._fields.index(each) for each in fields], dtype=np.int64)
+    raw = np.empty((len(kept), end - begin + 1, len(states)))
+    raw[:, 0, :] = states[:, kept].T
+    random = np.random.default_rng(seed)
+    course = Course(
+        commands,
+        begin,
+        end,
+        min(longest_step, safe_step(lanes.plant)),
+        _bemf_noise(noise, random, cycles_of(commands, begin, end, lanes.cycle), len(states)),
+        readings_only,
+    )
+    final = run(lanes, states, course, kept, raw)
+    if readings_only:
+        final[:, [State._fields.index(each) for each in NO_READING]] = np.nan
+    recorded = {name: raw[row].T for row, name in enumerate(fields)}
+    time = commands.time[begin : end + 1]
+    age = time - commands.time[0]
+    made = {name: _channel(name, recorded, lanes, age) for name in names}
+    return Rollout(time, made if noise is None else _scattered(made, noise, random), final)
+
+
+def _check(begin: int, end: int, rows: int, longest_step: float) -> None:
+    if not 0 <= begin < end < rows:
+        raise ConfigError(f"rows {begin} to {end}: allowed are 0 <= begin < end <= {rows - 1}")
+    if not 0.0 < longest_step <= 0.02:
+        raise ConfigError(f"longest_step is {longest_step} s: allowed are numbers above 0 up to 0.02")
+
+
+def _check_readings(fields: Sequence[str]) -> None:
+    for each in fields:
+        if each in NO_READING:
+            raise ConfigError(f"truth.{each} is no reading: ask for it without readings_only")
+
+
+def _bemf_noise(noise: Noise | None, random: np.random.Generator, cycles: int, robots: int) -> Floats:
+    if noise is None or noise.bemf == 0.0:
+        return np.zeros((2, 1, robots))
+    return random.normal(0.0, noise.bemf, (2, cycles, robots))
+
+
+def _scattered(channels: dict[str, Floats], noise: Noise, random: np.random.Generator) -> dict[str, Floats]:
+    """Channels with the scatter of readings that does not pass the back-EMF filter."""
+    if "imu.gyro.z" in channels:
+        shape = channels["imu.gyro.z"].shape
+        bias = random.normal(0.0, noise.gyro_bias, (shape[0], 1))
+        channels["imu.gyro.z"] = channels["imu.gyro.z"] + bias + random.normal(0.0, noise.gyro, shape)
+    if "battery.voltage" in channels:
+        sd = noise.battery * BATTERY_VOLTS_PER_COUNT
+        voltage = channels["battery.voltage"]
+        channels["battery.voltage"] = voltage + random.normal(0.0, sd, voltage.shape)
+    return channels
+
+
+def channel_names(ports: tuple[int, int]) -> tuple[str, ...]:
+    """The channels of a rollout of a robot whose left and right motors are at `ports`."""
+    motors = [f"motor.{port}.{kind}" for kind in _MOTOR_FIELDS for port in ports]
+    return (*motors, "imu.gyro.z", *_PLAIN_FIELDS)
+
+
+_MOTOR_FIELDS = {"bemf": "bemf", "position": "position", "current": "current", "speed": "speed"}
+_PLAIN_FIELDS = {
+    "battery.voltage": "battery",
+    "truth.x": "x",
+    "truth.y": "y",
+    "truth.heading": "heading",
+}
+
+
+def initial_states(plant: Floats, initial: Initial | None) -> Floats:
+    """One state a robot, (robots, fields of State): at rest, with what `initial` says."""
+    states = states_at_rest(plant)
+    if isinstance(initial, State):
+        initial = initial._asdict()
+    given = dict(initial or {})
+    for name in given:
+        if name not in State._fields:
+            raise ConfigError(f"initial: there is no field {name}; allowed are {', '.join(State._fields)}")
+    given = {name: _initial_value(name, value, len(states)) for name, value in given.items()}
+    column = {name: index for index, name in enumerate(State._fields)}
+    if "yaw_rate" in given:
+        given.setdefault("gyro_followed", given["yaw_rate"])
+    if "heading" in given:
+        given.setdefault("heading_cos", np.cos(given["heading"]))
+        given.setdefault("heading_sin", np.sin(given["heading"]))
+    for side in _SIDES:
+        if f"speed_{side}" in given:
+            _settle(given, side, plant)
+    for name, value in given.items():
+        states[:, column[name]] = value
+    return states
+
+
+def _initial_value(name: str, value: ArrayLike, robots: int) -> Floats:
+    values = np.asarray(value, dtype=np.float64)
+    if values.shape not in ((), (1,), (robots,)):
+        raise ConfigError(f"initial: {name} has the shape {values.shape}: allowed are one number or {robots}")
+    if not np.all(np.isfinite(values)):
+        raise ConfigError(f"initial: {name} is {value!r}: allowed are finite numbers")
+    return values
+
+
+def _settle(given: dict[str, ArrayLike], side: str, plant: Floats) -> None:
+    at = Plant._fields.index
+    speed = np.asarray(given[f"speed_{side}"], dtype=np.float64)
+    counts = plant[:, at(f"counts_{side}")] * speed + plant[:, at(f"offset_{side}")]
+    given.setdefault(f"sampled_{side}", speed)
+    for field in ("recent", "older", "filtered", "bemf"):
+        given.setdefault(f"{field}_{side}", counts)
+
+
+def _packed(robots: Parameters | Sequence[Parameters] | Lanes) -> Lanes:
+    if isinstance(robots, Lanes):
+        return robots
+    return Lanes.of([robots] if isinstance(robots, Parameters) else robots)
+
+
+def _looking(lanes: Lanes, commands: Commands) -> Lanes:
+    """The robots with gyros that look when, in rows like these, their latency asks for it."""
+    latency = lanes.gyro[:, _LATENCY]
+    if not latency.any():
+        return lanes
+    plant = lanes.plant.copy()
+    plant[:, Plant._fields.index("gyro_lag")] = gyro_lag(latency, float(np.median(np.diff(commands.time))))
+    return replace(lanes, plant=plant)
+
+
+def _fields_of(names: Sequence[str], ports: tuple[int, int]) -> tuple[str, ...]:
+    """Fields of the state that the channels are made of."""
+    known = channel_names(ports)
+    fields: dict[str, None] = {}
+    for name in names:
+        if name not in known:
+            raise ConfigError(f"channel {name!r}: there is none of that name; allowed are {', '.join(known)}")
+        fields[_field(name, ports)] = None
+    if "gyro_followed" in fields:
+        fields["gyro_rate"] = None
+    return tuple(fields)
+
+
+def _field(name: str, ports: tuple[int, int]) -> str:
+    if name == "imu.gyro.z":
+        return "gyro_followed"
+    if name in _PLAIN_FIELDS:
+        return _PLAIN_FIELDS[name]
+    _, port, kind = name.split(".")
+    return f"{_MOTOR_FIELDS[kind]}_{_SIDES[ports.index(int(port))]}"
+
+
+def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Floats) -> Floats:
+    values = recorded[_field(name, lanes.ports)]
+    if name == "imu.gyro.z":
+        lags = lanes.plant[:, Plant._fields.index("gyro_lag")]
+        return _gyro(values, recorded["gyro_rate"], lanes.gyro, lags, age)
+    if name in _PLAIN_FIELDS:
+        return values
+    sign = lanes.signs[lanes.ports.index(int(name.split(".")[1]))]
+    return values if sign > 0.0 else -values
+
+
+def _gyro(rate: Floats, looked: Floats, numbers: Floats, lags: Floats, age: Floats) -> Floats:
+    """What the gyro reads, in place: no other channel is made of the rate that it follows."""
+    scale, bias, drift, latency = (each[:, None] for each in numbers.T)
+    for robot in np.flatnonzero(latency):
+        rate[robot] = _earlier(rate[robot], looked[robot], age, latency[robot, 0], lags[robot])
+    if np.any(scale != 1.0):
+        rate *= scale
+    if np.any(bias):
+        rate += bias
+    if np.any(drift):
+        rate += drift * age
+    return rate
+
+
+def _earlier(rate: Floats, looked: Floats, age: Floats, latency: float, lag: float) -> Floats:
+    """The rate `latency` s before each row; before the first, that of the first.
+
+    looked: the rate `lag` s before the end of each row, where a row is as long as that. Time stamps jitter,
+    so those are the moments but for some tenths of a millisecond. Any curve through the rows' ends alone
+    would miss where within a row a command changes or a tooth meets its wheel.
+    """
+    inside = np.flatnonzero(np.diff(age) > lag) + 1
+    if len(inside) == len(age) - 1:  # nearly always: one look in every row, and nothing to sort
+        times, rates = (np.empty(2 * len(age) - 1) for _ in range(2))
+        times[0::2], times[1::2] = age, age[1:] - lag
+        rates[0::2], rates[1::2] = rate, looked[1:]
+    else:
+        times = np.concatenate([age, age[inside] - lag])
+        order = np.argsort(times, kind="stable")
+        times, rates = times[order], np.concatenate([rate, looked[inside]])[order]
+    return np.asarray(np.interp(age - latency, times, rates), float)

@@ -1,0 +1,139 @@
+"""Where a robot, which is a box, overlaps the walls and objects of its table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from raccoon.core.sections import BodyConfig
+from raccoon.sim.world.world import Point, World
+
+ALIKE = 0.7
+"""Cosine of the angle up to which two touches of one wall push the same way."""
+Segment = tuple[float, float, float, float]
+Pose = tuple[float, float, float]
+"""x, y in m and heading in rad, in the world."""
+
+
+class Touch(NamedTuple):
+    """A point at which the robot overlaps something. In the robot's frame, m: x forward, y left.
+
+    normal_x, normal_y: the direction, of length 1, in which the robot is pushed. depth: m.
+    """
+
+    x: float
+    y: float
+    normal_x: float
+    normal_y: float
+    depth: float
+
+
+class Obstacles:
+    """What stands on a table, for a robot of this outline. Remembers how far it is from everything, so that
+    it need not look again before it has driven that far.
+    """
+
+    def __init__(self, world: World, body: BodyConfig) -> None:
+        self._front, self._back, self._side = body.front, -body.back, 0.5 * body.width
+        self._corners = tuple((x, y) for x in (self._front, self._back) for y in (self._side, -self._side))
+        self._reach = max(math.hypot(*corner) for corner in self._corners)
+        self._walls = [(*wall.start, *wall.end) for wall in world.walls]
+        self._objects = [(*thing.centre, thing.radius) for thing in world.objects]
+        self._x = self._y = 0.0
+        self._clearance = -1.0 if self._walls or self._objects else math.inf
+
+    def far(self, x: float, y: float) -> bool:
+        """Whether nothing can be touched with the robot's middle at (x, y), as it was seen before."""
+        return math.hypot(x - self._x, y - self._y) < self._clearance
+
+    def touches(self, pose: Pose) -> list[Touch]:
+        """Every point at which a robot that stands there overlaps something."""
+        x, y, heading = pose
+        if self.far(x, y):
+            return []
+        cosine, sine = math.cos(heading), math.sin(heading)
+        found: list[Touch] = []
+        nearest = math.inf
+        for wall in self._walls:
+            gap = _distance(wall, x, y) - self._reach
+            nearest = min(nearest, gap)
+            if gap < 0.0:
+                start = _seen(wall[0] - x, wall[1] - y, cosine, sine)
+                end = _seen(wall[2] - x, wall[3] - y, cosine, sine)
+                found += self._against_wall(start, end)
+        for centre_x, centre_y, radius in self._objects:
+            gap = math.hypot(centre_x - x, centre_y - y) - radius - self._reach
+            nearest = min(nearest, gap)
+            if gap < 0.0:
+                found += self._against_disc(_seen(centre_x - x, centre_y - y, cosine, sine), radius)
+        self._x, self._y, self._clearance = x, y, nearest
+        return found
+
+    def _against_wall(self, start: Point, end: Point) -> Iterator[Touch]:
+        """Corners that are through a wall, and ends of the wall that are through a side.
+
+        Of the directions in which box and wall could be parted, the wall's normal and the box's own, the
+        shortest way out says which of these touches are meant: a robot that meets the end of a wall with its
+        side has corners on either side of that wall's line.
+        """
+        length = math.dist(start, end)
+        along_x, along_y = (end[0] - start[0]) / length, (end[1] - start[1]) / length
+        normal_x, normal_y = -along_y, along_x
+        away = -(normal_x * start[0] + normal_y * start[1])
+        if away < 0.0:  # the normal is to point to the robot's middle
+            normal_x, normal_y, away = -normal_x, -normal_y, -away
+        corners = []
+        for x, y in self._corners:
+            depth = -away - normal_x * x - normal_y * y
+            place = along_x * (x - start[0]) + along_y * (y - start[1])
+            corners.append((depth, Touch(x, y, normal_x, normal_y, depth), 0.0 <= place <= length))
+        ways = [
+            (max(depth for depth, _, _ in corners), normal_x, normal_y),
+            (self._front - min(start[0], end[0]), -1.0, 0.0),
+            (max(start[0], end[0]) - self._back, 1.0, 0.0),
+            (self._side - min(start[1], end[1]), 0.0, -1.0),
+            (max(start[1], end[1]) + self._side, 0.0, 1.0),
+        ]
+        shortest, out_x, out_y = min(ways, key=lambda way: way[0])
+        if shortest <= 0.0:
+            return
+        if normal_x * out_x + normal_y * out_y > ALIKE:
+            yield from (touch for depth, touch, beside in corners if depth > 0.0 and beside)
+        for point in (start, end):
+            depth, push_x, push_y = self._way_out(point)
+            if depth > 0.0 and push_x * out_x + push_y * out_y > ALIKE:
+                yield Touch(*point, push_x, push_y, depth)
+
+    def _against_disc(self, centre: Point, radius: float) -> Iterator[Touch]:
+        x = min(max(centre[0], self._back), self._front)
+        y = min(max(centre[1], -self._side), self._side)
+        distance = math.hypot(x - centre[0], y - centre[1])
+        if distance == 0.0:  # its centre is under the robot
+            depth, push_x, push_y = self._way_out(centre)
+            yield Touch(x, y, push_x, push_y, depth + radius)
+        elif distance < radius:
+            yield Touch(x, y, (x - centre[0]) / distance, (y - centre[1]) / distance, radius - distance)
+
+    def _way_out(self, point: Point) -> tuple[float, float, float]:
+        """How deep a point is in the box (below 0: outside), and where the robot must go to lose it."""
+        x, y = point
+        return min(
+            (self._front - x, -1.0, 0.0),
+            (x - self._back, 1.0, 0.0),
+            (self._side - y, 0.0, -1.0),
+            (y + self._side, 0.0, 1.0),
+        )
+
+
+def _seen(dx: float, dy: float, cosine: float, sine: float) -> Point:
+    """A point that far from the robot's middle, in the robot's frame."""
+    return cosine * dx + sine * dy, cosine * dy - sine * dx
+
+
+def _distance(wall: Segment, x: float, y: float) -> float:
+    """M from a point to a wall."""
+    along_x, along_y = wall[2] - wall[0], wall[3] - wall[1]
+    share = ((x - wall[0]) * along_x + (y - wall[1]) * along_y) / (along_x**2 + along_y**2)
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(x - wall[0] - share * along_x, y - wall[1] - share * along_y)

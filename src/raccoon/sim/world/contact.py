@@ -1,0 +1,274 @@
+"""Contact with walls and objects: what it puts on the wheels, and where tyres slip because of it.
+
+Each touch is a spring and a damper along its normal, with Coulomb friction across. By the no-slip relation of
+the wheels its force is a load on both of them, which the plant carries in its next step as it does a ramp's.
+No tyre carries more than its grip: where more would be on it, the robot is moved back out of the wall under
+the turning wheel until the springs ask for no more (the return map of elastic-plastic solids, with slip for
+plastic flow). docs/simulator.md derives it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from raccoon.core.sections import BodyConfig
+from raccoon.model.imu import GRAVITY
+from raccoon.sim.plant.quantities import Plant, State
+from raccoon.sim.world.collision import Obstacles, Pose, Touch
+from raccoon.sim.world.world import World
+
+STIFFNESS, DAMPING = 0.08, 0.25
+"""Of one touch, over m / period^2 and m / period, with the mass m that it feels. The plant takes a force one
+period late, which is stable up to five touches at once (0.2 and 0.6 would do for two), and swings nowhere."""
+WALL_FRICTION = 0.2
+"""Coulomb's coefficient of plastic or metal along a plastic pipe."""
+STILL = 1e-4
+"""M/s of sliding at which this friction has 0.7 of its size."""
+ROUNDS, SOFT = 20, 0.02
+"""Of the search for the slip, and what is added to the stiffness in it."""
+ENOUGH = 1e-3
+"""N, of how far a tyre may be beyond its grip."""
+Pair = tuple[float, float]
+"""Of the left and of the right wheel, or of x and y."""
+
+
+class Slip(NamedTuple):
+    """How much faster the robot moves than its wheels roll: m/s ahead and rad/s."""
+
+    forward: float
+    turning: float
+
+
+NO_SLIP, NO_LOADS, NO_TILT = Slip(0.0, 0.0), (0.0, 0.0), (0.0, 0.0)
+
+
+def placed(state: State, x: float, y: float, heading: float) -> State:
+    """The same robot at another pose of its plant."""
+    return state._replace(
+        x=x, y=y, heading=heading, heading_cos=math.cos(heading), heading_sin=math.sin(heading)
+    )
+
+
+class _Push(NamedTuple):
+    """A touch as the wheels feel it, before any slip.
+
+    way: m that the robot is parted from the wall for a m on each wheel, and N on each tyre for a N of the
+    normal force. across: the same along the wall. force: N. stiffness: N that each m of parting takes off.
+    sliding: m/s along the wall. gradual: m/s of it at which friction has 0.7 of its size.
+    """
+
+    way: Pair
+    across: Pair
+    force: float
+    stiffness: float
+    sliding: float
+    gradual: float
+
+
+class Contact:
+    """A robot among the ramps and obstacles of its table. Call `meet` and `carried` after every step.
+
+    plant: the robot on the level. period: s, no step is longer. pose: where it stands at the start.
+    """
+
+    def __init__(self, world: World, body: BodyConfig, plant: Plant, period: float, pose: Pose) -> None:
+        self._world, self._obstacles = world, Obstacles(world, body)
+        self._cosine, self._sine = math.cos(pose[2]), math.sin(pose[2])
+        self._touching = False
+        self._length, self._mass, self._felt = body.front, body.mass, NO_LOADS
+        self._grip = 0.5 * body.grip * body.mass * GRAVITY
+        self._period = period
+        self._before = pose
+        self.loads: Pair = NO_LOADS
+        """N m on each wheel, forward positive: for the next step of the plant."""
+        self.slip = NO_SLIP
+        """In the last step."""
+        self.become(plant)
+        self.tilt(pose, 0.0)
+
+    def become(self, plant: Plant) -> None:
+        """Go on as this robot on the level: other inertias, radii, track."""
+        self._level = plant
+        self._radii = plant.radius_left, plant.radius_right
+        self._per_track = plant.per_track
+        spare = plant.inertia_own**2 - plant.inertia_other**2
+        own, other = plant.inertia_own / spare, -plant.inertia_other / spare
+        left, right = self._radii
+        # 1/kg: acceleration of the rims for a force on the left, on both, on the right tyre
+        self._mobility = own * left * left, other * left * right, own * right * right
+        # A force that turns no wheel (a wall abeam of the axis) feels the whole robot at most.
+        self._least = 0.25 * (self._mobility[0] + 2.0 * self._mobility[1] + self._mobility[2])
+
+    def meet(self, pose: Pose, seconds: float) -> Pose:
+        """Where the robot is that rolled to `pose` in a step of `seconds`, and what is then on its wheels."""
+        before, self._before = self._before, pose
+        self.slip, self.loads = NO_SLIP, NO_LOADS
+        if self._obstacles.far(pose[0], pose[1]) or seconds <= 0.0:
+            return pose
+        touches = self._obstacles.touches(pose)
+        if not touches:
+            return pose
+        x, y, heading = pose
+        cosine, sine = math.cos(heading), math.sin(heading)
+        dx, dy = x - before[0], y - before[1]
+        moved = cosine * dx + sine * dy, cosine * dy - sine * dx, heading - before[2]
+        tyres, (left, right) = self._held([self._push(each, moved, seconds) for each in touches], seconds)
+        self.loads = tyres[0] * self._radii[0], tyres[1] * self._radii[1]
+        if left == right == 0.0:
+            return pose
+        way, angle = 0.5 * (left + right), (right - left) * self._per_track
+        self.slip = Slip(way / seconds, angle / seconds)
+        self._before = x + way * cosine, y + way * sine, heading + angle
+        return self._before
+
+    def carried(self, plant: Plant, x: float, y: float) -> Plant:
+        """`plant`, the robot of the last step, with the ramps at x, y and the last loads on its wheels."""
+        touching = self.loads != NO_LOADS
+        if touching or self._touching or self._world.ramps:
+            along_x, along_y = self._world.slope(x, y)
+            level = self._level
+            # A plant's slopes are in the frame of its start pose.
+            pulls = (
+                level.slope_x + (self._cosine * along_x + self._sine * along_y),
+                level.slope_y + (self._cosine * along_y - self._sine * along_x),
+                *self.loads,
+            )
+            if pulls != (plant.slope_x, plant.slope_y, plant.pushed_left, plant.pushed_right):
+                slope_x, slope_y, left, right = pulls
+                plant = level._replace(slope_x=slope_x, slope_y=slope_y, pushed_left=left, pushed_right=right)
+        self._touching = touching
+        return plant
+
+    def tilt(self, pose: Pose, seconds: float) -> tuple[float, float]:
+        """m/s2 of gravity that an accelerometer feels ahead, above 0 where the nose is up, and rad/s at which
+        it came down in the last `seconds`. A chassis leans by the floor from its axis to its front.
+        """
+        level = self._level
+        if not self._world.ramps and level.slope_x == level.slope_y == 0.0:
+            return NO_TILT
+        x, y, heading = pose
+        cosine, sine = math.cos(heading), math.sin(heading)
+        along_x, along_y = self._world.slope_along(x, y, self._length * cosine, self._length * sine)
+        along_x += self._cosine * level.slope_x - self._sine * level.slope_y
+        along_y += self._sine * level.slope_x + self._cosine * level.slope_y
+        # A slope is what pulls at each wheel, of half of the robot's weight.
+        per_torque = -4.0 / (self._mass * sum(self._radii))
+        before, self._felt = self._felt, (along_x * per_torque, along_y * per_torque)
+        felt = cosine * self._felt[0] + sine * self._felt[1]
+        change = felt - (cosine * before[0] + sine * before[1])
+        return felt, -change / (GRAVITY * seconds) if seconds > 0.0 else 0.0
+
+    def _push(self, touch: Touch, moved: tuple[float, float, float], seconds: float) -> _Push:
+        x, y, normal_x, normal_y, depth = touch
+        way = self._shares(x, y, normal_x, normal_y)
+        mass = 1.0 / max(self._moves(way), self._least)
+        spring = STIFFNESS * mass / self._period**2
+        damper = DAMPING * mass / (self._period * seconds)
+        ahead, aside = moved[0] - moved[2] * y, moved[1] + moved[2] * x
+        force = max(0.0, spring * depth - damper * (normal_x * ahead + normal_y * aside))
+        # Friction that would turn the sliding round within a period only ends it.
+        across = self._shares(x, y, -normal_y, normal_x)
+        ends = WALL_FRICTION * force * self._moves(across) * self._period
+        sliding = (normal_x * aside - normal_y * ahead) / seconds
+        return _Push(way, across, force, spring + damper, sliding, ends + STILL)
+
+    def _shares(self, x: float, y: float, force_x: float, force_y: float) -> Pair:
+        """What a force at a point puts on each tyre; and how far the point goes along it for a m on each."""
+        moment = (x * force_y - y * force_x) * self._per_track
+        return 0.5 * force_x - moment, 0.5 * force_x + moment
+
+    def _moves(self, shares: Pair) -> float:
+        """1/kg: how a point accelerates under a force on it, where the wheels roll."""
+        left, right = shares
+        own_left, other, own_right = self._mobility
+        return own_left * left * left + 2.0 * other * left * right + own_right * right * right
+
+    def _held(self, pushes: list[_Push], seconds: float) -> tuple[Pair, Pair]:
+        """N on each tyre, no more than its grip, and m that the robot slips on each for that.
+
+        Newton's method: forces that are linear in the slip, as they are here, are solved exactly.
+        """
+        grip = self._grip
+        slips = (0.0, 0.0)
+        for _ in range(ROUNDS):
+            felt = _felt(pushes, slips, seconds)
+            beyond = (_beyond(felt.left, slips[0], grip), _beyond(felt.right, slips[1], grip))
+            if abs(beyond[0]) < ENOUGH and abs(beyond[1]) < ENOUGH:
+                break
+            slips = _slipped(felt, slips, grip)
+        return (_within(felt.left, grip), _within(felt.right, grip)), slips
+
+
+class _Felt(NamedTuple):
+    """N on the left and on the right tyre, and what each m of slip takes off: own and that of the other
+    (from_right: off the left tyre's). soft: a little of it."""
+
+    left: float
+    right: float
+    own_left: float
+    own_right: float
+    from_right: float
+    from_left: float
+    soft: float
+
+
+def _felt(pushes: list[_Push], slips: Pair, seconds: float) -> _Felt:
+    """What all touches together do at these slips."""
+    left, right = slips
+    tyre_left = tyre_right = own_left = own_right = from_right = from_left = soft = 0.0
+    for way, across, force, stiffness, sliding, gradual in pushes:
+        soft += SOFT * stiffness * (way[0] * way[0] + way[1] * way[1])
+        force -= stiffness * (way[0] * left + way[1] * right)
+        if force <= 0.0:
+            continue
+        sliding += (across[0] * left + across[1] * right) / seconds
+        share = 1.0 / math.hypot(sliding, gradual)
+        drag = WALL_FRICTION * sliding * share
+        pull_left, pull_right = way[0] - drag * across[0], way[1] - drag * across[1]
+        tyre_left += force * pull_left
+        tyre_right += force * pull_right
+        rubs = WALL_FRICTION * force * share / seconds  # the slope of a chord, which never overshoots
+        own_left += stiffness * pull_left * way[0] + rubs * across[0] * across[0]
+        own_right += stiffness * pull_right * way[1] + rubs * across[1] * across[1]
+        from_right += stiffness * pull_left * way[1] + rubs * across[0] * across[1]
+        from_left += stiffness * pull_right * way[0] + rubs * across[0] * across[1]
+    own_left, own_right = max(own_left, soft), max(own_right, soft)
+    return _Felt(tyre_left, tyre_right, own_left, own_right, from_right, from_left, soft)
+
+
+def _slipped(felt: _Felt, slips: Pair, grip: float) -> Pair:
+    """Slips at which no tyre carries more than its grip, one that slips all of it, the way it slips.
+
+    Both slip, or the left one, or the right one: what fits is taken. Both come first, with a little added to
+    their stiffness, as one push ahead can be taken by either and left is to be like right.
+    """
+    left, right = slips
+    rolls_left = felt.left + felt.own_left * left + felt.from_right * right  # without any slip
+    rolls_right = felt.right + felt.own_right * right + felt.from_left * left
+    alone_left = (rolls_left - _within(rolls_left, grip)) / felt.own_left
+    alone_right = (rolls_right - _within(rolls_right, grip)) / felt.own_right
+    then_left, then_right = (
+        rolls_left - felt.from_right * alone_right,
+        rolls_right - felt.from_left * alone_left,
+    )
+    over_left, over_right = (
+        felt.left - math.copysign(grip, then_left),
+        felt.right - math.copysign(grip, then_right),
+    )
+    own_left, own_right = felt.own_left + felt.soft, felt.own_right + felt.soft
+    spare = own_left * own_right - felt.from_left * felt.from_right
+    left += (own_right * over_left - felt.from_right * over_right) / spare
+    right += (own_left * over_right - felt.from_left * over_left) / spare
+    if left * then_left > 0.0 and right * then_right > 0.0:
+        return left, right
+    return (alone_left, 0.0) if abs(then_right) <= grip else (0.0, alone_right)
+
+
+def _beyond(tyre: float, slip: float, grip: float) -> float:
+    """How far the force on a tyre is beyond what it carries; one that slips carries all of its grip."""
+    return tyre - math.copysign(grip, slip) if slip != 0.0 else tyre - _within(tyre, grip)
+
+
+def _within(value: float, most: float) -> float:
+    return max(-most, min(most, value))

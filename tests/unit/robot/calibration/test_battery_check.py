@@ -1,0 +1,90 @@
+"""The check before the start."""
+
+from dataclasses import replace
+
+import pytest
+
+from raccoon import CalibrationError, open_robot, repeat, seq, straight, wait
+from raccoon.core.config import BatteryConfig, Measured, RobotConfig
+from raccoon.core.readings import Inputs, Outputs
+from raccoon.robot.calibration.battery_check import check_battery, judge, tuned_voltage
+from robots import CONFIG, simulated
+
+TUNED = replace(CONFIG, battery=BatteryConfig(tuned_at=Measured(7.0)))
+
+
+def test_the_paper_s_swap_of_batteries_is_seen_and_its_size_said() -> None:
+    check = judge(6.1, TUNED, 0.15)
+    assert not check.ok
+    assert check.speed_change == pytest.approx(-0.134, abs=0.002)  # (6.1 - 0.3) / (7.0 - 0.3) - 1
+    assert "tuned at 7.00 V" in check.advice
+
+
+def test_on_the_robot_it_warns_or_refuses() -> None:
+    port = simulated(effects={"battery.open_circuit_voltage": {"voltage": 6.4}})
+    with open_robot(TUNED, port=port) as robot:
+        check = robot.run(check_battery())
+        assert check.voltage == pytest.approx(6.4, abs=0.02)
+        assert not check.ok
+        with pytest.raises(CalibrationError, match=r"6\.\d+ V, tuned at 7.00 V"):
+            robot.run(check_battery(refuse=True))
+
+
+@pytest.mark.parametrize(
+    ("voltage", "ok", "words"),
+    [(7.05, True, "as tuned"), (5.5, False, "charge it"), (None, False, "no battery reading")],
+)
+def test_verdicts(voltage: float | None, ok: bool, words: str) -> None:
+    check = judge(voltage, TUNED, 0.15)
+    assert check.ok is ok
+    assert words in check.advice
+
+
+def test_the_voltage_of_the_calibrations_counts_where_nothing_else_is_said() -> None:
+    motors = {
+        port: replace(motor, radians_per_tick=Measured(0.003, 1e-5, battery_voltage=6.5 + port * 0.2))
+        for port, motor in CONFIG.motors.items()
+    }
+    assert tuned_voltage(replace(CONFIG, motors=motors)) == pytest.approx(6.6)
+    assert tuned_voltage(RobotConfig()) is None
+    assert judge(6.5, RobotConfig(), 0.15).ok
+
+
+def test_the_pack_s_resistance_is_learnt_while_driving() -> None:
+    effects = {
+        "battery.internal_resistance": {"resistance": 0.12},
+        "battery.open_circuit_voltage": {"voltage": 6.6},
+    }
+    with open_robot(CONFIG, port=simulated(effects=effects)) as robot:
+        robot.run(wait(1.0))
+        robot.run(repeat(seq(straight(0.2), wait(0.6), straight(-0.2), wait(0.6)), 2))
+        pack = robot.pack.estimate
+    assert pack.internal_resistance == pytest.approx(0.12, abs=0.02)
+    assert pack.open_circuit_voltage == pytest.approx(6.6, abs=0.01)
+    assert 0.3 < pack.charge < 0.8  # 3.30 V a cell, in the flat middle of LiFePO4
+
+
+class Dying:
+    """The simulated robot, whose battery reads 1 V after 2 s, as a converter that dies does."""
+
+    def __init__(self) -> None:
+        self._port = simulated()
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        return inputs if inputs.time < 2.0 else replace(inputs, battery=1.0 / inputs.device.battery_volts)
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_a_battery_reading_that_dies_on_the_way_changes_nothing() -> None:
+    with open_robot(CONFIG, port=Dying()) as robot:
+        robot.run(wait(0.5))
+        result = robot.run(straight(0.6, 0.25))
+        assert not result.saturated
+        assert result.duration < 4.5
+        assert robot.battery_voltage == pytest.approx(6.7, abs=0.2)

@@ -1,0 +1,99 @@
+"""Identifying the wheels of a whole robot, and refusing what cannot be identified."""
+
+from dataclasses import replace
+
+import pytest
+
+from raccoon import CalibrationError, Robot, wait
+from raccoon.control.identify import WheelVoltages
+from raccoon.core.port import Port
+from raccoon.core.readings import SIMULATOR, Inputs, Outputs
+from raccoon.robot.calibration.identification import Excitation, WheelFit, excite, fit_wheels, power_factors
+from raccoon.robot.parts.drive import Drive
+from robots import CONFIG, simulated
+
+
+def seen_on(port: Port) -> Excitation:
+    with Robot(port, CONFIG) as robot:
+        robot.run(wait(0.5))
+        return robot.run(excite())
+
+
+def test_unequal_motors_are_found_and_their_factors_make_them_alike() -> None:
+    port = simulated(
+        effects={
+            "motor.back_emf_constant@left": {"factor": 1.0},
+            "friction.coulomb@right": {"torque": 0.24},
+            "motor.armature_resistance@right": {"factor": 1.1},
+        }
+    )
+    seen = seen_on(port)
+    left, right = fit_wheels(seen, CONFIG, SIMULATOR)
+    assert left.voltages.static == pytest.approx(0.30, abs=0.04)
+    assert right.voltages.static == pytest.approx(1.8 * 1.1 * 0.24 / 1.08, abs=0.05)
+    assert left.margins.gain_db > 6.0
+    factors = power_factors((left, right), 6.6)
+    assert factors["motor.1.power_factor"].value == pytest.approx(1.0)
+    slower = (6.6 - right.voltages.static) / right.voltages.speed
+    trimmed = (6.6 * factors["motor.0.power_factor"].value - left.voltages.static) / left.voltages.speed
+    assert trimmed == pytest.approx(slower, rel=1e-6)
+
+
+def test_a_drive_tuned_so_takes_each_wheel_s_own_voltages() -> None:
+    fits = fit_wheels(seen_on(simulated()), CONFIG, SIMULATOR)
+    motors = dict(CONFIG.motors)
+    for fit in fits:
+        values = {key.rsplit(".", 1)[1]: value for key, value in fit.entries(6.8).items()}
+        motors[fit.port] = replace(
+            motors[fit.port],
+            static_voltage=values["static_voltage"],
+            speed_voltage=values["speed_voltage"],
+            acceleration_voltage=values["acceleration_voltage"],
+        )
+    model = Drive(replace(CONFIG, motors=motors)).wheels.models[0]
+    assert 1.0 / model.gain == pytest.approx(fits[0].voltages.speed, rel=1e-3)
+    assert model.acceleration_voltage == pytest.approx(fits[0].voltages.acceleration)
+
+
+class Unplugged:
+    """The simulated robot with the plug of the left motor out."""
+
+    def __init__(self) -> None:
+        self._port = simulated()
+
+    def read(self) -> Inputs:
+        return self._port.read()
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(replace(outputs, duty=(0.0, *outputs.duty[1:]), brake=(False, True, False, False)))
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_a_motor_that_does_not_turn_is_named() -> None:
+    seen = seen_on(Unplugged())
+    with pytest.raises(CalibrationError, match=r"left wheel \(motor port 0\): \d+ windows.*plugged in"):
+        fit_wheels(seen, CONFIG, SIMULATOR)
+
+
+def test_a_motion_that_is_no_motor_s_is_refused() -> None:
+    seen = seen_on(simulated())
+    odd = [
+        ((row[0], row[1], row[2]), volts + (1.0 if n % 2 else -1.0))
+        for n, (row, volts) in enumerate(seen.left)
+    ]
+    with pytest.raises(CalibrationError, match="motor equation is off by"):
+        fit_wheels(replace(seen, left=odd), CONFIG, SIMULATOR)
+
+
+def test_levels_that_are_no_duties_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"level is 1\.2"):
+        excite((0.3, 1.2))
+
+
+def test_entries_carry_the_battery() -> None:
+    left, _ = fit_wheels(seen_on(simulated()), CONFIG, SIMULATOR)
+    assert isinstance(left, WheelFit)
+    assert isinstance(left.voltages, WheelVoltages)
+    assert all(value.battery_voltage == 6.5 for value in left.entries(6.5).values())

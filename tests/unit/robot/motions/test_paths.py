@@ -1,0 +1,84 @@
+"""Driving to places and along paths, judged by the robot's true pose."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from raccoon import deg, seq, straight
+from raccoon.robot.motions.motions import pivot
+from raccoon.robot.motions.paths import drive_to, follow_path
+from robots import run
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+def test_drive_to_ends_at_the_pose(backwards: bool) -> None:
+    result, end, _ = run(drive_to(0.25, 0.15, deg(90), backwards=backwards))
+    assert (end.x, end.y) == pytest.approx((0.25, 0.15), abs=0.004)
+    assert math.degrees(math.remainder(end.heading, math.tau)) == pytest.approx(90.0, abs=0.6)
+    assert abs(result.along) < 0.002
+
+
+def test_drive_to_where_it_is_only_turns() -> None:
+    _, end, _ = run(drive_to(0.0, 0.0, deg(-45)))
+    assert math.hypot(end.x, end.y) < 0.004
+    assert math.degrees(end.heading) == pytest.approx(-45.0, abs=0.6)
+
+
+def test_a_path_is_followed_through_its_rounded_corners() -> None:
+    points = [(0.3, 0.0), (0.3, 0.3), (0.6, 0.3)]
+    result, end, robot = run(follow_path(points, rounding=0.1))
+    assert (end.x, end.y) == pytest.approx((0.6, 0.3), abs=0.004)
+    assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.6)
+    assert robot.plan.x == pytest.approx(0.6)
+    assert abs(result.across) < 0.002
+
+
+def test_a_path_begins_with_the_first_point_at_which_the_robot_is_not() -> None:
+    near = [(0.3, 0.0), (0.301, 0.002)]
+    (_, there), end, _ = run(seq(straight(0.3), follow_path(near[:1])))
+    assert there.duration == 0.0
+    assert end.x == pytest.approx(0.3, abs=0.004)
+    _, end, robot = run(seq(straight(0.3), follow_path([*near, (0.5, 0.0)])))
+    assert (end.x, end.y, end.heading) == pytest.approx((0.5, 0.0, 0.0), abs=0.01)
+    assert robot.time < 7.5  # it did not turn to a point 2 mm away
+
+
+def test_a_robot_that_comes_from_where_the_path_leads_stops_and_turns() -> None:
+    """Where it is, nobody knows when the path is made: in the middle of a match that must be no error."""
+    result, end, robot = run(follow_path([(0.3, 0.0), (0.3, 0.0), (0.1, 0.01), (0.1, 0.2)]))
+    assert (end.x, end.y) == pytest.approx((0.1, 0.2), abs=0.01)
+    assert math.degrees(math.remainder(end.heading, math.tau)) == pytest.approx(90.0, abs=1.0)
+    assert (robot.plan.x, robot.plan.y) == pytest.approx((0.1, 0.2))
+    assert abs(result.along) < 0.002
+    assert result.duration > 5.0
+
+
+def test_the_same_point_twice_is_one() -> None:
+    _, end, _ = run(follow_path([(0.2, 0.0), (0.2, 0.0)]))
+    assert (end.x, end.y) == pytest.approx((0.2, 0.0), abs=0.004)
+
+
+@pytest.mark.parametrize(("angle_deg", "wheel"), [(90, "left"), (90, "right"), (-60, "left")])
+def test_pivot_keeps_one_wheel_where_it_is(angle_deg: float, wheel: str) -> None:
+    _, end, robot = run(pivot(deg(angle_deg), wheel))
+    side = robot.drive.half_track * (1 if wheel == "left" else -1)
+    at = (end.x - side * math.sin(end.heading), end.y + side * math.cos(end.heading))
+    assert at == pytest.approx((0.0, side), abs=0.004)
+    assert math.degrees(end.heading) == pytest.approx(angle_deg, abs=0.8)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: drive_to(math.nan, 0.0), "x is nan"),
+        (lambda: pivot(1.0, "middle"), "wheel is 'middle'"),
+        (lambda: follow_path([]), "points is empty"),
+        (lambda: follow_path([(0.1, 0.0), (0.4, 0.0), (0.1, 0.001)]), r"turns back at \(0.4, 0\)"),
+        (lambda: follow_path([(0.1, math.inf), (0.2, 0.0)]), r"point \(0.1, inf\)"),
+        (lambda: follow_path([(0.1, 0.0)], rounding=0.0), "rounding is 0.0"),
+    ],
+)
+def test_nonsense_is_refused_before_anything_moves(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()

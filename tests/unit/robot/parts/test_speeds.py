@@ -1,0 +1,128 @@
+"""Wheels under control are not driven faster than the controller reads their back-EMF."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from raccoon import (
+    Action,
+    MotionResult,
+    Robot,
+    RobotConfig,
+    deg,
+    drive,
+    motors,
+    open_robot,
+    race,
+    seq,
+    straight,
+    turn,
+    wait,
+)
+from raccoon.core.config import BatteryConfig, Measured, MotorConfig
+from raccoon.core.readings import SIMULATOR, Fault, Inputs
+from raccoon.estimate.drive.odometry import Odometry
+from raccoon.hal.wombat.devices import RACCOON_21, STOCK
+from raccoon.hal.wombat.emulator import Firmware
+from raccoon.robot.emulated import open_emulated
+from raccoon.robot.parts.drive import Drive
+from raccoon.robot.parts.speeds import READ_SHARE
+from raccoon.sim.effects.parameters import Parameters
+
+FRESH = RobotConfig(battery=BatteryConfig(weakest=7.6))
+"""A match whose batteries are all fresh: nothing else keeps motions slow."""
+
+
+class Watched:
+    """An emulated Wombat on a battery of 7.8 V, and what it said."""
+
+    def __init__(self, firmware: Firmware) -> None:
+        plant = Parameters.from_robot(FRESH).with_effect("battery.open_circuit_voltage", voltage=7.8)
+        self._port = open_emulated(FRESH, firmware, seed=1, robot=plant)
+        self.write, self.close = self._port.write, self._port.close
+        self.faults: set[Fault] = set()
+        self.fastest = 0.0
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        self.faults.update(inputs.faults)
+        self.fastest = max(self.fastest, *(abs(each or 0.0) for each in inputs.bemf))
+        return inputs
+
+
+def done(action: Action[object], firmware: Firmware) -> tuple[Watched, Robot]:
+    port = Watched(firmware)
+    with open_robot(FRESH, port=port) as robot:
+        robot.run(seq(wait(0.5), action))
+    return port, robot
+
+
+@pytest.mark.parametrize("firmware", [17, 21])
+@pytest.mark.parametrize("turn_rate", [1.5, 0.0, -1.5])
+def test_drive_does_not_pass_what_is_read(firmware: Firmware, turn_rate: float) -> None:
+    port, robot = done(race(drive(0.3, turn_rate), wait(1.2)), firmware)
+    assert not port.faults
+    assert 1750.0 < port.fastest < 2000.0
+    (said,) = robot.drive.remarks.values()
+    assert "m/s at most: wombat-raccoon" in said
+
+
+@pytest.mark.parametrize("motion", [straight(0.4, 0.3), turn(deg(180.0), 6.0)])
+def test_motions_are_planned_below_it_and_end_on_their_mark(motion: Action[MotionResult]) -> None:
+    port = Watched(21)
+    with open_robot(FRESH, port=port) as robot:
+        robot.run(wait(0.5))
+        result = robot.run(motion)
+        assert len(robot.drive.remarks) == 1
+    assert not port.faults
+    assert result.planned < 0.9
+    assert math.hypot(result.along, result.across) < 0.004
+    assert abs(result.heading) < 0.01
+
+
+def test_a_controller_that_reads_any_speed_limits_none() -> None:
+    port, robot = done(race(drive(0.3), wait(1.2)), "stock")
+    assert port.fastest > 1950.0
+    assert not robot.drive.remarks
+
+
+def test_plain_duties_are_free() -> None:
+    port, robot = done(race(motors(1.0, 1.0), wait(0.6)), 21)
+    assert Fault.BEMF_INVALID in port.faults
+    assert not robot.drive.remarks
+
+
+def test_a_loop_of_its_own_is_told_too() -> None:
+    port = Watched(21)
+    with open_robot(FRESH, port=port) as robot:
+        for _ in range(200):
+            robot.drive.velocity(0.3, 0.0)
+            robot.tick()
+        assert len(robot.drive.remarks) == 1
+    assert not port.faults
+
+
+def test_what_pushes_at_a_wall_gets_no_more_than_what_is_read_either() -> None:
+    base = Drive(FRESH)
+    base.know(RACCOON_21)
+    given, rest = [], Odometry(FRESH).estimate
+    for speed in (base.speeds.readable * FRESH.model.drive.wheel_radius.value, 0.3):
+        base.push(speed, 8.0, (0.0, 0.0), math.inf)
+        given.append(base.outputs(rest, 0.005, 8.0).duty)
+    assert given[1] == pytest.approx(given[0])
+
+
+def test_both_wheels_give_way_alike_to_the_one_that_would_not_be_read() -> None:
+    """A wheel's calibration tells how fast it turns at a count."""
+    half = MotorConfig(radians_per_tick=Measured(0.5 * RACCOON_21.bemf_volts / 1.08))
+    base = Drive(replace(FRESH, motors={1: half}))
+    base.know(SIMULATOR)
+    assert base.speeds.readable == math.inf
+    base.know(STOCK)
+    assert base.speeds.readable == math.inf
+    base.know(RACCOON_21)
+    assert base.speeds.readable == pytest.approx(READ_SHARE * 2000.0 * half.radians_per_tick.value)  # type: ignore[union-attr]
+    share = base.speeds.readable_share(2.0, -8.0)
+    assert share == pytest.approx(base.speeds.readable / 8.0)
+    assert base.speeds.readable_share(1.0, -1.0) == 1.0

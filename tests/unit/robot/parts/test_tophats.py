@@ -1,0 +1,232 @@
+"""The robot's tophats in lights that change, with stored sets, and with sensors that are not as they were."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from raccoon import (
+    Action,
+    CalibrationError,
+    ConfigError,
+    Robot,
+    after_distance,
+    calibrate_tophats,
+    drive,
+    load_tophats,
+    open_robot,
+    wait,
+)
+from raccoon.core.port import Port
+from raccoon.core.readings import Inputs, Outputs, Status
+from raccoon.robot.actions.actions import Steps
+from raccoon.sim.world.world import Line, World
+from robots import CONFIG, simulated
+
+LINES = "".join(
+    f"[[line]]\npoints = [[{0.3 + 0.37 * i:.2f}, -1.0], [{0.3 + 0.37 * i:.2f}, 1.0]]\nwidth = 0.02\n"
+    for i in range(12)
+)
+
+
+def table(tmp_path: Path, light: str = "") -> World:
+    file = tmp_path / "table.toml"
+    file.write_text(f'name = "stripes"\n{LINES}{light}', encoding="utf-8")
+    return World.from_file(file)
+
+
+def compared(action: Action[object], seen: list[tuple[float, bool, bool]]) -> Action[None]:
+    """The action; time, what each tophat says and what is true go into `seen`, once a tick and sensor."""
+
+    def steps(robot: Robot) -> Steps[None]:
+        for _ in action.start(robot):
+            assert robot.inputs is not None
+            assert robot.inputs.truth is not None
+            for sensor in robot.tophats.values():
+                truth = robot.inputs.truth.surface[sensor.config.analog]
+                seen.append((robot.time, bool(sensor.black), bool(truth)))
+            yield
+
+    return Action("compared", steps)
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        "[[light]]\nlow = [1.5, -2.0]\nhigh = [2.2, 2.0]\nambient = 0.6\n",
+        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.8\nend = 9.0\n",
+        "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.3\nbegin = 10.0\n",
+    ],
+    ids=["sun patch", "sun goes", "sun comes"],
+)
+def test_lines_are_told_in_a_light_that_changes(tmp_path: Path, light: str) -> None:
+    seen: list[tuple[float, bool, bool]] = []
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path, light))) as robot:
+        robot.run(wait(0.3))
+        calibrate_tophats(robot, 0.9)
+        robot.run(compared(drive(0.24).until(after_distance(2.0)), seen))
+    assert sum(black for _, _, black in seen) > 100
+    wrong = sum(black is not truth for _, black, truth in seen)
+    assert wrong <= 0.02 * len(
+        seen
+    )  # the ticks in which hysteresis and debounce lag behind an edge among them
+
+
+@pytest.mark.parametrize(("distance", "speed"), [(-0.5, None), (0.5, -0.2), (-0.5, -0.2), (-0.5, 0.2)])
+def test_a_negative_way_is_driven_backwards(distance: float, speed: float | None) -> None:
+    port = simulated(world=World(lines=(Line(((-0.2, -1.0), (-0.2, 1.0))),)))
+    with open_robot(CONFIG, port=port) as robot:
+        calibrate_tophats(robot, distance, speed)
+        assert robot.pose.x == pytest.approx(-0.5, abs=0.05)
+
+
+def test_a_stored_set_that_does_not_fit_is_said_within_a_second_of_driving(tmp_path: Path) -> None:
+    store = tmp_path / "tophats.json"
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        robot.run(wait(0.3))
+        calibrate_tophats(robot, 0.9, store=store, set_name="hall")
+    light = "[[light]]\nlow = [-2.0, -2.0]\nhigh = [9.0, 2.0]\nambient = 0.2\n"
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path, light))) as robot:
+        load_tophats(robot, store, "hall")
+        robot.run(wait(0.3))
+        robot.run(drive(0.2).until(after_distance(0.2)))
+        assert any("left does not read" in said for said in robot.drive.remarks.values())
+        assert robot.tophat("left").status is Status.UNCERTAIN
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        load_tophats(robot, store, "hall")
+        robot.run(wait(0.3))
+        robot.run(drive(0.2).until(after_distance(0.8)))
+        assert not any("tophat" in said for said in robot.drive.remarks.values())
+        assert robot.tophat("left").status is Status.OK
+
+
+def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:
+    with (
+        open_robot(CONFIG, port=simulated()) as robot,
+        pytest.raises(CalibrationError, match=r"no calibration of left, right in the set 'default'"),
+    ):
+        load_tophats(robot, tmp_path / "none.json")
+
+
+def test_what_is_there_instead_of_a_set_is_said(tmp_path: Path) -> None:
+    store = tmp_path / "tophats.json"
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        with pytest.raises(
+            CalibrationError, match=r"there is none at all: calibrate_tophats\(\.\.\., store=\)"
+        ):
+            load_tophats(robot, store)
+        robot.run(wait(0.3))
+        calibrate_tophats(robot, 0.9, store=store, set_name="hall")
+        with pytest.raises(CalibrationError, match=r"in the set 'hal'; there is 'hall' of left, right$"):
+            load_tophats(robot, store, "hal")
+
+
+def damaged(folder: Path) -> Path:
+    file = folder / "damaged.json"
+    file.write_text('{"format": 1, "calibr', encoding="utf-8")
+    return file
+
+
+def folder_instead(folder: Path) -> Path:
+    file = folder / "folder.json"
+    file.mkdir()
+    return file
+
+
+def in_a_file(folder: Path) -> Path:
+    (folder / "file").touch()
+    return folder / "file" / "tophats.json"
+
+
+@pytest.mark.parametrize("make", [damaged, folder_instead, in_a_file])
+def test_a_store_that_cannot_keep_it_is_said_before_the_drive(
+    tmp_path: Path, make: Callable[[Path], Path]
+) -> None:
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        store = make(tmp_path)
+        with pytest.raises(ConfigError, match=store.name):
+            calibrate_tophats(robot, 0.9, store=store)
+        assert robot.ticks == 0
+
+
+def test_a_calibration_that_cannot_be_stored_after_the_drive_is_used_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_path: Path, _text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("raccoon.estimate.tophat.store.write_atomically", full)
+    store = tmp_path / "new" / "tophats.json"
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        robot.run(wait(0.3))
+        found = calibrate_tophats(robot, 0.9, store=store)
+        assert robot.tophat("left").calibration == found["left"]
+        said = f"the tophats are calibrated, but {store} does not have it: [Errno 28] No space left on device"
+        assert said in robot.drive.remarks.values()
+        assert not list(store.parent.iterdir())
+
+
+class Rewired:
+    """A port whose analog readings go through `change` from 8 s on."""
+
+    def __init__(self, port: Port, change: Callable[[list[float | None]], None]) -> None:
+        self._port, self._change = port, change
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        counts = list(inputs.analog)
+        if inputs.time > 8.0:
+            self._change(counts)
+        return replace(inputs, analog=tuple(counts))
+
+    def write(self, outputs: Outputs) -> None:
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def unplug(counts: list[float | None]) -> None:
+    counts[0] = 4095.0
+
+
+def flood(counts: list[float | None]) -> None:
+    counts[0] = 1.0
+
+
+def swap(counts: list[float | None]) -> None:
+    counts[0], counts[1] = counts[1], counts[0]
+
+
+@pytest.mark.parametrize(
+    ("change", "said", "status"),
+    [
+        (unplug, "tophat left reads the top of the scale", Status.INVALID),
+        (flood, "tophat left reads the bottom of the scale", Status.INVALID),
+        (swap, "tophat left reads what right should", Status.UNCERTAIN),
+    ],
+)
+def test_what_is_wrong_with_a_sensor_is_said(
+    tmp_path: Path, change: Callable[[list[float | None]], None], said: str, status: Status
+) -> None:
+    port = simulated(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
+    with open_robot(CONFIG, port=Rewired(port, change)) as robot:
+        robot.run(wait(0.3))
+        calibrate_tophats(robot, 0.9)
+        robot.run(drive(0.24).until(after_distance(0.9)))
+        assert any(each.startswith(said) for each in robot.drive.remarks.values())
+        assert robot.tophat("left").status is status
+
+
+def test_a_sensor_that_was_moved_is_said_at_the_next_calibration(tmp_path: Path) -> None:
+    store = tmp_path / "tophats.json"
+    for effects in ({}, {"tophat.height@0": {"height": 0.023}}):
+        port = simulated(world=table(tmp_path), effects=effects)
+        with open_robot(CONFIG, port=port) as robot:
+            robot.run(wait(0.3))
+            calibrate_tophats(robot, 0.9, store=store)
+            said = list(robot.drive.remarks.values())
+    assert [each for each in said if "tophat" in each] == [
+        "tophat left sits higher or lower than at its last calibration"
+    ]

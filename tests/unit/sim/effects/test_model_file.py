@@ -1,0 +1,130 @@
+"""Models on disk: what is written is read again, and mistakes in a file are named."""
+
+import pickle
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig, parse_robot, template
+from raccoon.core.errors import ConfigError
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.model_file import parse_model
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.provenance import Origin, Provenance
+
+
+def test_a_model_survives_the_way_to_disk_and_back(tmp_path: Path) -> None:
+    robot = RobotConfig(
+        name='the "old" one',
+        motors={1: MotorConfig(inverted=True)},
+        tophats={"front": TophatConfig(analog=3, left=0.02)},
+    )
+    model = (
+        Parameters(robot, chain=Chain.firmware())
+        .with_effect("battery.internal_resistance", resistance=0.12)
+        .with_effect("drive.wheel_radius", "left", factor=1.02)
+        .with_effect("tophat.gain", "3", factor=0.8)
+        .with_effect("motor.current_limit")
+    )
+    model.save(tmp_path / "model.toml")
+    assert Parameters.from_model_file(tmp_path / "model.toml") == model
+    assert [each.name for each in tmp_path.iterdir()] == ["model.toml"]
+
+
+def test_a_model_may_have_been_saved_by_a_windows_editor(tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    model = Parameters.from_robot(RobotConfig()).with_effect("battery.internal_resistance", resistance=0.12)
+    model.save(path)
+    path.write_bytes("\ufeff".encode() + path.read_bytes().replace(b"\n", b"\r\n"))
+    assert Parameters.from_model_file(path) == model
+
+
+def test_a_model_keeps_where_its_numbers_come_from(tmp_path: Path) -> None:
+    origin = Origin({"angle": 0.004}, "named: the gears have play.", 0.97)
+    model = replace(
+        Parameters()
+        .with_effect("drive.backlash", "left", angle=0.06)
+        .with_effect("drive.inertia", factor=1.1),
+        provenance=Provenance("run.csv", "raccoon diagnose", "2026-03-01", "explained"),
+    ).with_origin("drive.backlash", "left", origin)
+    model.save(tmp_path / "model.toml")
+    again = Parameters.from_model_file(tmp_path / "model.toml")
+    assert again.origins == {("drive.backlash", "left"): origin}
+    assert again.provenance == model.provenance
+
+
+def test_an_effect_that_is_changed_loses_its_origin() -> None:
+    model = Parameters().with_effect("drive.inertia", factor=1.1).with_effect("drive.turn_scrub", torque=0.1)
+    model = model.with_origin("drive.inertia", None, Origin({"factor": 0.01}))
+    model = model.with_origin("drive.turn_scrub", None, Origin({"torque": 0.01}))
+    assert list(model.with_effect("drive.inertia", factor=1.2).origins) == [("drive.turn_scrub", None)]
+    assert list(model.without_effect("drive.turn_scrub").origins) == [("drive.inertia", None)]
+    assert model.with_effect("drive.inertia", factor=1.1) == model  # equal robots, however found
+
+
+def test_a_model_of_every_section_that_a_robot_may_have_survives(tmp_path: Path) -> None:
+    servos = """
+        [servo."left claw"]
+        port = 1
+        positions_us = { open = 1200, "half shut" = 1500.5 }
+        [mechanism.lift]
+        motor = 3
+    """
+    for text in (template().replace("# [", "["), servos):
+        model = Parameters(parse_robot(tomllib.loads(text)), chain=Chain.firmware())
+        model.save(tmp_path / "model.toml")
+        assert Parameters.from_model_file(tmp_path / "model.toml") == model
+
+
+def test_a_model_can_be_sent_to_other_processes() -> None:
+    model = Parameters(chain=Chain.firmware()).with_effect("drive.backlash", "left", angle=0.1)
+    assert pickle.loads(pickle.dumps(model)) == model
+
+
+def test_nominal_values_are_those_of_the_robot() -> None:
+    model = parse_model({"model": {"battery": {"open_circuit_voltage": 7.2}}})
+    assert model.value("battery.open_circuit_voltage", "voltage") == 7.2
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[[effect]]\nid = "battery.magic"', r"effect number 1: effect 'battery\.magic'"),
+        ('[[effect]]\nid = "battery.discharge"\nwhere = "left"', "allowed are nothing"),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { factor = -1 }',
+            "factor is -1: allowed are numbers",
+        ),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { mass = 1 }',
+            "no parameter mass; allowed are factor",
+        ),
+        ('[[effect]]\nid = "drive.inertia"\nparameters = { factor = "x" }', "must be a number"),
+        ("[[effect]]\n", "no id"),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.1 }\nstd = { mass = 0.1 }',
+            "no parameter mass; allowed are factor",
+        ),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.1 }\nstd = { factor = -0.1 }',
+            r"drive\.inertia\.std\.factor = -0\.1: allowed are numbers from 0",
+        ),
+        (
+            '[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.1 }\nprobability = 97',
+            "probability = 97: allowed are numbers from 0 to 1",
+        ),
+        ('[provenance]\nfile = "run.csv"', r"provenance\.file: there is no such key"),
+        ("[chain]\nmedain = true", r"chain\.medain"),
+        ("[model.motor]\narmature_resistance = -1.0", "armature_resistance = -1"),
+        ("[model.drive]\ntrack_width = 0.0", "track_width = 0"),
+        ("[wheels]\n", "wheels: there is no"),
+    ],
+)
+def test_a_mistake_in_a_model_is_named(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "model.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=message) as caught:
+        Parameters.from_model_file(path)
+    assert str(path) in str(caught.value)

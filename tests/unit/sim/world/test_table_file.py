@@ -1,0 +1,61 @@
+"""Tables on disk: the ones that ship, from any editor, and mistakes in a file are named."""
+
+import pickle
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from raccoon.core.errors import ConfigError
+from raccoon.sim.world.world import World
+
+TABLES = Path(__file__).resolve().parents[4] / "examples" / "tables"
+
+
+def test_the_standard_table_is_the_one_that_ships_as_an_example() -> None:
+    assert World.from_file(TABLES / "botball.toml") == World.default()
+
+
+def test_a_table_with_everything_on_it() -> None:
+    world = World.from_file(TABLES / "workshop.toml")
+    assert world.line_distance(1.2, 0.3) == pytest.approx(-0.01, abs=1e-3)
+    assert world.ambient(0.6, 0.0, 5.0) == 0.7
+    assert world.ambient(0.6, 0.0, 9.0) == 0.0
+    assert world.slope(1.7, 0.0) == (-0.05, 0.0)
+    assert len(world.walls) == 5
+    assert replace(world, ramps=()).slope(1.7, 0.0) == (0.0, 0.0)
+
+
+def test_a_table_may_have_been_saved_by_a_windows_editor(tmp_path: Path) -> None:
+    table = next(TABLES.glob("*.toml"))
+    (tmp_path / "table.toml").write_bytes("\ufeff".encode() + table.read_bytes())
+    assert World.from_file(tmp_path / "table.toml") == World.from_file(table)
+
+
+def test_a_table_can_be_sent_to_other_processes() -> None:
+    world = World.from_file(TABLES / "workshop.toml")
+    assert pickle.loads(pickle.dumps(world)) == world
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[[line]]\npoints = [[0, 0]]", "two points or more"),
+        ("[[line]]\nwidth = 0.1", "either points or arc"),
+        ("[[line]]\npoints = [[0, 0], [1, 0]]\nwidth = -1", r"line number 1\.width is -1"),
+        ("[[object]]\ncentre = [0, 0]\nradius = 0", "radius is 0"),
+        ("[[wall]]\nfrom = [0, 0]\nto = [0, 0]", "they must differ"),
+        ("[[light]]\nlow = [0, 0]\nhigh = [1, 1]\nambient = 7", r"ambient is 7"),
+        ("area = { low = [1, 0], high = [0, 1] }", "must be below high"),
+        ("[[object]]\ncentre = [0]\nradius = 1", r"centre = \[0\]"),
+        ("[[hole]]\n", "hole"),
+        ("[[ramp]]\nlow = [0, 0]\nhigh = [1, 1]\nalong_x = nan", "along_x = nan"),
+    ],
+)
+def test_a_mistake_in_a_table_is_named(text: str, message: str, tmp_path: Path) -> None:
+    assert tomllib.loads(text) is not None
+    path = tmp_path / "table.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        World.from_file(path)
