@@ -39,7 +39,7 @@ def answered(log: Log) -> float:
     4 ms, with bins of a cycle none. It is the time between two changes of the commands in which most of the
     driving passes, which is long where no loop is closed.
     """
-    driven = log.duty.any(axis=1)
+    driven = np.asarray(log.duty.any(axis=1))
     changed = np.flatnonzero((np.diff(log.duty, axis=0) != 0.0).any(axis=1)) + 1
     edges = np.concatenate([[0], changed, [len(log.time) - 1]])
     gaps = np.diff(log.time[edges])
