@@ -38,6 +38,9 @@ same to it, and lack their gate."""
 FEW = 2
 """Other causes beside which that is so. The stock firmware's chip smooths, so of a robot with one or two
 things wrong the lag is usually its; of one with many a small slip may well be one more."""
+CLEARLY = 15.0
+"""Log evidence by which it must lead there in the end. It has two numbers and a slip one: beside three causes
+and more it led by 1 to 4, once by 11, of wheels that slip, and by 3 to 24 where the chip does smooth."""
 
 
 def with_readings_that_lag(
@@ -88,7 +91,8 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
     Instead of a clock they must explain more: on robots with one they lack up to 8, and lead by 30 to 145
     where there is none.
     """
-    others, clock = search.fit.point.active.keys() - _late(search), habits.chain.free_running
+    active, clock = search.fit.point.active.keys(), habits.chain.free_running
+    others = active - (_late(search) if clock else _of_the_gyro(search))  # a chip makes no command late
     if not (habits.low_pass or clock) or habits.wombat or len(others) <= FEW:
         return search, habits
     other = replace(habits, low_pass=False)
@@ -183,6 +187,7 @@ def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Sear
     """The search, with a note beside a lag of the gyro that a chip which smooths may be all of it; or the
     search with such a chip, where it is clearly ahead of the lag that was named."""
     late = [] if habits.low_pass else [each for each in _late(search) if each in OF_THE_GYRO]
+    few = len(search.fit.point.active.keys() - _of_the_gyro(search)) <= FEW
     if not late or "gyro" not in search.problem.features.roles:
         return search, habits
     smooth = replace(habits, low_pass=True)
@@ -191,7 +196,7 @@ def or_a_smooth_gyro(search: Search, habits: Habits, under: Under) -> tuple[Sear
     for name in late:
         fit = best_of(search, problem, [search.fit.point.without_cause(name)])
         lacks = lead(problem, search.fit, fit)
-        if lacks < -DOUBT and habits.firmware is None:
+        if lacks < -(DOUBT if few else CLEARLY) and habits.firmware is None:
             tell("going on with a gyro that smooths")
             found = gone_on(_seen_from(search, problem, fit.point))
             if explains_more(found, search) > -SMOOTH:
@@ -218,6 +223,11 @@ def _seen_from(search: Search, problem: Problem, point: Point) -> Search:
 def _late(search: Search) -> list[str]:
     """What was named that lags."""
     return [name for name in search.fit.point.active if name.startswith((LATE, *OF_THE_GYRO))]
+
+
+def _of_the_gyro(search: Search) -> list[str]:
+    """What was named that a gyro alone sees late."""
+    return [name for name in search.fit.point.active if name.startswith(OF_THE_GYRO)]
 
 
 def lags_instead(search: Search, name: str, others: Sequence[str]) -> list[Point]:

@@ -113,6 +113,14 @@ def test_beside_two_causes_it_stays_the_chip_s() -> None:
     assert as_lags_of_the_robot(search, habits, under) == (search, habits)
 
 
+def test_a_late_command_is_no_lag_of_the_gyro_s() -> None:
+    """So two causes beside it are three, of which a slip may be a fourth: it was left to the chip."""
+    search, habits, under = smoothed(SLIPS, Chain.firmware(), (OTHERS[0], "actuation.latency"))
+    found, now = as_lags_of_the_robot(search, habits, under)
+    assert not now.low_pass
+    assert SLIP in found.fit.point.active
+
+
 def test_a_controller_with_a_clock_of_its_own_keeps_it_beside_many_causes() -> None:
     own = Hidden("unknown", None, {}, {"own_cycle": 0.0053, "gyro_smooth": 0.0039, "imu_latency": 0.0025})
     search, habits, under = smoothed(own, FREE_RUNNING, OTHERS)
