@@ -191,30 +191,6 @@ def moves(log: Log) -> bool:
     return commanded and any(answers)
 
 
-BRAKING_SECONDS = 0.1
-
-
-def brakes(log: Log) -> bool:
-    """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
-    ratios = []
-    for index, side in enumerate(("left", "right")):
-        wheel = log.wheel(side)
-        if wheel is not None:
-            ratios.extend(_left_after_release(log.time, log.duty[:, index], np.abs(wheel.values)))
-    return bool(ratios) and float(np.median(ratios)) < 0.4
-
-
-def _left_after_release(time: Array, duty: Array, size: Array) -> list[float]:
-    """Part of the speed that is left 0.1 s after each release of a turning motor."""
-    released = np.flatnonzero((duty[1:] == 0.0) & (duty[:-1] != 0.0)) + 1
-    found = []
-    for row in released:
-        later = int(np.searchsorted(time, time[row] + BRAKING_SECONDS))
-        if later < len(time) and not duty[row:later].any() and size[row] > 0.15 * np.nanmax(size):
-            found.append(float(size[later] / size[row]))
-    return [each for each in found if np.isfinite(each)]
-
-
 SLOWEST_SWING, FASTEST_SWING = 4.0, 15.0
 """1/s. In slower ones the wheels' readings, 30 ms late, show what commands answer as in any drive."""
 BAND = 1.25
