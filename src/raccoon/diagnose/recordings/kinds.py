@@ -22,6 +22,7 @@ from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
+from raccoon.diagnose.recordings.implausible import with_doubts
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
 from raccoon.diagnose.recordings.outranked import outranked
 from raccoon.diagnose.recordings.partial import (
@@ -203,7 +204,9 @@ def _drive(
             tried, known = firmware.asked_for(tried, filters=filters), firmware.start(start.robot, model)
         found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
         found = with_reference(found, start, model)
-    found = judged_again(with_columns_named(found, columns, robot, sound.left_out), columns, sound, robot)
+    found = with_columns_named(found, columns, robot, sound.left_out)
+    found = found if commands_volts(columns, robot) else with_doubts(found, columns, robot)
+    found = judged_again(found, columns, sound, robot)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
     tophats = diagnose_tophats(columns, robot, model, truth_free, of_a_drive=True)
