@@ -116,7 +116,7 @@ def diagnose(
 
 def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
-    check_units(driven_freely(log, robot), robot, native=firmware is not None)
+    check_units(driven_freely(log, robot), robot, native=firmware is not None and firmware.units)
     log = with_free_driving(log, robot)
     free = with_stops(of_free_driving(with_what_turned(log, robot)))
     check_order(free)
