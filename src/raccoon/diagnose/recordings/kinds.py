@@ -19,6 +19,7 @@ from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
+from raccoon.diagnose.recordings.battery_reading import with_battery_reading
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
@@ -212,7 +213,8 @@ def _drive(
         found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
         found = with_reference(found, start, model)
     found = with_columns_named(found, columns, robot, sound.left_out)
-    found = found if commands_volts(columns, robot) else with_doubts(found, columns, robot)
+    if not commands_volts(columns, robot):
+        found = with_battery_reading(with_doubts(found, columns, robot), robot)
     found = judged_again(found, columns, sound, robot)
     found = replace(found, notes=(*found.notes, *made_by.notes))
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):

@@ -96,7 +96,8 @@ def _wrong(cause: CauseResult) -> str:
     """What is wrong, and what else it may be."""
     others = ", ".join(cause.confounded_with)
     instead = f"; or {'one of ' * (len(cause.confounded_with) > 1)}{others} acts instead" if others else ""
-    return f"{told(cause).what}{instead}."
+    what = told(cause).what.partition(". ")[0]
+    return f"{what}{instead}."
 
 
 def _judged(cause: CauseResult) -> str:
