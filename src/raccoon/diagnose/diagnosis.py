@@ -229,7 +229,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
             *loads_told(log, resistance),
             *bursts,
             *notes_of(habits, causes, spread),
-            *bent_notes(search),
+            *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
             *unmeasured_note(search),
             *_not_in_model(search),
         ),

@@ -56,5 +56,5 @@ def seen_text(diagnosis: Diagnosis) -> str:
         return ""
     reasons = {each.id: each.reason for each in diagnosis.rejected}
     sizes = [(name, _FROM.search(reasons.get(id_, ""))) for id_, name in ASKED.items()]
-    said = [f"{name} from {found[1]}" for name, found in sizes if found]
-    return f"What is smaller than this would not have shown: {', '.join(said)}." if said else ""
+    said = [f"{name} {found[1]}" for name, found in sizes if found]
+    return f"Errors from this size on would have shown: {', '.join(said)}." if said else ""

@@ -95,5 +95,5 @@ def _of_the_gyro_alone(roles: Sequence[str], residual: Array, regimes: Regimes) 
         return ()
     return (
         f"where wheels speed up or brake the gyro says {there:.2g} rad/s that no wheel's reading does, at "
-        f"rest {at_rest:.2g}; something between wheels and body {LOOSE}",
+        f"rest {at_rest:.2g}; the tyres skid, or something between wheels and body {LOOSE}",
     )

@@ -68,3 +68,17 @@ def test_rows_decide_where_they_say() -> None:
     columns |= {f"motor.{port}.brake": braking.astype(float) for port in (0, 1)}
     log = log_from_columns(columns, ROBOT)
     assert with_stops(log) is log
+
+
+def test_walls_and_slow_wheels_are_no_brakes() -> None:
+    """A wheel that a wall or friction alone stops at once was a robot that brakes now and then."""
+    columns, _ = stops((False,))
+    for start in (2.5, 6.5, 10.5):
+        late = TIME - start
+        for port in (0, 1):
+            held = np.where(late < 0.0, 0.6, 0.0)  # it spins at the wall, and stops there at once
+            columns[f"motor.{port}.bemf"] = (
+                np.where(np.abs(late - 0.125) < 0.375, held, 1.0) * columns[f"motor.{port}.bemf"]
+            )
+    log = log_from_columns(columns, ROBOT)
+    assert with_stops(log) is log

@@ -31,7 +31,7 @@ def test_that_nothing_is_wrong_is_not_said_of_what_could_not_have_shown_it() -> 
     assert "nothing that matters is wrong" not in blind
     assert "but that says little: of 13 causes 12 would not show" in blind
     for text in (sees, blind, page(adequate(2), "run")):
-        assert "What is smaller than this would not have shown: K_E from 4.9 %." in text
+        assert "Errors from this size on would have shown: K_E 4.9 %." in text
 
 
 def test_a_motor_that_did_not_turn_comes_first() -> None:
