@@ -79,10 +79,11 @@ def _no_duty(found: Diagnosis, robot: RobotConfig, loop: SpeedLoop, *, sure: boo
     left, right = (f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))
     holds = "hold a speed, not a duty" if sure else "seem to hold a speed, not a duty"
     text = (
-        f"{left} and {right} {holds}: the wheels keep {loop.counts:.0f} counts of back-EMF for a command of "
-        f"1, and friction takes {abs(loop.taken):.2f} V of that, not the {loop.usual:.2f} V that it takes of "
-        "a motor under a duty; so does a controller that keeps a speed (mav, move_at_velocity). Record the "
-        "duty that it gives its motors, or drive by power (motor) for a diagnosis"
+        f"the columns {left} and {right} {holds}: the wheels keep {loop.counts:.0f} counts of back-EMF for "
+        f"a command of 1, and friction takes {abs(loop.taken):.2f} V of that, not the {loop.usual:.2f} V "
+        "that it takes of a motor under a duty; so does a controller that keeps a speed (mav, "
+        "move_at_velocity). Record the duty that it gives its motors, or drive by power (motor) for a "
+        "diagnosis"
     )
     fault = SensorFault(left, NO_DUTY, text)
     if not sure:

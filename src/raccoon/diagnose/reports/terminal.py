@@ -182,10 +182,14 @@ def change_text(cause: CauseResult) -> str:
         return ""
     little = "real, but too small to matter: it " if cause.little else ""
     most = f"moves a reading by up to {_times(cause.change)} its noise"
-    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} is more than {TOLERANCES}"
+    if cause.unabsorbed < ABSORBED:
+        return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
+    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} is more than {TOLERANCES} explain"
 
 
-TOLERANCES = "the tolerances in robot.toml explain"
+TOLERANCES = "the tolerances in robot.toml"
+ABSORBED = 0.02
+"""Times the noise up to which what a cause changes is next to nothing beyond these."""
 
 
 def _times(number: float) -> str:

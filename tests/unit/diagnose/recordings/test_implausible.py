@@ -62,7 +62,9 @@ def test_commands_that_are_speeds_are_no_winding_of_a_fifth(id_: str) -> None:
     """It was "explained", by a winding resistance 82 % lower than assumed."""
     found = with_doubts(diagnosis(cause(id_, 0.18), cause("bemf.scale", 0.74)), driven(0.02), ROBOT)
     assert (found.verdict, found.causes, found.model) == (Verdict.NOT_IDENTIFIABLE, (), None)
-    assert "Commands: motor.0.duty and motor.1.duty hold a speed, not a duty" in terminal_report(found)
+    assert "Commands: the columns motor.0.duty and motor.1.duty hold a speed, not a duty" in terminal_report(
+        found
+    )
     assert {each.id for each in found.rejected} == {id_, "bemf.scale"}
 
 

@@ -199,6 +199,12 @@ def test_a_cause_without_rivals_is_not_one_of_several() -> None:
     assert "probability 0.99\n" in text
 
 
+def test_what_robot_toml_could_do_as_well_is_said_so() -> None:
+    cause = replace(CAUSE, change=3.3, unabsorbed=0.005)
+    text = terminal_report(replace(FOUND, causes=(cause,)))
+    assert "3.3 times its noise; the tolerances in robot.toml could do nearly all of that as well" in text
+
+
 def test_a_large_change_is_no_power_of_ten() -> None:
     text = terminal_report(replace(FOUND, causes=(replace(CAUSE, change=440.0, unabsorbed=178.0),)))
     assert "up to 440 times its noise; over all readings 178 times" in text
