@@ -32,6 +32,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--causes", type=Path, help="Python file with effects of your own, a list CAUSES of OwnEffect"
     )
+    parser.add_argument(
+        "--port",
+        choices=("wombat", "wombat-raccoon"),
+        help="what made a recording that does not say so, such as a CSV of a logger of your own; without it "
+        "robot.toml's controller.port, where that line is written",
+    )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
     parser.add_argument(
         "--workers",

@@ -30,6 +30,7 @@ class Job:
     holdout: Path | None
     truth_free: bool
     causes: Path | None = None
+    port: str | None = None
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:
@@ -78,10 +79,22 @@ def diagnose_job(job: Job) -> Diagnosis:
             device=recording.device,
             problems=recording.problems,
             own=own,
+            port=job.port or _port_written(job.robot),
         )
     except TraceError as error:  # that of several files it is this one
         judged = "" if job.holdout is None else f", judged on {job.holdout}"
         raise TraceError(f"{job.path}{judged}: {error}") from None
+
+
+def _port_written(robot: Path | None) -> str | None:
+    """controller.port where a robot.toml has the line, None where it leaves the default."""
+    from raccoon.core.config import parse_toml
+
+    if robot is None:
+        return None
+    controller = parse_toml(robot.read_bytes()).get("controller", {})
+    port = controller.get("port") if isinstance(controller, dict) else None
+    return port if isinstance(port, str) else None
 
 
 def _loaded(path: Path) -> Run:
@@ -186,7 +199,7 @@ def job_of(args: argparse.Namespace, path: Path) -> Job:
     if len(args.holdout) > 1:
         raise ConfigError(f"--holdout: {len(args.holdout)} files: one recording is judged on one other")
     other = args.holdout[0] if args.holdout else None
-    return Job(path, args.robot, args.model, other, args.truth_free, args.causes)
+    return Job(path, args.robot, args.model, other, args.truth_free, args.causes, args.port)
 
 
 def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Diagnosis | str]:

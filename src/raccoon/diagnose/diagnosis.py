@@ -15,6 +15,8 @@ from raccoon.diagnose.drives.loads import loads_told, with_loads
 from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.quality import check_units, driven_freely, moves
+from raccoon.diagnose.drives.standing import with_what_turned
+from raccoon.diagnose.drives.stops import with_stops
 from raccoon.diagnose.findings.bent import bent_notes
 from raccoon.diagnose.findings.extend import extended
 from raccoon.diagnose.findings.gain import HeldOut
@@ -31,10 +33,12 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import (
     LARGE_REST,
+    STOOD,
     ChannelResult,
     Curve,
     Diagnosis,
     Rejected,
+    SensorFault,
     Unexplained,
     Verdict,
 )
@@ -112,9 +116,9 @@ def diagnose(
 
 def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
-    check_units(driven_freely(log, robot), robot, native=firmware is not None)
+    check_units(driven_freely(log, robot), robot, native=firmware is not None and firmware.units)
     log = with_free_driving(log, robot)
-    free = of_free_driving(log)
+    free = with_stops(of_free_driving(with_what_turned(log, robot)))
     check_order(free)
     if firmware is not None:
         free = of_free_driving(firmware.understood(log, columns, robot))
@@ -191,7 +195,12 @@ def _nothing_to_see(log: Log, begin: float) -> Diagnosis:
         time.perf_counter() - begin,
         None,
         (*log.notes, note),
+        sensor_faults=_faults(log),
     )
+
+
+def _faults(log: Log) -> tuple[SensorFault, ...]:
+    return tuple(SensorFault(column, STOOD, text) for column, text in log.stood)
 
 
 def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Diagnosis:
@@ -220,10 +229,11 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
             *loads_told(log, resistance),
             *bursts,
             *notes_of(habits, causes, spread),
-            *bent_notes(search),
+            *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
             *unmeasured_note(search),
             *_not_in_model(search),
         ),
+        sensor_faults=_faults(log),
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )

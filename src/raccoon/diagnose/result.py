@@ -24,6 +24,8 @@ LITTLE = 0.05
 """Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
 degrees in a match of two minutes, if it never averages out."""
 
+STOOD, NO_DUTY = "stood", "speed"
+"""Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
 LARGE_REST = 0.3
 """Share that is left of what could be gained, from which a recording is explained in part only."""
 
@@ -166,12 +168,17 @@ class Shape:
 
 @dataclass(frozen=True, slots=True)
 class SensorFault:
-    """A sensor that is broken or tells less than it seems to. channel: its column. fault: one word, such as
-    dead, stale or repeats. text: one sentence."""
+    """A sensor that is broken or tells less than it seems to, or a motor that did not answer its command.
+    channel: its column. fault: one word, such as dead, stale, repeats, stood or speed. text: one sentence."""
 
     channel: str
     fault: str
     text: str
+
+    @property
+    def kind(self) -> str:
+        """What is at fault, in a word."""
+        return {STOOD: "Motor", NO_DUTY: "Commands"}.get(self.fault, "Sensor")
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,8 @@ class Log:
     (`held.py`). clocks: of the samples of the left and the right wheel, where they are known; the wheels'
     readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2), whether
     each motor is shorted where its duty is 0; None where the recording does not say. loads: other ones than
-    the wheels on the battery; nothing is compared while they act either.
+    the wheels on the battery; nothing is compared while they act either. stood: wheels that did not turn
+    although they were driven (`standing.py`), a column and a sentence each.
     """
 
     time: Array
@@ -81,6 +82,7 @@ class Log:
     clocks: tuple[SampleClock | None, SampleClock | None] = (None, None)
     brake: NDArray[np.bool_] | None = None
     loads: tuple[Load, ...] = ()
+    stood: tuple[tuple[str, str], ...] = ()
 
     @property
     def seconds(self) -> float:

@@ -9,21 +9,21 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.config import MotorModel, RobotConfig
+from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.held import of_free_driving, where_held
-from raccoon.diagnose.drives.log import Channel, Log, arranged
+from raccoon.diagnose.drives.log import Log, arranged
 from raccoon.diagnose.drives.sizes import (
     FAR,
     SHARE,
     check_sizes,
-    check_turns,
     share_of,
     slope,
     steady,
     turning,
 )
+from raccoon.diagnose.drives.ways import check_turns, check_ways
 
 Array = NDArray[np.float64]
 
@@ -81,8 +81,8 @@ def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
     _check_gyro(log, robot, native)
     if not native:
         check_sizes(log, robot)
+    check_ways(log, robot)
     check_turns(log, robot)
-    _check_ways(log, robot)
 
 
 def _check_battery(log: Log) -> None:
@@ -134,7 +134,7 @@ def _check_plugs(log: Log) -> None:
         if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MOST_ALIKE:
             return
         own, other = (float(np.corrcoef(duty[:, each], reading)[0, 1]) for each in (index, 1 - index))
-        crossed.append(other > FOLLOWED and own < other - CLEAR_SHARE)
+        crossed.append(other > FOLLOWED and own < other - CLEAR)
     if all(crossed):
         left, right = (each.name for each in wheels if each is not None)
         raise TraceError(
@@ -175,48 +175,9 @@ def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
 FOLLOWED = 0.8
 """Correlation of a wheel with the command that it follows, where it is steady."""
 MOST_ALIKE = 0.9
-"""Correlation of the wheels from which nobody can tell which of them turned the robot."""
-CLEAR_SHARE = 0.5
-"""Part of the gyro's power that the wheels must explain, and of a wheel's usual share of it: a wheel of the
-other sign is wrong by twice of that."""
-
-
-def _check_ways(log: Log, robot: RobotConfig) -> None:
-    """One motor that turns the other way, with its reading as well: its own command and reading agree, but
-    what it does to the gyro does not."""
-    gyro = log.channel("gyro")
-    found = [log.wheel(side) for side in ("left", "right")]
-    wheels = [each for each in found if each is not None]
-    if gyro is None or len(wheels) < 2:
-        return
-    model = robot.model
-    per_track = model.drive.wheel_radius.value / model.drive.track_width.value
-    turns = [
-        way * per_track * _speed_factor(each, motor) * each.values
-        for each, motor, way in zip(wheels, (model.left, model.right), (-1.0, 1.0), strict=True)
-    ]
-    both = np.column_stack(turns)
-    known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
-    if known.sum() < 50 or float(np.ptp(both[known], axis=0).min()) == 0.0:
-        return
-    both, rate = both[known], gyro.values[known]
-    if abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > MOST_ALIKE:
-        return
-    shares: Array = np.asarray(np.linalg.lstsq(both, rate, rcond=None)[0], float)
-    left = float(((rate - both @ shares) ** 2).sum()) / max(float(rate @ rate), 1e-300)
-    if left > 1.0 - CLEAR_SHARE or shares.max() < CLEAR_SHARE or shares.min() > -CLEAR_SHARE:
-        return
-    index = int(np.argmin(shares))
-    port = (robot.drive.left, robot.drive.right)[index]
-    raise TraceError(
-        f"{gyro.name} says that motor {port} turns the other way than its command and "
-        f"{wheels[index].name}: check [motor.{port}] inverted in robot.toml, and its plug"
-    )
-
-
-def _speed_factor(wheel: Channel, motor: MotorModel) -> float:
-    """rad/s of a unit of a wheel's reading."""
-    return BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value if wheel.unit == "counts" else 1.0
+"""Correlation of the commands from which nobody can tell which of them a wheel follows."""
+CLEAR = 0.5
+"""By how much better than its own a wheel follows the other one's command, where columns are swapped."""
 
 
 def moves(log: Log) -> bool:
@@ -228,30 +189,6 @@ def moves(log: Log) -> bool:
         if each.role.startswith(("bemf", "speed"))
     ]
     return commanded and any(answers)
-
-
-BRAKING_SECONDS = 0.1
-
-
-def brakes(log: Log) -> bool:
-    """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
-    ratios = []
-    for index, side in enumerate(("left", "right")):
-        wheel = log.wheel(side)
-        if wheel is not None:
-            ratios.extend(_left_after_release(log.time, log.duty[:, index], np.abs(wheel.values)))
-    return bool(ratios) and float(np.median(ratios)) < 0.4
-
-
-def _left_after_release(time: Array, duty: Array, size: Array) -> list[float]:
-    """Part of the speed that is left 0.1 s after each release of a turning motor."""
-    released = np.flatnonzero((duty[1:] == 0.0) & (duty[:-1] != 0.0)) + 1
-    found = []
-    for row in released:
-        later = int(np.searchsorted(time, time[row] + BRAKING_SECONDS))
-        if later < len(time) and not duty[row:later].any() and size[row] > 0.15 * np.nanmax(size):
-            found.append(float(size[later] / size[row]))
-    return [each for each in found if np.isfinite(each)]
 
 
 SLOWEST_SWING, FASTEST_SWING = 4.0, 15.0

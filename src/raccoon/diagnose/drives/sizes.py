@@ -26,9 +26,6 @@ NEAR = 1.4
 """Factor within which a unit is recognised."""
 FEWEST = 50
 """Samples from which wheels and gyro are compared."""
-TURNS, STILL = 0.3, 0.1
-"""rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
-it does not turn."""
 DEGREES = 180.0 / math.pi
 SPEEDS: Mapping[str, float] = {
     "degrees a second": DEGREES,
@@ -56,28 +53,12 @@ def check_sizes(log: Log, robot: RobotConfig) -> None:
 
 
 def _check_gyro(log: Log, robot: RobotConfig) -> None:
-    gyro, expected = log.channel("gyro"), _turn_rate(log, robot)
+    gyro, expected = log.channel("gyro"), turn_rate(log, robot)
     if gyro is None or expected is None:
         return
     factor = slope(expected, gyro.values)
     if factor is not None and factor > 0.0:
         _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels", "rad/s")
-
-
-def check_turns(log: Log, robot: RobotConfig) -> None:
-    """Raise TraceError where the gyro hardly turns although the wheels turn the robot."""
-    gyro, expected = log.channel("gyro"), _turn_rate(log, robot)
-    if gyro is None or expected is None:
-        return
-    both = np.isfinite(expected) & np.isfinite(gyro.values)
-    if both.sum() < FEWEST:
-        return
-    wheels, seen = (float(np.sqrt(np.mean(each[both] ** 2))) for each in (expected, gyro.values))
-    if wheels > TURNS and seen < STILL * wheels:
-        raise TraceError(
-            f"{gyro.name} hardly turns ({seen:.2g} rad/s) while the wheels turn the robot ({wheels:.2g}"
-            " rad/s): is it another axis, or were the wheels off the floor?"
-        )
 
 
 def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | None]) -> None:
@@ -127,22 +108,22 @@ def share_of(log: Log, robot: RobotConfig, side: str) -> float | None:
         return None
     index, motor = (0, robot.model.left) if side == "left" else (1, robot.model.right)
     voltage = robot.model.battery.open_circuit_voltage.value
-    return slope(steady(log.duty[:, index]) * voltage, _volts(wheel, motor) * wheel.values)
+    return slope(steady(log.duty[:, index]) * voltage, volts(wheel, motor) * wheel.values)
 
 
-def _volts(wheel: Channel, motor: MotorModel) -> float:
+def volts(wheel: Channel, motor: MotorModel) -> float:
     """V of back-EMF that a unit of a wheel's reading stands for."""
     return BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
 
 
-def _turn_rate(log: Log, robot: RobotConfig) -> Array | None:
+def turn_rate(log: Log, robot: RobotConfig) -> Array | None:
     """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
     left, right = log.wheel("left"), log.wheel("right")
     if left is None or right is None:
         return None
     model = robot.model
     speeds = [
-        _volts(wheel, motor) / motor.back_emf_constant.value * wheel.values
+        volts(wheel, motor) / motor.back_emf_constant.value * wheel.values
         for wheel, motor in ((left, model.left), (right, model.right))
     ]
     rate = (speeds[1] - speeds[0]) * model.drive.wheel_radius.value / model.drive.track_width.value

@@ -25,11 +25,18 @@ SAID = (
 """Whose numbers robot.toml has for a team to measure; the others are habits of controllers and gears."""
 
 
-def bent_notes(search: Search) -> tuple[str, ...]:
-    """A sentence for each, with what to do."""
+def bent_notes(search: Search, *, unknown: bool = False) -> tuple[str, ...]:
+    """A sentence for each, with what to do. unknown: whether something acts that no cause describes: that
+    bends them all, and they say nothing of themselves."""
+    found = list(bent_numbers(search))
+    if unknown and found:
+        names = ", ".join(dict.fromkeys(id_ for id_, _ in found))
+        return (
+            f"{names} of robot.toml end at the edge of their deviations: what no cause describes bends them",
+        )
     return tuple(
         f"{text}, too little to be named as a cause: measure it, or drive the checkup (raccoon excite)"
-        for _, text in bent_numbers(search)
+        for _, text in found
     )
 
 

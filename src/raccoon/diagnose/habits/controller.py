@@ -16,7 +16,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import Features, answered
 from raccoon.diagnose.drives.log import BEMF, WHEELS, Log
-from raccoon.diagnose.drives.quality import brakes
+from raccoon.diagnose.drives.stops import brakes
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored

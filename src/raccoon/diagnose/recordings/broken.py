@@ -148,7 +148,9 @@ def _about_rate(time: Array, rate_hz: float) -> tuple[str, ...]:
 
 def judged_again(found: Diagnosis, columns: Columns, sound: Sound, robot: RobotConfig) -> Diagnosis:
     """A diagnosis with the broken channels in it, and without causes where the simulation does not follow."""
-    found = replace(found, sensor_faults=sound.faults, notes=(*found.notes, *sound.notes))
+    found = replace(
+        found, sensor_faults=(*sound.faults, *found.sensor_faults), notes=(*found.notes, *sound.notes)
+    )
     found = _surely(found) if sound.uneven else found
     unchecked = (*_one_side(sound, robot), *_unchecked(found, sound, robot))
     found = replace(found, notes=(*found.notes, *unchecked, *_other_robot(found)))

@@ -19,10 +19,13 @@ from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
+from raccoon.diagnose.recordings.battery_reading import with_battery_reading
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
+from raccoon.diagnose.recordings.implausible import with_doubts
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
+from raccoon.diagnose.recordings.named import Named, named
 from raccoon.diagnose.recordings.outranked import outranked
 from raccoon.diagnose.recordings.partial import (
     as_duty,
@@ -117,13 +120,15 @@ def diagnose_recording(
     device: Device = SI_WORDS,
     problems: Sequence[str] = (),
     own: Sequence[OwnEffect] = (),
+    port: str | None = None,
 ) -> Diagnosis:
     """Diagnose a recording of any kind.
 
     truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth,
     and how late its back-EMF is, where robot.toml has only the default. problems: what
     the reader of the recording had to leave out; it is noted. own: effects of your own to consider in a
-    drive beside the catalogue. Raises TraceError as `diagnose`, and
+    drive beside the catalogue. port: controller.port of whatever made a recording that does not say so itself
+    (see `named.py`). Raises TraceError as `diagnose`, and
     CalibrationError where a reference cannot be used.
     """
     if truth_free:
@@ -132,8 +137,7 @@ def diagnose_recording(
     holdout = None if holdout is None else without_repeated(holdout)[0]
     kind = kind_of(columns, robot)
     if kind is Kind.STEP:
-        port = step_port(columns)
-        found = diagnose_step(columns, 0 if port is None else port)
+        found = diagnose_step(columns, step_port(columns) or 0)
     elif kind is Kind.MOTORS:
         found = diagnose_motors(columns, robot, holdout)
     elif kind is Kind.GEOMETRY:
@@ -145,7 +149,9 @@ def diagnose_recording(
         found = _nothing(columns, robot)
     else:
         open_robot, exact = with_usual_stds(robot)
-        found = _drive(columns, open_robot, holdout, model, truth_free, own, device)
+        found = _drive(
+            columns, open_robot, holdout, model, truth_free, own, named(device, columns, robot, port)
+        )
         found = replace(found, notes=(*found.notes, *_without_std(exact), *outranked(found.causes, robot)))
     notes = dict.fromkeys((*found.notes, *problems, *repeated))
     return replace(found, notes=tuple(notes))
@@ -174,14 +180,17 @@ def _drive(
     model: Parameters | None,
     truth_free: bool,
     own: Sequence[OwnEffect],
-    device: Device,
+    made_by: Named,
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
     check_time(np.asarray(columns["t"], float))  # before a reference is compared with what depends on it
     sound = without_broken(columns, robot)
     columns = sound.columns
     holdout = None if holdout is None else without_broken(holdout, robot).columns
+    device = made_by.device
     firmware = firmware_of(device)
+    if firmware is not None and made_by.said:
+        firmware = replace(firmware, units=False)
     told = with_lag_of(device, robot)
     filters, robot = told is not robot, told
     if firmware is not None:
@@ -203,7 +212,11 @@ def _drive(
             tried, known = firmware.asked_for(tried, filters=filters), firmware.start(start.robot, model)
         found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
         found = with_reference(found, start, model)
-    found = judged_again(with_columns_named(found, columns, robot, sound.left_out), columns, sound, robot)
+    found = with_columns_named(found, columns, robot, sound.left_out)
+    if not commands_volts(columns, robot):
+        found = with_battery_reading(with_doubts(found, columns, robot), robot)
+    found = judged_again(found, columns, sound, robot)
+    found = replace(found, notes=(*found.notes, *made_by.notes))
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
     tophats = diagnose_tophats(columns, robot, model, truth_free, of_a_drive=True)

@@ -10,10 +10,10 @@ from typing import Any
 from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
+from raccoon.diagnose.reports.headline import seen_text, verdict_text
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
 from raccoon.diagnose.reports.terminal import (
     UNKNOWABLE,
-    VERDICTS,
     advice,
     change_text,
     evidence_text,
@@ -47,7 +47,8 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         diagnosis=diagnosis,
         verdict=str(diagnosis.verdict).replace("_", " "),
         headline=_headline(diagnosis),
-        sentence=VERDICTS[diagnosis.verdict].rstrip(":.") + ".",
+        sentence=verdict_text(diagnosis).rstrip(":.") + ".",
+        seen=seen_text(diagnosis),
         told=[told(each) for each in diagnosis.causes],
         todo=[_todo(each) for each in diagnosis.causes],
         judged=[made_up(each, diagnosis) or _judged(each) for each in diagnosis.causes],
@@ -82,20 +83,21 @@ def template(name: str) -> Any:
 
 
 def _headline(diagnosis: Diagnosis) -> str:
-    """The first cause in one sentence where it matters, else the verdict."""
+    """The first cause in one sentence where it matters, what did not work, else the verdict."""
     if diagnosis.causes and not diagnosis.causes[0].little:
         return _wrong(diagnosis.causes[0])
     if diagnosis.sensor_faults:
         text = diagnosis.sensor_faults[0].text
         return text[0].upper() + text[1:] + "."
-    return VERDICTS[diagnosis.verdict]
+    return verdict_text(diagnosis)
 
 
 def _wrong(cause: CauseResult) -> str:
     """What is wrong, and what else it may be."""
     others = ", ".join(cause.confounded_with)
     instead = f"; or {'one of ' * (len(cause.confounded_with) > 1)}{others} acts instead" if others else ""
-    return f"{told(cause).what}{instead}."
+    what = told(cause).what.partition(". ")[0]
+    return f"{what}{instead}."
 
 
 def _judged(cause: CauseResult) -> str:

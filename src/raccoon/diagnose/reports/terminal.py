@@ -7,6 +7,7 @@ import re
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
+from raccoon.diagnose.reports.headline import seen_text, verdict_text
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
@@ -18,14 +19,6 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 
-VERDICTS: Mapping[Verdict, str] = {
-    Verdict.EXPLAINED: "The simulation is wrong, and this is why:",
-    Verdict.PARTLY: "The simulation is wrong; a part of it has a name:",
-    Verdict.UNKNOWN: "The simulation is wrong in a way that no known cause describes.",
-    Verdict.ADEQUATE: "The simulation fits this recording: nothing that matters is wrong.",
-    Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",
-}
-"""The verdict as a sentence."""
 NOT_WHITE = 0.01
 FAR_OFF = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
@@ -35,6 +28,11 @@ UNKNOWABLE = "not "
 """How the reason of a cause begins that this recording cannot show at all."""
 NO_GAIN = 1.005
 """Times the error with a cause, up to which data that was kept for judging does not show it."""
+NOT_IN_THE_REST = (
+    "what was kept for judging (the last 30 %, or --holdout) is foreseen as well without it: see it in a "
+    "second recording before you change the robot for it"
+)
+"""Of such a cause. Its probability is that of the whole recording."""
 RECORD_AGAIN = (
     "drive the checkup and diagnose that (raccoon excite --record again.jsonl.gz; a single motor or axis: "
     "steps and reversals at several speeds); if that is unknown as well, compare ports, signs and units in "
@@ -52,7 +50,7 @@ def terminal_report(diagnosis: Diagnosis) -> str:
 
 
 def _lines(diagnosis: Diagnosis) -> Iterator[str]:
-    yield VERDICTS[diagnosis.verdict]
+    yield verdict_text(diagnosis)
     for cause in diagnosis.causes:
         yield from _cause(cause, made_up(cause, diagnosis))
     if diagnosis.unexplained.depends_on:
@@ -60,7 +58,9 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     for shape in diagnosis.shapes:
         yield f"       {shape_text(shape)}"
     for fault in diagnosis.sensor_faults:
-        yield f"  ! Sensor: {fault.text}."
+        yield f"  ! {fault.kind}: {fault.text}."
+    if seen := seen_text(diagnosis):
+        yield f"  {seen}"
     yield from _identified(diagnosis.identified)
     if diagnosis.channels:
         yield ""
@@ -182,10 +182,14 @@ def change_text(cause: CauseResult) -> str:
         return ""
     little = "real, but too small to matter: it " if cause.little else ""
     most = f"moves a reading by up to {_times(cause.change)} its noise"
-    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} is more than {TOLERANCES}"
+    if cause.unabsorbed < ABSORBED:
+        return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
+    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} is more than {TOLERANCES} explain"
 
 
-TOLERANCES = "the tolerances in robot.toml explain"
+TOLERANCES = "the tolerances in robot.toml"
+ABSORBED = 0.02
+"""Times the noise up to which what a cause changes is next to nothing beyond these."""
 
 
 def _times(number: float) -> str:
@@ -199,10 +203,7 @@ def evidence_text(cause: CauseResult) -> str:
     if cause.id.endswith(".noise"):
         return f"no simulation foresees it: the error on unseen data is {after:.2f} times the noise"
     if without < NO_GAIN * after:
-        return (
-            "the part of the data that was kept for judging does not show it; it was named for what it "
-            "explains elsewhere"
-        )
+        return NOT_IN_THE_REST
     return f"error on unseen data {without:.2f} times the noise without it, {after:.2f} with it"
 
 
@@ -218,7 +219,8 @@ def _cause(cause: CauseResult, remark: str) -> Iterator[str]:
         yield f"       {name} {number_text(each)} (assumed {each.nominal:.4g})"
     if change := change_text(cause):
         yield f"       {change}"
-    yield f"       {remark or evidence_text(cause)}"
+    if not cause.little:  # of what does not matter it does not matter where it shows
+        yield f"       {remark or evidence_text(cause)}"
     yield f"       {probability_text(cause)}"
 
 

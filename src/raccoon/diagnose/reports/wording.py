@@ -174,7 +174,8 @@ _CATALOGUE: Mapping[str, Maker] = {
     ),
     "drive.wheel_slip": _number(
         "the wheels slip, and the robot lags {milli:.3g} ms behind them when they speed up or brake",
-        "clean the tyres, or accelerate more gently",
+        "clean the tyres, or accelerate more gently; and turn each wheel by hand, since play in the gears of "
+        "a wheel that rolls on freely looks the same",
     ),
     "drive.turn_scrub": _number(
         "turning on the spot costs {value:.3f} N m at each wheel",

@@ -52,7 +52,8 @@ class Firmware:
     move a position by one. sums: whether its positions are all that it shows of samples. waits: how many
     times from sample to sample commands come into force. lead: s from then until a sample can be read. most:
     counts of back-EMF, of which it keeps the last less than these. dead_zone: counts below which it says 0.
-    silent: counts up to which it may say 0. low: V by which the battery's readings are too low where it
+    silent: counts up to which it may say 0. units: whether the recording itself names it, and with it the
+    units of all words. low: V by which the battery's readings are too low where it
     falls. sag: part of the battery's resistance that its readings do not tell. smooths: whether the gyro is
     the board's own, which it sets to 41 Hz.
     """
@@ -72,6 +73,7 @@ class Firmware:
     low: float = 0.0
     sag: float = 0.0
     smooths: bool = True
+    units: bool = True
 
     def known_of(self, robot: RobotConfig) -> RobotConfig:
         """The robot with as much doubt about its battery's resistance as the readings leave."""

@@ -63,12 +63,17 @@ def bursting(
             continue
         if there[index] > max(least, TIMES * elsewhere[index]):
             said.append(
-                f"what is left of {name} comes where wheels speed up or brake: {there[index]:.2g} {unit} "
-                f"there, {elsewhere[index]:.2g} in steady driving; something {LOOSE}"
+                f"what is left of {name} comes where wheels speed up or brake: {_size(there[index])} {unit} "
+                f"there, {_size(elsewhere[index])} in steady driving; something {LOOSE}"
             )
     if said or play:
         return tuple(said)
     return _of_the_gyro_alone(roles, residual, regimes)
+
+
+def _size(number: float) -> str:
+    """Two digits, and never a power of ten."""
+    return f"{number:.0f}" if number >= 10.0 else f"{number:.2g}"
 
 
 def _of_the_gyro_alone(roles: Sequence[str], residual: Array, regimes: Regimes) -> tuple[str, ...]:
@@ -90,5 +95,5 @@ def _of_the_gyro_alone(roles: Sequence[str], residual: Array, regimes: Regimes) 
         return ()
     return (
         f"where wheels speed up or brake the gyro says {there:.2g} rad/s that no wheel's reading does, at "
-        f"rest {at_rest:.2g}; something between wheels and body {LOOSE}",
+        f"rest {at_rest:.2g}; the tyres skid, or something between wheels and body {LOOSE}",
     )

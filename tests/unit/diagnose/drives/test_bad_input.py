@@ -106,11 +106,45 @@ def test_volts_in_millivolts_are_said(good: Columns) -> None:
 def test_one_motor_that_turns_the_other_way_is_said(good: Columns, port: int) -> None:
     """Command and reading of a motor that is wired the other way agree; its turns do not suit the gyro."""
     names = (f"motor.{port}.duty", f"motor.{port}.bemf")
-    with pytest.raises(TraceError, match=rf"motor {port} turns the other way .*\[motor\.{port}\] inverted"):
+    with pytest.raises(
+        TraceError, match=rf"motor {port} turns the other way .* inverted = true under \[motor\.{port}\]"
+    ):
         check({**good, **{name: -good[name] for name in names}})
     wrong = parse_robot({"motor": {str(port): {"inverted": True}}})
-    with pytest.raises(TraceError, match=f"motor {port} turns the other way"):
+    with pytest.raises(TraceError, match=f"motor {port} turns the other way .* inverted = false"):
         check(good, wrong)
+
+
+def straight(wander: float) -> Columns:
+    """A robot that drives straight back and forth, and is steered by so many rad/s."""
+    time = np.arange(0.0, 8.0, 0.005)
+    speed, turn = 4.0 * np.sign(np.sin(time)), wander * np.sin(2.3 * time)
+    model = ROBOT.model
+    wheel = 0.5 * turn * model.drive.track_width.value / model.drive.wheel_radius.value
+    counts = model.left.back_emf_constant.value / BEMF_VOLTS_PER_COUNT
+    noise = np.random.default_rng(3)
+    found = {"t": time, "imu.gyro.z": turn + 0.003 * noise.standard_normal(len(time))}
+    for port, sign in ((0, -1.0), (1, 1.0)):
+        found[f"motor.{port}.duty"] = 0.75 * np.sign(speed) + sign * 0.05 * turn
+        found[f"motor.{port}.bemf"] = counts * (speed + sign * wheel) + noise.standard_normal(len(time))
+    return found
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_one_motor_that_turns_the_other_way_is_said_of_a_robot_that_nearly_drives_straight(port: int) -> None:
+    """Its wheels went alike all the time, so nobody asked whose turns the gyro sees."""
+    columns, names = straight(0.4), (f"motor.{port}.duty", f"motor.{port}.bemf")
+    check(columns)
+    with pytest.raises(TraceError, match=rf"motor {port} .* write inverted = true under \[motor\.{port}\]"):
+        check({**columns, **{name: -columns[name] for name in names}})
+
+
+def test_wheels_that_go_against_each_other_all_the_time_are_no_lazy_gyro() -> None:
+    """A robot that only drove straight, with a motor the other way round, had "another axis"."""
+    columns = straight(0.0)
+    check(columns)
+    with pytest.raises(TraceError, match="If it drove straight, one motor turns the other way than robot"):
+        check({**columns, **{f"motor.1.{kind}": -columns[f"motor.1.{kind}"] for kind in ("duty", "bemf")}})
 
 
 @pytest.mark.parametrize("kind", ["duty", "bemf"])

@@ -53,6 +53,15 @@ def test_both_wheels_are_told(problem: Problem) -> None:
     assert "at the right" in right
 
 
+def test_what_no_cause_describes_bends_them_all(problem: Problem) -> None:
+    """Seven numbers of one robot were to be measured, each in a sentence, and none of them was wrong."""
+    one = replace(problem, causes={"drive.slope": problem.causes["drive.slope"]})
+    both = sum(bent(problem, "drive.wheel_radius.factor", side, 3.3).base for side in ("left", "right"))
+    (note,) = bent_notes(search_at(one, Point(np.asarray(both))), unknown=True)
+    assert note.startswith("drive.wheel_radius of robot.toml end")
+    assert "measure" not in note
+
+
 def test_what_is_named_is_not_told_again(problem: Problem) -> None:
     one = replace(problem, causes={"drive.inertia": problem.causes["drive.inertia"]})
     point = bent(problem, "drive.inertia_straight", None, 3.3)

@@ -185,8 +185,10 @@ def test_data_that_does_not_show_a_cause_is_said_not_to(errors: tuple[float, flo
         page(replace(FOUND, causes=(cause,)), "run"),
     ):
         shown = text.partition("<pre")[0]
-        assert "was kept for judging does not show it; it was named for what it explains elsewhere" in shown
-        assert "without it" not in shown
+        assert "is foreseen as well without it: see it in a second" in shown
+        assert "times the noise without it" not in shown
+    small = replace(cause, change=0.04)
+    assert "kept for judging" not in terminal_report(replace(FOUND, causes=(small,)))
     assert "93 % of what could be gained" in page(FOUND, "run")
 
 
@@ -195,6 +197,12 @@ def test_a_cause_without_rivals_is_not_one_of_several() -> None:
     assert "1. The K_E of the left motor" in text
     assert "One of these" not in text
     assert "probability 0.99\n" in text
+
+
+def test_what_robot_toml_could_do_as_well_is_said_so() -> None:
+    cause = replace(CAUSE, change=3.3, unabsorbed=0.005)
+    text = terminal_report(replace(FOUND, causes=(cause,)))
+    assert "3.3 times its noise; the tolerances in robot.toml could do nearly all of that as well" in text
 
 
 def test_a_large_change_is_no_power_of_ten() -> None:

@@ -1,0 +1,87 @@
+"""Commands that are no duty: a controller that keeps the speed it is told gives its motors what that takes.
+
+A motor under a duty d of the voltage U turns with e = a U d - c sign(d), where c = R friction / K_E is what
+friction takes, some 0.3 V. Under a speed loop the same friction takes nothing of the speed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.log import Log
+
+Array = NDArray[np.float64]
+
+STEADY = 0.3
+"""S since a command changed, after which a wheel has the speed that it keeps."""
+LEAST, APART = 40, 1.5
+"""Rows of a wheel that are asked, and the factor by which the largest of their commands is over the least."""
+MOVES = 0.02
+"""Of the battery's voltage: back-EMF from which a wheel moves."""
+KEPT = 0.35
+"""Part of what friction should take, up to which next to nothing of it shows; of a hundred drives by duty the
+least was 0.55, but for three that were held by walls."""
+EXACT, ALIKE = 0.05, 0.03
+"""V, root mean square, to which the speeds of a loop go by its commands; and the part by which two wheels'
+differ at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedLoop:
+    """counts: of back-EMF that a command of 1 stands for. taken, usual: V that friction takes, and should."""
+
+    counts: float
+    taken: float
+    usual: float
+
+
+def speed_loop(log: Log, robot: RobotConfig) -> SpeedLoop | None:
+    """What the steady speeds of both wheels say, None where they do not say that a loop keeps them."""
+    battery = log.channel("battery")
+    full = robot.model.battery.open_circuit_voltage.value
+    volts = np.full(len(log.time), full)
+    if battery is not None and np.isfinite(battery.values).sum() >= LEAST:
+        known = np.isfinite(battery.values)
+        volts = np.interp(log.time, log.time[known], battery.values[known])
+    model = robot.model
+    lines, usual = [], []
+    for index, (side, motor) in enumerate((("left", model.left), ("right", model.right))):
+        wheel = log.channel(f"bemf_{side}")
+        line = None
+        if wheel is not None:
+            line = _line(log.time, log.duty[:, index], BEMF_VOLTS_PER_COUNT * wheel.values, volts)
+        if line is None:
+            return None
+        lines.append(line)
+        friction = model.friction.coulomb.value * motor.armature_resistance.value
+        usual.append(friction / motor.back_emf_constant.value)
+    (left, left_c), (right, right_c) = lines
+    if abs(left / right - 1.0) > ALIKE:
+        return None
+    if any(abs(c) > KEPT * most for c, most in zip((left_c, right_c), usual, strict=True)):
+        return None
+    counts = 0.5 * (left + right) * float(np.median(volts)) / BEMF_VOLTS_PER_COUNT
+    return SpeedLoop(counts, 0.5 * (left_c + right_c), 0.5 * sum(usual))
+
+
+def _line(time: Array, duty: Array, speed: Array, volts: Array) -> tuple[float, float] | None:
+    """Part of the command's voltage that a wheel keeps, and V that are taken off; None where its steady rows
+    are too few, too much alike, or on no line."""
+    changed = np.abs(np.diff(duty, prepend=duty[0])) > 1e-9
+    since = time - np.maximum.accumulate(np.where(changed, time, time[0]))
+    asked = (since >= STEADY) & np.isfinite(speed) & (duty != 0.0)
+    asked &= np.abs(np.nan_to_num(speed)) > MOVES * volts
+    if asked.sum() < LEAST:
+        return None
+    d, e, u = duty[asked], speed[asked], volts[asked]
+    if np.abs(d).max() < APART * np.abs(d).min():
+        return None
+    columns = np.column_stack([u * d, -np.sign(d)])
+    found: Array = np.asarray(np.linalg.lstsq(columns, e, rcond=None)[0], float)
+    off = float(np.sqrt(np.mean((e - columns @ found) ** 2)))
+    return None if off > EXACT or found[0] <= 0.0 else (float(found[0]), float(found[1]))

@@ -1,0 +1,235 @@
+"""Wheels that stand although they are driven: a plug that fell out, motors that were switched off, a jam.
+
+No number of a robot makes a wheel stand at nearly a fifth of the battery's voltage. What is found so is left
+out as a stretch that was not driven freely, and said, with what the battery's voltage tells of it: a motor
+that stands draws the most current that it ever draws, and one without a plug none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.binned import bin_means, runs
+from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+SIDES = ("left", "right")
+
+BIN = 0.02
+"""S over which commands and readings are averaged."""
+DRIVEN = 0.18
+"""Of the battery's voltage that surely drives a wheel."""
+STANDS, FOLLOWS = 0.1, 0.5
+"""Part of its command's voltage up to which a wheel's back-EMF stands, and from which it follows."""
+LASTS, ANSWERS = 0.4, 0.1
+"""S for which a wheel stands at least, and for which it follows where it does again."""
+BEFORE, SLOWER = 1.0, 0.9
+"""S before, whose median part is what it has while it follows; and part of that below which it has begun to
+roll out."""
+SHOWS = 0.015
+"""V by which standing motors must take the battery down before its reading is asked."""
+NO_CURRENT, CURRENT = 0.25, 0.5
+"""Part of that up to which there is no current, and from which there is."""
+SLOW = 0.3
+"""S that a battery's reading is behind."""
+SAID = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """From when to when, s, which wheels stood. current: whether they drew any, None where that is not
+    known."""
+
+    start: float
+    end: float
+    sides: tuple[str, ...]
+    current: bool | None = None
+
+
+def with_what_turned(log: Log, robot: RobotConfig) -> Log:
+    """The log with what it has of wheels that stood although they were driven among what is lost, and said;
+    the same log where there is nothing of that kind.
+
+    Raises TraceError where too little is left.
+    """
+    known, seen = log.held, standing(log, robot)
+    if not seen:
+        return log
+    found = [each for each in seen if not any(_covers(span, each) for span in known)]
+    # Of what is left out already only what the battery tells is news.
+    news = [each for each in seen if each in found or each.current is not None]
+    told = told_of(news, robot)
+    log = replace(log, stood=told)
+    if not found:
+        return log
+    held = tuple((each.start, each.end) for each in found)
+    rows = np.minimum(np.searchsorted(log.time, [end for _, end in held]), len(log.time) - 1)
+    until = [settled(log.time, log.duty, int(row)) for row in rows]
+    more = [(start, end) for (start, _), end in zip(held, until, strict=True)]
+    lost = tuple(sorted((*log.lost, *more)))
+    if log.seconds - sum(apart(lost)) < SHORTEST_SECONDS:
+        raise TraceError(
+            f"{'; '.join(text for _, text in told)}; a diagnosis needs at least {SHORTEST_SECONDS:g} s of "
+            "driving freely"
+        )
+    return replace(log, lost=lost, held=tuple(sorted((*known, *held))))
+
+
+def _covers(span: tuple[float, float], found: Standing) -> bool:
+    shared = min(span[1], found.end) - max(span[0], found.start)
+    return shared > 0.5 * (found.end - found.start)
+
+
+def told_of(found: Sequence[Standing], robot: RobotConfig) -> tuple[tuple[str, str], ...]:
+    """For each kind of it a column and a sentence, without the point at the end."""
+    kinds: dict[tuple[tuple[str, ...], bool | None], list[Standing]] = {}
+    for each in found:
+        kinds.setdefault((each.sides, each.current), []).append(each)
+    columns = {sides: f"motor.{getattr(robot.drive, sides[0])}.duty" for sides, _ in kinds}
+    return tuple((columns[kind[0]], _told(kind, each, robot)) for kind, each in kinds.items())
+
+
+def _told(kind: tuple[tuple[str, ...], bool | None], found: Sequence[Standing], robot: RobotConfig) -> str:
+    sides, current = kind
+    when = ", ".join(f"from {each.start:.1f} to {each.end:.1f} s" for each in found[:SAID])
+    more = f" and {len(found) - SAID} times more" if len(found) > SAID else ""
+    if len(sides) > 1:
+        who = "neither wheel turned although both were driven"
+        why = {
+            None: "held by a wall, or switched off",
+            False: "the battery's voltage shows no current: both motors were switched off, by an emergency "
+            "stop or a program whose end is not recorded",
+            True: "the battery's voltage shows their current: held, by a wall for instance",
+        }
+    else:
+        port = getattr(robot.drive, sides[0])
+        who = f"motor {port} ({sides[0]}) did not turn although it was driven"
+        why = {
+            None: "unplugged, its fuse tripped, or jammed",
+            False: "the battery's voltage shows no current of it: unplugged, or its fuse tripped",
+            True: "the battery's voltage shows its current: jammed, or held by something",
+        }
+    return f"{when}{more} {who}: {why[current]}; nothing is compared there"
+
+
+def standing(log: Log, robot: RobotConfig) -> tuple[Standing, ...]:
+    """Where wheels stood although they were driven, in the order of time."""
+    if log.seconds < SHORTEST_SECONDS or not log.duty.any():
+        return ()
+    time = np.arange(log.time[0], log.time[-1], BIN)
+    full = _full(log, robot)
+    found = []
+    for index, side in enumerate(SIDES):
+        speed = _volts(log, robot, side, time)
+        if speed is None:
+            continue
+        volts = full * _commands(log, index, time)
+        found += [(start, end, side) for start, end in _stretches(volts, speed, full)]
+    return tuple(_with_current(each, log, robot, time, full) for each in _united(found, time))
+
+
+def _full(log: Log, robot: RobotConfig) -> float:
+    battery = log.channel("battery")
+    if battery is not None and np.isfinite(battery.values).any():
+        return float(np.nanmedian(battery.values))
+    return robot.model.battery.open_circuit_voltage.value
+
+
+def _place(at: Array, time: Array) -> NDArray[np.intp]:
+    return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
+
+
+def _volts(log: Log, robot: RobotConfig, side: str, time: Array) -> Array | None:
+    """V of back-EMF in each bin, NaN where nothing was read."""
+    wheel = log.wheel(side)
+    if wheel is None:
+        return None
+    motor = robot.model.left if side == "left" else robot.model.right
+    unit = BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
+    return unit * bin_means(_place(log.time, time), wheel.values, len(time))
+
+
+def _commands(log: Log, index: int, time: Array) -> Array:
+    rows = np.searchsorted(log.time, time + 0.5 * BIN, side="right") - 1
+    return np.asarray(log.duty[np.clip(rows, 0, len(log.time) - 1), index], float)
+
+
+def _stretches(volts: Array, speed: Array, full: float) -> list[tuple[int, int]]:
+    """First and one after the last bin of each stretch in which one wheel stood: from where it fell behind
+    its command until it follows one again."""
+    driven = np.abs(volts) > DRIVEN * full
+    share = np.where(driven, speed / np.where(driven, volts, 1.0), np.nan)
+    follows = np.zeros(len(volts), bool)
+    for start, end in runs(share > FOLLOWS):
+        follows[start:end] = (end - start) * BIN >= ANSWERS
+    found: list[tuple[int, int]] = []
+    for start, end in runs(np.abs(share) < STANDS):
+        if (end - start) * BIN < LASTS or (found and end <= found[-1][1]):
+            continue
+        first = start
+        while first > 0 and driven[first - 1] and not follows[first - 1]:
+            first -= 1
+        before = share[max(first - round(BEFORE / BIN), 0) : first]
+        level = SLOWER * float(np.nanmedian(before)) if np.isfinite(before).any() else 0.0
+        while first > 0 and share[first - 1] < level:
+            first -= 1
+        again = np.flatnonzero(follows[end:])
+        found.append((first, end + int(again[0]) if len(again) else len(volts)))
+    return found
+
+
+def _united(found: Sequence[tuple[int, int, str]], time: Array) -> tuple[Standing, ...]:
+    """Stretches of both wheels that are mostly the same as one; the others apart."""
+    edges = np.append(time, time[-1] + BIN)
+    left = [each for each in found if each[2] == SIDES[0]]
+    right = [each for each in found if each[2] == SIDES[1]]
+    both = []
+    for one in list(left):
+        for other in list(right):
+            shared = min(one[1], other[1]) - max(one[0], other[0])
+            if shared > 0.5 * max(one[1] - one[0], other[1] - other[0]):
+                both.append((min(one[0], other[0]), max(one[1], other[1]), SIDES))
+                left.remove(one)
+                right.remove(other)
+                break
+    alone = [(start, end, (side,)) for start, end, side in (*left, *right)]
+    spans = sorted((*both, *alone))
+    return tuple(Standing(float(edges[start]), float(edges[end]), sides) for start, end, sides in spans)
+
+
+def _with_current(found: Standing, log: Log, robot: RobotConfig, time: Array, full: float) -> Standing:
+    """The stretch with whether its wheels drew current: by how far the battery's reading went down, the other
+    wheel's doing left out."""
+    battery = log.channel("battery")
+    if battery is None:
+        return found
+    model = robot.model
+    seen = bin_means(_place(log.time, time), battery.values, len(time))
+    sags = {}
+    for index, (side, motor) in enumerate(zip(SIDES, (model.left, model.right), strict=True)):
+        duty, speed = _commands(log, index, time), _volts(log, robot, side, time)
+        if speed is None:
+            return found
+        current = duty * (full * duty - speed) / motor.armature_resistance.value
+        sags[side] = model.battery.internal_resistance.value * np.maximum(current, 0.0)
+    inside = (time >= found.start) & (time < found.end)
+    its = sum((sags[side] for side in found.sides), np.zeros(len(time)))
+    others = sum((each for side, each in sags.items() if side not in found.sides), np.zeros(len(time)))
+    rest = seen + its + others
+    for_long = np.convolve((its > SHOWS).astype(float), np.ones(round(SLOW / BIN)))[: len(time)]
+    asked = inside & (for_long >= round(SLOW / BIN)) & np.isfinite(seen + its + others)
+    free = ~inside & np.isfinite(rest)
+    if asked.sum() * BIN < LASTS or free.sum() * BIN < LASTS:
+        return found
+    down = float(np.median(rest[free])) - seen[asked] - others[asked]
+    part = float(np.mean(down) / np.mean(its[asked]))
+    known = False if part < NO_CURRENT else True if part > CURRENT else None
+    return replace(found, current=known)

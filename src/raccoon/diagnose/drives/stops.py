@@ -1,0 +1,103 @@
+"""What a motor does at duty 0: it is shorted and brakes, or it coasts; or now one and now the other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.log import Log
+
+Array = NDArray[np.float64]
+
+BRAKING_SECONDS = 0.1
+BRAKES = 0.4
+"""Part of its speed that a motor has left after that, below which it brakes."""
+SURELY, SURELY_NOT = 0.25, 0.5
+"""The same where a robot does both."""
+MORE = 1.6
+"""Times what coasting takes of a speed, which is the same of any, that braking takes at least: friction alone
+stops a wheel that is slow."""
+FREE = 0.9
+"""Part of a usual wheel's speed for its command that it had before: at a wall it stops by that."""
+EACH = 2
+"""Moments of either kind from which a robot does both."""
+TOGETHER = 0.05
+"""S within which both wheels are released at once."""
+FAST = 0.15
+"""Part of a wheel's largest speed from which it has to stop from."""
+BOTH = (
+    "at duty 0 the motors sometimes brake and sometimes coast, and the recording has no motor.N.brake: each "
+    "stop is taken for what the wheels show it to be"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Of one wheel (0 left, 1 right): its first row at duty 0, and what part of its speed is left later.
+    lost: the rest, in the unit of its reading. share: its speed over the command before."""
+
+    wheel: int
+    row: int
+    left: float
+    lost: float
+    share: float
+
+
+def brakes(log: Log) -> bool:
+    """Whether the motors brake at duty 0: a shorted motor stops within 0.1 s, one that coasts rolls on."""
+    left = [each.left for each in stops(log)]
+    return bool(left) and float(np.median(left)) < BRAKES
+
+
+def with_stops(log: Log) -> Log:
+    """The log with what each stop was, where it does not say so itself and there were both kinds."""
+    if log.brake is not None:
+        return log
+    moments = _moments(log, sorted(stops(log), key=lambda each: each.row))
+    coasting = [each for each in moments if all(one.left > SURELY_NOT for one in each)]
+    if len(coasting) < EACH:
+        return log
+    usual = [one for each in coasting for one in each]
+    lost = MORE * float(np.median([one.lost for one in usual]))
+    share = FREE * float(np.median([one.share for one in usual]))
+    braking = [
+        each
+        for each in moments
+        if all(one.left < SURELY and one.lost > lost and one.share > share for one in each)
+    ]
+    if len(braking) < EACH:
+        return log
+    brake = np.zeros(log.duty.shape, bool)
+    for one in (one for each in braking for one in each):
+        driven = np.flatnonzero(log.duty[one.row :, one.wheel])
+        brake[one.row : one.row + int(driven[0]) if len(driven) else None, one.wheel] = True
+    return replace(log, brake=brake, notes=(*log.notes, BOTH))
+
+
+def _moments(log: Log, found: Sequence[Stop]) -> list[list[Stop]]:
+    """Stops of both wheels at once together."""
+    moments: list[list[Stop]] = []
+    for each in found:
+        if moments and log.time[each.row] - log.time[moments[-1][0].row] < TOGETHER:
+            moments[-1].append(each)
+        else:
+            moments.append([each])
+    return moments
+
+
+def stops(log: Log) -> Iterator[Stop]:
+    """Each release of a turning motor that is long enough."""
+    for index, side in enumerate(("left", "right")):
+        wheel = log.wheel(side)
+        if wheel is None:
+            continue
+        duty, size = log.duty[:, index], np.abs(wheel.values)
+        for row in np.flatnonzero((duty[1:] == 0.0) & (duty[:-1] != 0.0)) + 1:
+            later = int(np.searchsorted(log.time, log.time[row] + BRAKING_SECONDS))
+            if later < len(log.time) and not duty[row:later].any() and size[row] > FAST * np.nanmax(size):
+                left, share = float(size[later] / size[row]), float(size[row] / abs(duty[row - 1]))
+                if np.isfinite(left):
+                    yield Stop(index, int(row), left, float(size[row] - size[later]), share)

@@ -1,0 +1,129 @@
+"""Whether the robot turns as its wheels say: motors that are the other way round, gyros that do not turn."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.log import Channel, Log
+from raccoon.diagnose.drives.sizes import FEWEST, turn_rate, volts
+
+Array = NDArray[np.float64]
+
+TURNS, STILL = 0.3, 0.1
+"""rad/s that the wheels must make where they turn the robot, and the share of it below which a gyro says that
+it does not turn."""
+MOST_ALIKE = 0.9
+"""Correlation of the wheels from which each one's own share in the turns is not known."""
+CLEAR_SHARE = 0.5
+"""Part of the gyro's power that the wheels must explain, and of a wheel's usual share of it: a wheel of the
+other sign is wrong by twice of that."""
+LARGEST_SHARE = 2.0
+"""The most of it that is no chance."""
+
+
+def check_ways(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where one motor turns the other way, with its reading as well: its own command and
+    reading agree, but what it does to the gyro does not."""
+    gyro, wheels = log.channel("gyro"), _wheels(log)
+    if gyro is None or wheels is None:
+        return
+    both = _rates(wheels, robot)
+    known = np.isfinite(both).all(axis=1) & np.isfinite(gyro.values)
+    if known.sum() < FEWEST or float(np.ptp(both[known], axis=0).min()) == 0.0:
+        return
+    index = _other_way(both[known], gyro.values[known])
+    if index is None:
+        return
+    port = (robot.drive.left, robot.drive.right)[index]
+    raise TraceError(
+        f"{gyro.name} says that motor {port} turns the other way than its command and "
+        f"{wheels[index].name}: {_change(robot, port)}, or swap the two wires of its plug and record again"
+    )
+
+
+def _other_way(both: Array, rate: Array) -> int | None:
+    """Which wheel turns the robot the other way than it reads, None where neither surely does. both (n, 2),
+    rate (n,): rad/s by the left and the right wheel, and by the gyro."""
+    power = max(float(rate @ rate), 1e-300)
+    alike = abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > MOST_ALIKE
+    if not alike:
+        shares: Array = np.asarray(np.linalg.lstsq(both, rate, rcond=None)[0], float)
+        left = float(((rate - both @ shares) ** 2).sum()) / power
+        clear = left < 1.0 - CLEAR_SHARE and shares.max() > CLEAR_SHARE and shares.min() < -CLEAR_SHARE
+        return int(np.argmin(shares)) if clear else None
+    # Where both turn alike all the time only their sum and difference tell.
+    explained = {way: _explained(both @ np.array(way), rate) / power for way in WAYS}
+    best = max(explained, key=lambda way: explained[way])
+    if explained[best] < CLEAR_SHARE or explained[AS_WRITTEN] > 0.5 * explained[best]:
+        return None
+    return best.index(-1.0) if -1.0 in best else None
+
+
+AS_WRITTEN = (1.0, 1.0)
+WAYS = (AS_WRITTEN, (-1.0, 1.0), (1.0, -1.0))
+"""Signs of the left and the right wheel."""
+
+
+def _explained(expected: Array, rate: Array) -> float:
+    """Power of the gyro that a turn rate explains, with a factor that a robot may have."""
+    square = float(expected @ expected)
+    factor = float(expected @ rate) / square if square > 0.0 else 0.0
+    return factor**2 * square if CLEAR_SHARE < factor < LARGEST_SHARE else 0.0
+
+
+def _change(robot: RobotConfig, port: int) -> str:
+    """What to write into robot.toml."""
+    wanted = "false" if robot.motor(port).inverted else "true"
+    return f"write inverted = {wanted} under [motor.{port}] in robot.toml"
+
+
+def check_turns(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where the gyro hardly turns although the wheels turn the robot."""
+    gyro, expected = log.channel("gyro"), turn_rate(log, robot)
+    if gyro is None or expected is None:
+        return
+    both = np.isfinite(expected) & np.isfinite(gyro.values)
+    if both.sum() < FEWEST:
+        return
+    wheels, seen = (float(np.sqrt(np.mean(each[both] ** 2))) for each in (expected, gyro.values))
+    if wheels <= TURNS or seen >= STILL * wheels:
+        return
+    said = f"{gyro.name} hardly turns ({seen:.2g} rad/s) while the wheels turn the robot ({wheels:.2g} rad/s)"
+    if _against_each_other(log):
+        left, right = (_change(robot, port) for port in (robot.drive.left, robot.drive.right))
+        raise TraceError(
+            f"{said}, each against the other all the time. If it drove straight, one motor turns the other "
+            f"way than robot.toml says: {left}, or {right}, whichever turns its wheel backwards at a "
+            "positive duty. If it spun on the spot, the gyro's column is another axis, or the wheels were "
+            "off the floor"
+        )
+    raise TraceError(f"{said}: is it another axis, or were the wheels off the floor?")
+
+
+def _against_each_other(log: Log) -> bool:
+    """Whether one wheel goes backwards whenever the other goes forwards: nobody spins on the spot only."""
+    wheels = _wheels(log)
+    if wheels is None:
+        return False
+    left, right = (each.values / max(float(np.nanmax(np.abs(each.values))), 1e-300) for each in wheels)
+    known = np.isfinite(left + right)
+    return float(np.corrcoef(left[known], right[known])[0, 1]) < -MOST_ALIKE
+
+
+def _wheels(log: Log) -> tuple[Channel, Channel] | None:
+    left, right = log.wheel("left"), log.wheel("right")
+    return None if left is None or right is None else (left, right)
+
+
+def _rates(wheels: tuple[Channel, Channel], robot: RobotConfig) -> Array:
+    """rad/s (n, 2) by which each wheel turns the robot, as its reading says."""
+    model = robot.model
+    per_track = model.drive.wheel_radius.value / model.drive.track_width.value
+    left, right = (
+        per_track / motor.back_emf_constant.value * volts(wheel, motor) * wheel.values
+        for wheel, motor in zip(wheels, (model.left, model.right), strict=True)
+    )
+    return np.column_stack([-left, right])

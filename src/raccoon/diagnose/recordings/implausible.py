@@ -1,0 +1,103 @@
+"""Numbers that no robot has, and what a recording holds instead of what its names promise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.log import arranged
+from raccoon.diagnose.drives.quality import driven_freely
+from raccoon.diagnose.drives.speed_loop import SpeedLoop, speed_loop
+from raccoon.diagnose.result import NO_DUTY, CauseResult, Diagnosis, Rejected, SensorFault, Verdict
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Factors of robot.toml's number that are a robot's, and what to look for beyond."""
+
+    low: float
+    high: float
+    doubt: str
+
+
+_UNITS = "look at units, at robot.toml (is it this robot's?) and at what the column of the commands holds"
+RANGES: Mapping[str, Range] = {
+    "motor.armature_resistance": Range(0.5, 2.5, f"No motor's winding is that far off: {_UNITS}."),
+    "motor.back_emf_constant": Range(0.6, 1.6, f"No motor of one make is that far off: {_UNITS}."),
+    "bemf.scale": Range(0.75, 1.35, f"No controller reads that far off: {_UNITS}."),
+    "imu.gyro_scale": Range(0.75, 1.35, f"No gyro reads that far off: {_UNITS}."),
+    "drive.wheel_radius": Range(0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."),
+    "drive.track_width": Range(0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."),
+    "drive.inertia": Range(0.15, 5.0, f"No load makes that much of a difference: {_UNITS}."),
+}
+"""By id. Of robots that nobody has measured, from 21 mm wheels to 50 mm and from 4 to 60 g m2, none is beyond
+what the default robot.toml has."""
+TOO_LOW = 0.5
+"""Factor of both motors' resistance (or inertia, which may stand in its place) below which a loop drives."""
+QUICK = ("motor.armature_resistance", "drive.inertia")
+
+
+def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagnosis:
+    """A diagnosis that says where a number is none that a robot has, or that the commands are no duty."""
+    if found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE):
+        return found
+    quick = any(each.id in QUICK and each.where is None and _factor(each) < TOO_LOW for each in found.causes)
+    if quick or not found.causes:
+        log = arranged(columns, robot)
+        loop = speed_loop(driven_freely(log, robot), robot)
+        if loop is not None:
+            return _no_duty(found, robot, loop, sure=quick)
+    causes = tuple(_doubted(each) for each in found.causes)
+    if causes == found.causes:
+        return found
+    verdict = Verdict.PARTLY if found.verdict is Verdict.EXPLAINED else found.verdict
+    return replace(found, causes=causes, verdict=verdict)
+
+
+def _factor(cause: CauseResult) -> float:
+    number = cause.parameters.get("factor")
+    return 1.0 if number is None else number.value / (number.nominal or 1.0)
+
+
+def _doubted(cause: CauseResult) -> CauseResult:
+    usual = RANGES.get(cause.id)
+    if usual is None or cause.little or usual.low <= _factor(cause) <= usual.high:
+        return cause
+    return replace(cause, explanation=f"{cause.explanation} {usual.doubt}")
+
+
+def _no_duty(found: Diagnosis, robot: RobotConfig, loop: SpeedLoop, *, sure: bool) -> Diagnosis:
+    """What is said of commands that are followed as a loop follows them. Nothing that was named holds
+    then."""
+    left, right = (f"motor.{port}.duty" for port in (robot.drive.left, robot.drive.right))
+    holds = "hold a speed, not a duty" if sure else "seem to hold a speed, not a duty"
+    text = (
+        f"the columns {left} and {right} {holds}: the wheels keep {loop.counts:.0f} counts of back-EMF for "
+        f"a command of 1, and friction takes {abs(loop.taken):.2f} V of that, not the {loop.usual:.2f} V "
+        "that it takes of a motor under a duty; so does a controller that keeps a speed (mav, "
+        "move_at_velocity). Record the duty that it gives its motors, or drive by power (motor) for a "
+        "diagnosis"
+    )
+    fault = SensorFault(left, NO_DUTY, text)
+    if not sure:
+        return replace(found, sensor_faults=(*found.sensor_faults, fault))
+    names = [*(each.name for each in found.causes), *(each.id for each in found.rejected)]
+    reason = f"not judged: {left} holds a speed, not a duty"
+    return replace(
+        found,
+        verdict=Verdict.NOT_IDENTIFIABLE,
+        causes=(),
+        rejected=tuple(Rejected(each, reason) for each in names),
+        unexplained=replace(found.unexplained, depends_on=()),
+        suggested_manoeuvres=(),
+        model=None,
+        shapes=(),
+        sensor_faults=(*found.sensor_faults, fault),
+    )

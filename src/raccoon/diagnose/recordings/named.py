@@ -1,0 +1,124 @@
+"""Which firmware made a recording that does not name it: as robot.toml or the command line says.
+
+A CSV of a logger of one's own says nothing of the controller. That it is a Wombat is known to whoever drove,
+and how long its motors pause for samples is in no reading: of the stock firmware that is a resistance 28 %
+too high.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import SI_WORDS, Device
+from raccoon.diagnose.rollout.firmware import firmware_of
+from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21, STOCK
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+STOCK_PORT, RACCOON_PORT = "wombat", "wombat-raccoon"
+PORTS = (STOCK_PORT, RACCOON_PORT)
+"""Words of robot.toml's controller.port that name a firmware."""
+BY_PORT = 'its firmware is named by controller.port = "{}" (robot.toml, or --port), not by the recording'
+LEAST = 20
+"""Readings just above a zone, from which those that are missing in it are missed."""
+MISSING, THERE = 0.35, 0.6
+"""Readings below 9 counts over those from 10 to 20, up to which the firmware says 0 instead, and from which
+it does not. A wheel that comes to rest has as many of either. (At rest, which is most of them, a zone reads 0
+and nothing else; one that has an offset as well never does.)"""
+THERE_TOO = 0.1
+"""Readings from 10 to 20 over those from 25 to 50, from which these are there as well."""
+
+
+class Zone(Enum):
+    """What the smallest readings of back-EMF say: below how many counts they are 0."""
+
+    UNKNOWN = ""
+    NONE = "none"
+    STOCK = "10 counts"
+    RACCOON_21 = "25 counts"
+
+
+def zone_of(columns: Columns, robot: RobotConfig) -> Zone:
+    """The zone in which both wheels' readings are missing, if that is one of a Wombat's."""
+    names = [f"motor.{port}.bemf" for port in (robot.drive.left, robot.drive.right)]
+    if not all(name in columns for name in names):
+        return Zone.UNKNOWN
+    sizes = np.abs(np.concatenate([columns[name] for name in names]))
+    sizes = sizes[np.isfinite(sizes)]
+
+    def between(low: float, high: float) -> int:
+        return int(((sizes >= low) & (sizes < high)).sum())
+
+    rests, small, middle, large = (
+        between(0.0, 0.5),
+        between(0.5, 9.0),
+        between(10.0, 20.0),
+        between(25.0, 50.0),
+    )
+    if middle >= LEAST and small > THERE * middle:
+        return Zone.NONE
+    if middle >= max(LEAST, THERE_TOO * large):
+        return Zone.STOCK if rests >= middle and small < MISSING * middle else Zone.UNKNOWN
+    nothing = small + between(9.0, 24.0) < THERE_TOO * large
+    return Zone.RACCOON_21 if rests >= large >= LEAST and nothing else Zone.UNKNOWN
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """device: of the columns, with the firmware where it is known. said: whether it is told beside the
+    recording, which does not vouch for units then. notes: what is to be said of it."""
+
+    device: Device
+    said: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def named(device: Device, columns: Columns, robot: RobotConfig, port: str | None) -> Named:
+    """The device of a drive's columns. port: what robot.toml's controller.port or the command line says made
+    the recording, None where nothing does; the recording's own word goes before."""
+    if firmware_of(device) is not None or device.name != SI_WORDS.name:
+        return Named(device)
+    zone = zone_of(columns, robot)
+    if port not in PORTS:
+        return Named(device, notes=_looks_like(zone))
+    fits = {STOCK_PORT: (Zone.STOCK, Zone.UNKNOWN), RACCOON_PORT: (Zone.RACCOON_21, Zone.NONE, Zone.UNKNOWN)}
+    if zone not in fits[port]:
+        least = Zone.STOCK if port == STOCK_PORT else Zone.RACCOON_21
+        here = "there are smaller readings" if zone is Zone.NONE else f"0 is all below {zone.value}"
+        unused = (
+            f'controller.port = "{port}" is not used: that firmware reads back-EMF below {least.value} as 0, '
+            f"and here {here}"
+        )
+        return Named(device, notes=(unused,))
+    own = STOCK if port == STOCK_PORT else RACCOON_21 if zone is Zone.RACCOON_21 else RACCOON_17
+    told = replace(
+        device,
+        name=own.name,
+        position_counts_seconds=own.position_counts_seconds,
+        bemf_lag=own.bemf_lag,
+        bemf_dead_zone=own.bemf_dead_zone,
+        driven_share=own.driven_share,
+        bemf_range=own.bemf_range,
+    )
+    return Named(told, True, (BY_PORT.format(port),))
+
+
+def _looks_like(zone: Zone) -> tuple[str, ...]:
+    ports = {
+        Zone.STOCK: (STOCK_PORT, "the stock firmware", 24),
+        Zone.RACCOON_21: (RACCOON_PORT, "RaccoonOS 21", 10),
+    }
+    if zone not in ports:
+        return ()
+    port, name, share = ports[zone]
+    return (
+        f"no back-EMF is between 0 and {zone.value}, as of a Wombat with {name}, which lets its motors coast "
+        f"for {share} % of the time: if it made this recording, say so (--port {port}, or controller.port = "
+        f'"{port}" in robot.toml), or its habits are taken for causes such as a higher resistance',
+    )

@@ -1,0 +1,60 @@
+"""A verdict in one sentence: what a whole recording says, and how much it could have said."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
+
+VERDICTS: Mapping[Verdict, str] = {
+    Verdict.EXPLAINED: "The simulation is wrong, and this is why:",
+    Verdict.PARTLY: "The simulation is wrong; a part of it has a name:",
+    Verdict.UNKNOWN: "The simulation is wrong in a way that no known cause describes.",
+    Verdict.ADEQUATE: "The simulation fits this recording: nothing that matters is wrong.",
+    Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",
+}
+WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording. But:"
+NOT_VISIBLE = "not visible"
+"""How the reason of a cause begins whose usual size would not show."""
+MANY_HIDDEN = 5
+"""Such causes of 31 from which a recording that shows nothing says little. One that was driven as the checkup
+hides one or two."""
+ASKED = {
+    "motor.back_emf_constant": "K_E",
+    "motor.armature_resistance": "winding resistance",
+    "drive.inertia": "inertia",
+    "drive.wheel_radius": "wheel radius",
+    "friction.coulomb": "dry friction",
+    "imu.gyro_scale": "gyro scale",
+    "battery.internal_resistance": "battery resistance",
+}
+"""What most teams ask for; from which size on each would show tells how far a recording sees."""
+_FROM = re.compile(r"; would show from about (.*) on")
+
+
+def verdict_text(diagnosis: Diagnosis) -> str:
+    """The verdict as a sentence. That nothing is wrong is not said where next to nothing would have shown,
+    nor of a robot whose motors did not answer."""
+    if diagnosis.verdict is not Verdict.ADEQUATE:
+        return VERDICTS[diagnosis.verdict]
+    if any(each.fault == STOOD for each in diagnosis.sensor_faults):
+        return WHERE_ANSWERED
+    hidden = sum(each.reason.startswith(NOT_VISIBLE) for each in diagnosis.rejected)
+    if hidden >= MANY_HIDDEN:
+        return (
+            "The simulation fits this recording, but that says little: of "
+            f"{len(diagnosis.rejected)} causes {hidden} would not show in it at their usual size."
+        )
+    return VERDICTS[Verdict.ADEQUATE]
+
+
+def seen_text(diagnosis: Diagnosis) -> str:
+    """Of a recording in which nothing was found, from which size on the most usual causes would have shown;
+    "" where that is not known."""
+    if diagnosis.verdict is not Verdict.ADEQUATE or diagnosis.causes:
+        return ""
+    reasons = {each.id: each.reason for each in diagnosis.rejected}
+    sizes = [(name, _FROM.search(reasons.get(id_, ""))) for id_, name in ASKED.items()]
+    said = [f"{name} {found[1]}" for name, found in sizes if found]
+    return f"Errors from this size on would have shown: {', '.join(said)}." if said else ""

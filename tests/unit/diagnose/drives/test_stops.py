@@ -1,0 +1,84 @@
+"""What motors do at duty 0, and robots that do both."""
+
+from __future__ import annotations
+
+from itertools import cycle
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.drives.stops import BOTH, brakes, with_stops
+from raccoon.diagnose.result import Verdict
+from raccoon.sim.commands import Commands
+from raccoon.sim.parameters import Parameters
+from raccoon.sim.rollout import rollout
+from simulated_drives import NOISE
+
+ROBOT = RobotConfig()
+TIME = 0.005 * np.arange(3600)
+
+
+def stops(kinds: tuple[bool, ...]) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
+    """Power for half a second, rest for as long, to both sides; each rest in its turn brakes or coasts."""
+    braking = np.zeros(len(TIME), bool)
+    for second, kind in zip(range(18), cycle(kinds), strict=False):
+        braking[np.floor(TIME) == second] = kind
+    duty = np.where(TIME % 1.0 < 0.5, 0.8, 0.0) * np.where(TIME % 4.0 < 2.0, 1.0, -0.6)
+    left, right = duty, np.where(TIME % 3.0 < 1.0, 0.6 * duty, duty)
+    commands = Commands.of_wheels(TIME, left, right, braking)
+    run = rollout([Parameters.from_robot(ROBOT)], commands, channels=tuple(NOISE), longest_step=0.001)
+    rng = np.random.default_rng(7)
+    columns = {name: run[name][0] + size * rng.standard_normal(len(TIME)) for name, size in NOISE.items()}
+    return columns | {"t": TIME, "motor.0.duty": left, "motor.1.duty": right}, braking & (duty == 0.0)
+
+
+@pytest.mark.parametrize("kinds", [(True,), (False,)])
+def test_a_robot_that_stops_in_one_way_is_asked_as_before(kinds: tuple[bool, ...]) -> None:
+    columns, _ = stops(kinds)
+    log = log_from_columns(columns, ROBOT)
+    assert with_stops(log) is log
+    assert brakes(log) is kinds[0]
+
+
+def test_a_robot_that_does_both_is_taken_as_its_wheels_show() -> None:
+    columns, braking = stops((True, False, False, True, True))
+    log = with_stops(log_from_columns(columns, ROBOT))
+    assert log.brake is not None
+    assert log.notes == (BOTH,)
+    for side in (0, 1):
+        idle = log.duty[:, side] == 0.0
+        assert np.array_equal(log.brake[idle, side], braking[idle])
+
+
+def test_stops_of_both_kinds_are_no_loose_part() -> None:
+    """Something was said to be loose, twist or jump."""
+    columns, _ = stops((True, False, False, True, True))
+    found = diagnose(columns, ROBOT)
+    assert (found.verdict, found.causes) == (Verdict.ADEQUATE, ())
+    assert BOTH in found.notes
+    assert not any("loose" in each for each in found.notes)
+
+
+def test_rows_decide_where_they_say() -> None:
+    columns, braking = stops((True, False))
+    columns |= {f"motor.{port}.brake": braking.astype(float) for port in (0, 1)}
+    log = log_from_columns(columns, ROBOT)
+    assert with_stops(log) is log
+
+
+def test_walls_and_slow_wheels_are_no_brakes() -> None:
+    """A wheel that a wall or friction alone stops at once was a robot that brakes now and then."""
+    columns, _ = stops((False,))
+    for start in (2.5, 6.5, 10.5):
+        late = TIME - start
+        for port in (0, 1):
+            held = np.where(late < 0.0, 0.6, 0.0)  # it spins at the wall, and stops there at once
+            columns[f"motor.{port}.bemf"] = (
+                np.where(np.abs(late - 0.125) < 0.375, held, 1.0) * columns[f"motor.{port}.bemf"]
+            )
+    log = log_from_columns(columns, ROBOT)
+    assert with_stops(log) is log

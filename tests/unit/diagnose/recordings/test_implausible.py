@@ -1,0 +1,93 @@
+"""Numbers that no robot has, and commands that are speeds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.drives.speed_loop import speed_loop
+from raccoon.diagnose.recordings.implausible import with_doubts
+from raccoon.diagnose.reports.terminal import terminal_report
+from raccoon.diagnose.reports.wording import explanation, told
+from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
+
+Columns = dict[str, NDArray[np.float64]]
+ROBOT = RobotConfig()
+RESISTANCE = "motor.armature_resistance"
+
+
+def cause(id_: str, factor: float, where: str | None = None) -> CauseResult:
+    values = {"factor": ParameterResult(factor, 0.02, "", 1.0)}
+    said = explanation(id_, where, values)
+    return CauseResult(id_, where, 1, values, Gain(3.0, 1.0, 0.9), 1.0, (), said, 2.0, 1.0)
+
+
+def diagnosis(*causes: CauseResult) -> Diagnosis:
+    return Diagnosis(Verdict.EXPLAINED, (), causes, (), Unexplained(0.05), ("again",), 1.0)
+
+
+def driven(friction: float, per_duty: float = 5.0, right: float = 1.0) -> Columns:
+    """Wheels at several commands for a second each, of which friction takes so many V."""
+    time = np.arange(0.0, 16.0, 0.005)
+    levels = np.array([0.3, 0.6, -0.4, 0.8, -0.6, 0.5, -0.3, 0.7])
+    duty = levels[(time.astype(int) // 1) % len(levels)]
+    rng = np.random.default_rng(1)
+    found = {"t": time, "battery.voltage": 6.7 + 0.01 * rng.standard_normal(len(time))}
+    for port, share in ((0, 1.0), (1, right)):
+        volts = per_duty * share * duty - friction * np.sign(duty)
+        found[f"motor.{port}.duty"] = duty
+        found[f"motor.{port}.bemf"] = volts / BEMF_VOLTS_PER_COUNT + 3.0 * rng.standard_normal(len(time))
+    return found
+
+
+def test_a_loop_takes_friction_from_no_speed() -> None:
+    found = speed_loop(log_from_columns(driven(0.02), ROBOT), ROBOT)
+    assert found is not None
+    assert found.counts == pytest.approx(5.0 / BEMF_VOLTS_PER_COUNT, rel=0.01)
+    assert found.taken == pytest.approx(0.02, abs=0.01)
+    still = replace(log_from_columns(driven(0.02), ROBOT), duty=np.full((3200, 2), 0.5))
+    assert speed_loop(still, ROBOT) is None  # one command
+    for other in (driven(0.3), driven(0.02, right=0.9)):  # friction; two motors that are not alike
+        assert speed_loop(log_from_columns(other, ROBOT), ROBOT) is None
+
+
+@pytest.mark.parametrize("id_", [RESISTANCE, "drive.inertia"])
+def test_commands_that_are_speeds_are_no_winding_of_a_fifth(id_: str) -> None:
+    """It was "explained", by a winding resistance 82 % lower than assumed."""
+    found = with_doubts(diagnosis(cause(id_, 0.18), cause("bemf.scale", 0.74)), driven(0.02), ROBOT)
+    assert (found.verdict, found.causes, found.model) == (Verdict.NOT_IDENTIFIABLE, (), None)
+    assert "Commands: the columns motor.0.duty and motor.1.duty hold a speed, not a duty" in terminal_report(
+        found
+    )
+    assert {each.id for each in found.rejected} == {id_, "bemf.scale"}
+
+
+def test_a_number_that_no_motor_has_is_doubted() -> None:
+    found = with_doubts(diagnosis(cause(RESISTANCE, 0.2)), driven(0.3), ROBOT)
+    assert found.verdict is Verdict.PARTLY
+    (doubted,) = found.causes
+    assert "No motor's winding is that far off" in doubted.explanation
+    assert told(doubted).todo == "calibrate the motors"
+    assert told(doubted).more.startswith("No motor's winding")
+
+
+@pytest.mark.parametrize(
+    ("id_", "factor"), [(RESISTANCE, 1.9), ("drive.inertia", 0.2), ("drive.track_width", 1.75)]
+)
+def test_what_a_robot_may_have_is_not(id_: str, factor: float) -> None:
+    found = diagnosis(cause(id_, factor))
+    assert with_doubts(found, driven(0.3), ROBOT) is found
+
+
+def test_where_nothing_is_named_a_loop_is_a_guess() -> None:
+    unknown = replace(diagnosis(), verdict=Verdict.UNKNOWN)
+    found = with_doubts(unknown, driven(0.02), ROBOT)
+    assert found.verdict is Verdict.UNKNOWN
+    assert "seem to hold a speed" in found.sensor_faults[0].text
+    assert with_doubts(unknown, driven(0.3), ROBOT) is unknown

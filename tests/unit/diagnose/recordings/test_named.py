@@ -1,0 +1,83 @@
+"""Recordings that do not name their firmware, and who does in their place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from blind.drives import exciting
+from emulated_drives import recorded
+from raccoon.cli.diagnose_many import Job, diagnose_job
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import SI_WORDS
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings.named import BY_PORT, Zone, named, zone_of
+from raccoon.diagnose.result import Verdict
+from raccoon.hal.wombat.devices import STOCK
+from raccoon.sim.parameters import Parameters
+from raccoon.trace.csv import write_csv
+from raccoon.trace.recording import Recording
+
+ROBOT = RobotConfig()
+
+
+@pytest.fixture(scope="module")
+def stock() -> Recording:
+    """A sound robot behind the stock firmware, as a logger without a header has it."""
+    duty = exciting(np.random.default_rng(1), 8.0)
+    made = recorded("stock", Parameters.from_robot(ROBOT), duty, seed=1)
+    return Recording(made.columns, [], SI_WORDS, [])
+
+
+def resting(edge: int, zeros: int = 400, offset: int = 0) -> dict[str, NDArray[np.float64]]:
+    """Readings of every size that a firmware shows as 0 below an edge, and of a rest."""
+    sizes = np.abs(np.arange(-60.0, 61.0).repeat(3))
+    shown = np.concatenate([np.where(sizes < edge, 0.0, sizes), np.zeros(zeros)]) + offset
+    return {"motor.0.bemf": shown, "motor.1.bemf": -shown}
+
+
+def test_the_smallest_readings_tell_the_zone() -> None:
+    for edge, zone in ((0, Zone.NONE), (10, Zone.STOCK), (25, Zone.RACCOON_21)):
+        assert zone_of(resting(edge), ROBOT) is zone
+    assert zone_of(resting(10, offset=12), ROBOT) is not Zone.STOCK  # an offset is no zone
+    assert zone_of({"motor.0.bemf": np.zeros(500)}, ROBOT) is Zone.UNKNOWN
+
+
+def test_a_recording_of_the_stock_firmware_is_as_good_as_one_that_names_it(stock: Recording) -> None:
+    """As CSV it was a resistance 28 % too high."""
+    found = diagnose_recording(stock.columns, ROBOT, port="wombat")
+    assert (found.verdict, found.causes) == (Verdict.ADEQUATE, ())
+    assert BY_PORT.format("wombat") in found.notes
+    assert any("the stock firmware" in each for each in found.notes)
+
+
+def test_the_words_of_a_recording_that_was_named_from_outside_are_not_believed(stock: Recording) -> None:
+    wrong = {**stock.columns, "imu.gyro.z": stock.columns["imu.gyro.z"] * 57.3}
+    with pytest.raises(Exception, match="degrees"):
+        diagnose_recording(wrong, ROBOT, port="wombat")
+
+
+def test_what_the_readings_say_goes_before_robot_toml() -> None:
+    for edge, port in ((10, "wombat-raccoon"), (0, "wombat"), (25, "wombat")):
+        told = named(SI_WORDS, resting(edge), ROBOT, port)
+        assert told.device is SI_WORDS
+        assert f'controller.port = "{port}" is not used' in told.notes[0]
+    assert named(SI_WORDS, resting(25), ROBOT, "wombat-raccoon").device.name == "wombat-raccoon-21"
+    assert named(SI_WORDS, resting(0), ROBOT, "wombat-raccoon").device.name == "wombat-raccoon-17"
+    assert named(STOCK, resting(25), ROBOT, "wombat-raccoon").device is STOCK  # it names itself
+    (said,) = named(SI_WORDS, resting(10), ROBOT, None).notes
+    assert said.startswith("no back-EMF is between 0 and 10 counts, as of a Wombat with the stock firmware")
+    assert named(SI_WORDS, resting(0), ROBOT, "sim").notes == ()
+
+
+def test_robot_toml_says_it_where_the_line_is_written(stock: Recording, tmp_path: Path) -> None:
+    short = {name: each[:700] for name, each in stock.columns.items()}
+    write_csv(Recording(short, [], SI_WORDS, []), tmp_path / "run.csv")
+    robot = tmp_path / "robot.toml"
+    for line, port, named_by in (("", None, False), ('port = "wombat"', None, True), ("", "wombat", True)):
+        robot.write_text(f"[controller]\n{line}\n")
+        found = diagnose_job(Job(tmp_path / "run.csv", robot, None, None, False, port=port))
+        assert (BY_PORT.format("wombat") in found.notes) is named_by

@@ -1,0 +1,43 @@
+"""What a report begins with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from raccoon.diagnose.reports import html
+from raccoon.diagnose.reports.html import page
+from raccoon.diagnose.reports.terminal import terminal_report
+from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Unexplained, Verdict
+
+
+@pytest.fixture(autouse=True)
+def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages whose figures are not turned into pictures."""
+    monkeypatch.setattr(html, "png", lambda _: "AAAA")
+
+
+def adequate(hidden: int) -> Diagnosis:
+    reason = "not visible in this recording: a usual deviation would not show"
+    rejected = [Rejected(f"some.{number}", reason) for number in range(hidden)]
+    rejected.append(Rejected("motor.back_emf_constant", "explains nothing; would show from about 4.9 % on"))
+    return Diagnosis(Verdict.ADEQUATE, (), (), tuple(rejected), Unexplained(0.0), (), 0.1)
+
+
+def test_that_nothing_is_wrong_is_not_said_of_what_could_not_have_shown_it() -> None:
+    sees, blind = (terminal_report(adequate(hidden)) for hidden in (2, 12))
+    assert "nothing that matters is wrong" in sees
+    assert "nothing that matters is wrong" not in blind
+    assert "but that says little: of 13 causes 12 would not show" in blind
+    for text in (sees, blind, page(adequate(2), "run")):
+        assert "Errors from this size on would have shown: K_E 4.9 %." in text
+
+
+def test_a_motor_that_did_not_turn_comes_first() -> None:
+    stood = SensorFault("motor.0.duty", "stood", "from 3.0 to 9.0 s motor 0 did not turn")
+    found = replace(adequate(2), sensor_faults=(stood,))
+    first, second, *_ = terminal_report(found).splitlines()
+    assert first.endswith("the simulation fits this recording. But:")
+    assert second == "  ! Motor: from 3.0 to 9.0 s motor 0 did not turn."
+    assert '<p class="big">From 3.0 to 9.0 s motor 0 did not turn.</p>' in page(found, "run")
