@@ -20,6 +20,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
+from raccoon.diagnose.recordings.counters import with_counted
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
@@ -178,9 +179,11 @@ def _drive(
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
     check_time(np.asarray(columns["t"], float))  # before a reference is compared with what depends on it
-    sound = without_broken(columns, robot)
+    counted = with_counted(columns, robot, device)
+    sound = without_broken(counted.columns, robot)
     columns = sound.columns
-    holdout = None if holdout is None else without_broken(holdout, robot).columns
+    if holdout is not None:
+        holdout = without_broken(with_counted(holdout, robot, device).columns, robot).columns
     firmware = firmware_of(device)
     told = with_lag_of(device, robot)
     filters, robot = told is not robot, told
@@ -204,6 +207,7 @@ def _drive(
         found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
         found = with_reference(found, start, model)
     found = judged_again(with_columns_named(found, columns, robot, sound.left_out), columns, sound, robot)
+    found = counted.told(found)
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
     tophats = diagnose_tophats(columns, robot, model, truth_free, of_a_drive=True)
