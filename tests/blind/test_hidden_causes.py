@@ -16,6 +16,7 @@ from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.select.outlook import best_probe, estimated, look_around, start_search
+from raccoon.diagnose.select.refits import SCALE
 from raccoon.diagnose.select.replacements import rearranged
 from raccoon.diagnose.select.search import PROBE_GATE, _with_unknown
 from raccoon.diagnose.unknown.probes import probes_for
@@ -187,6 +188,19 @@ def test_structural_twins_are_reported_as_a_class() -> None:
     for other in twins - {first.id}:
         assert reasons[other] == f"looks much like {first.name}, and may be there in its place"
     assert any("full turns" in each for each in said.suggested_manoeuvres)
+
+
+def test_what_no_drive_tells_apart_is_for_the_bench() -> None:
+    """Power steps were advised, after power steps as well."""
+    hidden = Hidden(
+        "motor.armature_resistance", None, {"factor": 1.4}, {"resistance_l": 2.52, "resistance_r": 2.52}
+    )
+    said = diagnose(make(6, [hidden], seconds=9.0).columns, RobotConfig())
+    (cause,) = said.causes
+    assert cause.id in SCALE
+    assert {cause.id, *cause.confounded_with} == set(SCALE)
+    assert "ohmmeter" in said.suggested_manoeuvres[0]
+    assert not any(each.startswith("random power steps") for each in said.suggested_manoeuvres)
 
 
 def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on() -> None:

@@ -178,3 +178,47 @@ def test_what_a_drive_says_of_its_tophats_is_kept() -> None:
     assert any(each.startswith("analog.2 jumps at ") for each in found.notes)
     assert [each.channel for each in found.sensor_faults] == ["analog.2"]
     assert not any("analog.3" in each for each in found.notes)
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize("sun", [0.005, 0.03, 0.3])
+@pytest.mark.parametrize("when", [5.3, 9.0, 16.7])
+def test_a_lamp_that_is_switched_on_is_said_with_its_time(when: float, sun: float, truth_free: bool) -> None:
+    """Wherever it falls among the pieces that the readings are sorted in, and also where it lowers black to
+    where white was: a sensor in strong light was as assumed."""
+    found = found_in(tophat(7, changing=lambda time: np.where(time < when, 0.0, sun)), truth_free)
+    assert [each.id for each in found.causes] == ["tophat.ambient_light"]
+    assert found.verdict is Verdict.PARTLY
+    assert found.unexplained.depends_on == ("time",)
+    said = next(each for each in found.notes if "jumps at" in each)
+    assert float(said.split("jumps at ")[1].split()[0]) == pytest.approx(when, abs=0.4)
+    assert "until then: as assumed" in said
+    assert found.identified["analog.2 over white"].value < 1270.0
+
+
+@BOTH_WAYS
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seconds", [2.0, 3.0])
+def test_few_readings_on_blurred_edges_are_no_change(seconds: float, seed: int, truth_free: bool) -> None:
+    """A level of eight readings, all on an edge, is off by more than one of a hundred."""
+    columns = tophat(seed, seconds=seconds)
+    blurred = np.convolve(np.pad(columns["analog.2"], 9, mode="edge"), np.full(19, 1.0 / 19.0), "valid")
+    found = found_in({**columns, "analog.2": np.round(blurred)}, truth_free)
+    assert found.causes == ()
+    assert found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE)
+
+
+def test_readings_that_flicker_too_much_are_said_to() -> None:
+    """That only one surface was seen would be a lie, and sends a team to drive again."""
+    flicker = tophat(3, changing=lambda time: 0.05 * (1.0 + np.cos(2.0 * np.pi * 99.3 * time)))
+    hidden = found_in(flicker, truth_free=True)
+    assert hidden.verdict is Verdict.NOT_IDENTIFIABLE
+    assert "from one to the next" in hidden.notes[0]
+    assert "flickering lamps" in hidden.notes[0]
+    # A reference tells the surfaces apart, and then the noise has its name.
+    assert "tophat.noise" in {each.id for each in found_in(flicker).causes}
+
+
+def test_direct_sun_is_no_power_of_ten() -> None:
+    (cause,) = found_in(tophat(3, sun=1.0)).causes
+    assert "about 100 % of direct sun" in cause.explanation

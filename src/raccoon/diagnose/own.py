@@ -118,8 +118,10 @@ class OwnEffect(Effect):
 
     def _sound(self, what: str, found: Array, shape: tuple[int, ...]) -> Array:
         array = np.asarray(found, float)
-        if array.shape != shape or not np.isfinite(array).all():
-            raise ConfigError(f"{self.id}: {what} must give {shape} finite numbers, not {array.shape}")
+        finite = np.isfinite(array)
+        if array.shape != shape or not finite.all():
+            given = array.shape if array.shape != shape else f"{int((~finite).sum())} that are none"
+            raise ConfigError(f"{self.id}: {what} must give {shape} finite numbers, not {given}")
         return array
 
 

@@ -7,7 +7,7 @@ evidence than a cause must have. Nothing is left to explain then, and still the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from raccoon.diagnose.hypotheses.coordinates import Coordinate
 from raccoon.diagnose.select.outlook import Search
@@ -23,6 +23,13 @@ SAID = (
     "friction.viscous", "imu.gyro_bias", "imu.gyro_scale",
 )  # fmt: skip
 """Whose numbers robot.toml has for a team to measure; the others are habits of controllers and gears."""
+ADVICE = ", too little to be named as a cause: measure it, or drive the checkup (raccoon excite)"
+BENDS = " of robot.toml end at the edge of their deviations: what no cause describes bends them"
+
+
+def without_bent(notes: Sequence[str]) -> tuple[str, ...]:
+    """Notes less those of bent numbers, for where a simulation that cannot follow bent them all."""
+    return tuple(each for each in notes if not each.endswith((ADVICE, BENDS)))
 
 
 def bent_notes(search: Search, *, unknown: bool = False) -> tuple[str, ...]:
@@ -30,14 +37,8 @@ def bent_notes(search: Search, *, unknown: bool = False) -> tuple[str, ...]:
     bends them all, and they say nothing of themselves."""
     found = list(bent_numbers(search))
     if unknown and found:
-        names = ", ".join(dict.fromkeys(id_ for id_, _ in found))
-        return (
-            f"{names} of robot.toml end at the edge of their deviations: what no cause describes bends them",
-        )
-    return tuple(
-        f"{text}, too little to be named as a cause: measure it, or drive the checkup (raccoon excite)"
-        for _, text in found
-    )
+        return (f"{', '.join(dict.fromkeys(id_ for id_, _ in found))}{BENDS}",)
+    return tuple(f"{text}{ADVICE}" for _, text in found)
 
 
 def bent_numbers(search: Search) -> Iterator[tuple[str, str]]:

@@ -32,6 +32,11 @@ b."""
 ONE_CLASS = (*TWINS, frozenset(SCALE))
 """Causes that no drive tells apart: without a current reading, more resistance of both motors is also the
 same as less inertia and friction together."""
+ON_THE_BENCH = (
+    f"no drive tells {', '.join(SCALE[:-1])} and {SCALE[-1]} apart: measure the winding of an unplugged "
+    "motor with an ohmmeter, or weigh the robot, and write that into robot.toml with its std"
+)
+"""What to do about them: power steps, which show each of the four, show all of them at once."""
 NOT_IDENTIFIABLE = "not identifiable"
 OF_THE_CHIP = (
     "A gyro whose chip filters at 41 Hz, as the Wombat's firmware sets it, looks the same, and is no fault."
@@ -258,7 +263,9 @@ def _usual_reason(search: Search, id_: str, visible: float) -> str:
 def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tuple[str, ...]:
     """Manoeuvres that separate what is confounded and show what this recording could not."""
     commands = [_telling(search, each.name, each.confounded_with) for each in causes]
-    wanted = [each.id for each in causes if each.confounded_with]
+    alike = [each for each in causes if _one_scale(each)]
+    commands += [ON_THE_BENCH for _ in alike]
+    wanted = [each.id for each in causes if each.confounded_with and each not in alike]
     seen = _seen(search, log)
     hidden = sorted((power, id_) for id_, power in seen.items() if power < VISIBLE)
     gone = {id_ for id_ in seen if id_.startswith(READING) and len(_silent(log)) == len(SIDES)}
@@ -266,6 +273,11 @@ def suggestions(search: Search, causes: tuple[CauseResult, ...], log: Log) -> tu
     wanted.extend(id_ for _, id_ in hidden if id_ not in gone)
     texts = [text for text in (*commands, *map(manoeuvre_for, wanted)) if text is not None]
     return tuple(dict.fromkeys(texts))[:3]
+
+
+def _one_scale(cause: CauseResult) -> bool:
+    """Whether all that a cause is not told from is what no drive tells it from."""
+    return bool(cause.confounded_with) and {cause.name, *cause.confounded_with} <= set(SCALE)
 
 
 def _telling(search: Search, name: str, rivals: tuple[str, ...]) -> str | None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import ROLES
+from raccoon.diagnose.findings.bent import without_bent
 from raccoon.diagnose.recordings.partial import absence
 from raccoon.diagnose.recordings.reference.faults import reference_faults
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
@@ -153,15 +154,16 @@ def judged_again(found: Diagnosis, columns: Columns, sound: Sound, robot: RobotC
     )
     found = _surely(found) if sound.uneven else found
     unchecked = (*_one_side(sound, robot), *_unchecked(found, sound, robot))
-    found = replace(found, notes=(*found.notes, *unchecked, *_other_robot(found)))
     lost = [each.name for each in found.channels if _lost(each.name, each.rmse_after, columns)]
-    if not lost or not found.causes:
-        return found
+    if not lost or not (found.causes or found.verdict is Verdict.UNKNOWN):
+        return replace(found, notes=(*found.notes, *unchecked, *_other_robot(found)))
     reason = f"the recorded motion does not follow the commands ({', '.join(lost)}): nothing is named"
     dropped = tuple(Rejected(each.name, reason) for each in found.causes)
     return replace(
         found, verdict=Verdict.UNKNOWN, causes=(), rejected=(*found.rejected, *dropped), model=None,
-        notes=(*found.notes, reason + "; are commands and readings of the same drive?"),
+        notes=(
+            *without_bent(found.notes), *unchecked, f"{reason}; are commands and readings of the same drive?"
+        ),
     )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.battery_reading import with_battery_reading
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
+from raccoon.diagnose.recordings.counters import with_counted
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.implausible import with_doubts
@@ -184,10 +185,12 @@ def _drive(
 ) -> Diagnosis:
     """The drive, and its tophats where robot.toml names them and they saw both surfaces."""
     check_time(np.asarray(columns["t"], float))  # before a reference is compared with what depends on it
-    sound = without_broken(columns, robot)
-    columns = sound.columns
-    holdout = None if holdout is None else without_broken(holdout, robot).columns
     device = made_by.device
+    counted = with_counted(columns, robot, device)
+    sound = without_broken(counted.columns, robot)
+    columns = sound.columns
+    if holdout is not None:
+        holdout = without_broken(with_counted(holdout, robot, device).columns, robot).columns
     firmware = firmware_of(device)
     if firmware is not None and made_by.said:
         firmware = replace(firmware, units=False)
@@ -215,7 +218,7 @@ def _drive(
     found = with_columns_named(found, columns, robot, sound.left_out)
     if not commands_volts(columns, robot):
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
-    found = judged_again(found, columns, sound, robot)
+    found = counted.told(judged_again(found, columns, sound, robot))
     found = replace(found, notes=(*found.notes, *made_by.notes))
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.findings.bent import ADVICE
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.result import (
     CauseResult,
@@ -78,6 +79,19 @@ def test_nothing_is_named_where_motion_does_not_follow_commands() -> None:
     assert (again.verdict, again.causes) == (Verdict.UNKNOWN, ())
     assert "does not follow" in again.rejected[0].reason
     assert judged_again(found(12.0, 0.9), GOOD, sound, ROBOT).causes
+
+
+def test_what_a_simulation_that_cannot_follow_bent_is_no_news() -> None:
+    """Each of ten numbers of robot.toml was 3.5 standard deviations off, and to be measured."""
+    sound = without_broken(GOOD, ROBOT)
+    bent = f"robot.toml's friction.viscous is 3.5 of its standard deviations off{ADVICE}"
+    again = judged_again(replace(found(1200.0, 0.5), notes=(bent, "kept")), GOOD, sound, ROBOT)
+    assert again.notes[0] == "kept"
+    assert "are commands and readings of the same drive?" in again.notes[-1]
+    assert not any("of this robot?" in each for each in again.notes)
+    assert bent in judged_again(replace(found(12.0, 0.9), notes=(bent,)), GOOD, sound, ROBOT).notes
+    nothing = replace(found(1200.0, 0.9), causes=(), verdict=Verdict.UNKNOWN)
+    assert "does not follow" in judged_again(nothing, GOOD, sound, ROBOT).notes[-1]
 
 
 def test_a_file_of_another_robot_is_suspected() -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,9 +9,11 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
+from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
+from raccoon.diagnose.recordings.counters import Counted, with_counted
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
-from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.result import CauseResult, ParameterResult, Verdict
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]
@@ -48,6 +52,47 @@ def test_without_gyro_and_battery_the_rest_is_named_and_the_columns_too(weak_rig
     assert any(each.startswith("not checked, since imu.gyro.z is missing: ") for each in found.notes)
 
 
+def test_counters_stand_in_for_the_reading_that_they_sum(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "bemf"), ROBOT)
+    assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
+    read = diagnose_recording(weak_right, ROBOT).causes[0].parameters["factor"]
+    counted = found.causes[0].parameters["factor"]
+    assert counted.value == pytest.approx(read.value, abs=0.01)
+    said = "motor.0.bemf and motor.1.bemf are missing: taken from how motor.0.position and motor.1.position"
+    assert any(each.startswith(said) for each in found.notes)
+
+
+def test_a_counter_is_differenced_around_its_row() -> None:
+    """In the middle of the rows that it sums, so nothing comes early or late; a tick is worth what it is."""
+    time = 0.005 * np.arange(60)
+    ticks = np.cumsum(np.linspace(0.0, 590.0, 60)) * 0.005 / 0.25
+    columns: Columns = {"t": time, "motor.0.position": ticks, "motor.1.speed": np.ones(60)}
+    counted = with_counted(columns, ROBOT, replace(SI_WORDS, position_counts_seconds=0.25))
+    reading = counted.columns["motor.0.bemf"]
+    known = np.isfinite(reading)
+    assert known.sum() == 19
+    assert reading[known] == pytest.approx(np.linspace(0.0, 590.0, 60)[known])
+    assert counted.counters == ("motor.0.position",)
+    assert "motor.1.bemf" not in counted.columns
+
+
+def test_a_zone_as_narrow_as_a_tick_is_the_counters(weak_right: Columns) -> None:
+    found = diagnose_recording(without(weak_right, "battery"), ROBOT)
+    named = found.causes[0]
+
+    def zone(counts: float) -> CauseResult:
+        number = ParameterResult(counts, 1.0, "counts", 0.0)
+        return replace(named, id="bemf.dead_zone", where=None, parameters={"counts": number})
+
+    counted = Counted({}, ("motor.0.position",), 10.0)
+    narrow = counted.told(replace(found, causes=(zone(12.0),), verdict=Verdict.EXPLAINED))
+    assert narrow.causes == ()
+    assert narrow.verdict is Verdict.ADEQUATE
+    assert any("whole ticks of motor.0.position" in each.reason for each in narrow.rejected)
+    wide = counted.told(replace(found, causes=(zone(25.0),), verdict=Verdict.EXPLAINED))
+    assert [each.id for each in wide.causes] == ["bemf.dead_zone"]
+
+
 def test_without_any_wheel_nothing_is_identifiable(weak_right: Columns) -> None:
     found = diagnose_recording(without(weak_right, "bemf", "position"), ROBOT)
     assert found.verdict is Verdict.NOT_IDENTIFIABLE
@@ -63,7 +108,7 @@ def test_without_any_wheel_it_is_said_what_to_record(weak_right: Columns) -> Non
 
 
 def test_the_reading_of_one_side_is_not_known_where_only_the_other_is_recorded(weak_right: Columns) -> None:
-    found = diagnose_recording(without(weak_right, "motor.0.bemf"), ROBOT)
+    found = diagnose_recording(without(weak_right, "motor.0.bemf", "motor.0.position"), ROBOT)
     reasons = {each.id: each.reason for each in found.rejected}
     start = "not identifiable at the left: motor.0.bemf is missing"
     assert reasons["bemf.scale"].startswith(f"{start}; at the right: ")

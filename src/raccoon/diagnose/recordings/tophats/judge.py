@@ -79,22 +79,23 @@ def judge_tophat(
 ) -> SensorResult:
     """Judge the tophat at `port`. surface: 1 black, 0 white where a reference says so."""
     counts, faults = possible(counts, port)
-    found = _judged(levels_of(time, counts, surface), port, nominal)
+    found = _judged(time, counts, surface, port, nominal)
     return replace(found, faults=(*faults, *found.faults))
 
 
-def _judged(levels: Levels | str, port: int, nominal: Nominal) -> SensorResult:
+def _judged(time: Array, counts: Array, surface: Array | None, port: int, nominal: Nominal) -> SensorResult:
+    levels = levels_of(time, counts, surface)
+    bits = 0 if isinstance(levels, str) else fewer_bits(levels, nominal)
+    if bits and not isinstance(levels, str):
+        return _not_told(port, few_bits_text(bits, levels.usual), "record whole counts of 0 to 4095")
+    apart = at_a_step(time, counts, surface, levels)
+    if apart is not None:
+        return _before_and_after(port, nominal, *apart)
     if isinstance(levels, str):
         return _not_told(port, levels, "drive slowly over a black line on white, several times")
-    bits = fewer_bits(levels, nominal)
-    if bits:
-        return _not_told(port, few_bits_text(bits, levels.usual), "record whole counts of 0 to 4095")
     moved = move(levels)
     if moved is None:
         return _standing(levels, port, nominal)
-    apart = at_a_step(levels)
-    if apart is not None:
-        return _before_and_after(levels, port, nominal, *apart)
     return _drifting(levels, port, nominal, moved)
 
 
@@ -105,7 +106,7 @@ def _not_told(port: int, reason: str, advice: str) -> SensorResult:
 
 
 def _before_and_after(
-    levels: Levels, port: int, nominal: Nominal, when: float, before: Levels, after: Levels
+    port: int, nominal: Nominal, when: float, before: Levels, after: Levels
 ) -> SensorResult:
     """Both parts apart; the later one is how the sensor is now, so its causes are named first."""
     sooner, later = _standing(before, port, nominal), _standing(after, port, nominal)
@@ -131,7 +132,7 @@ def _before_and_after(
         advice=ADVICE,
         notes=tuple(dict.fromkeys((note, *sooner.notes, *later.notes))),
         faults=tuple(dict.fromkeys((*sooner.faults, *later.faults))),
-        identified=_identified(levels, port, nominal),
+        identified=_identified(after if of_later else before, port, nominal),
         curves=(_joined(sooner.curves[0], later.curves[0]),),
     )
 

@@ -22,6 +22,8 @@ EDGE = 0.2
 EDGE_SECONDS = 0.03
 """S: a spot of 5 mm is over an edge for so long, before its middle and after, at 0.08 m/s."""
 SMALLEST_SD = 1.0
+NOISY = 50.0
+"""Counts from reading to reading that no floor makes: `_pattern` is 20 at the most."""
 CUT = 0.1
 """Share of a surface's readings at the end of the converter from which its level is cut off."""
 CLEARLY_MORE = 1.5
@@ -104,10 +106,7 @@ class Levels:
         return np.array(rows)
 
     def _deviation(self, values: Array) -> float:
-        # Of the median, which some readings on an edge do not move. The floor's own brightness is alike for
-        # neighbouring readings: a tenth of them counts.
-        spread = max(_spread(values), self.noise)
-        return float(np.sqrt(0.5 * np.pi) * spread / np.sqrt(max(len(values) / 10.0, 1.0)))
+        return _median_off(values, self.noise)
 
 
 def levels_of(time: Array, counts: Array, surface: Array | None) -> Levels | str:
@@ -127,10 +126,10 @@ def levels_of(time: Array, counts: Array, surface: Array | None) -> Levels | str
     else:
         sorted_ = _by_reading(counts, piece, noise)
         if sorted_ is None:
-            return _one_surface(counts)
+            return _one_surface(counts, noise)
         black, sure = sorted_
     if min((sure & black).sum(), (sure & ~black).sum()) < FEWEST:
-        return _one_surface(counts)
+        return _one_surface(counts, noise if surface is None else 0.0)
     usual, cut = _usual(counts[sure], black[sure])
     # Edges are steps, not noise; and what is cut off has none.
     steady = sure & _far_from_change(time, black) & np.where(black, cut[1] == 0, cut[0] == 0)
@@ -138,7 +137,8 @@ def levels_of(time: Array, counts: Array, surface: Array | None) -> Levels | str
     if pairs.sum() >= FEWEST:
         noise = _noise(np.diff(counts)[pairs])
     quiet, pattern = _quieter(np.diff(counts), pairs, black, usual, noise)
-    if abs(usual[1] - usual[0]) < max(LEAST_CONTRAST, CLEAR * noise):
+    off = noise if surface is None else _apart(counts[sure], black[sure], noise)
+    if abs(usual[1] - usual[0]) < max(LEAST_CONTRAST, CLEAR * off):
         end = "; both are cut off: it is saturated" if 0 not in cut else ""
         return f"white ({usual[0]:.0f}) and black ({usual[1]:.0f} counts) cannot be told apart{end}"
     if usual[1] < usual[0]:
@@ -152,13 +152,42 @@ def levels_of(time: Array, counts: Array, surface: Array | None) -> Levels | str
     return Levels(time[sure], counts[sure], black[sure], quiet, piece[sure], usual, cut, surely, pattern)
 
 
+def pair_of(counts: Array, black: Flags | None) -> tuple[float, float] | None:
+    """Levels of white and of black, by `black` or else by the readings; None where not both are seen."""
+    if black is not None:
+        sides = counts[~black], counts[black]
+        if min(map(len, sides)) < FEWEST:
+            return None
+        return float(np.median(sides[0])), float(np.median(sides[1]))
+    found = _threshold(counts, _noise(np.diff(counts))) if len(counts) > 1 else None
+    return None if found is None else (found[0], found[2])
+
+
 def pieces(time: Array) -> NDArray[np.intp]:
     """Piece of time of each reading."""
     share = (time - time[0]) / max(float(np.ptp(time)), 1e-9)
     return np.asarray(np.minimum(share * PIECES, PIECES - 1), np.intp)
 
 
-def _one_surface(counts: Array) -> str:
+def _apart(counts: Array, black: Flags, noise: float) -> float:
+    """Deviation of the contrast where a reference says what is black: then single readings need not tell."""
+    return float(np.hypot(_median_off(counts[black], noise), _median_off(counts[~black], noise)))
+
+
+def _median_off(values: Array, noise: float) -> float:
+    """Deviation of a median, which some readings on an edge do not move. The floor's own brightness is alike
+    for neighbouring readings: a tenth of them counts."""
+    spread = max(_spread(values), noise)
+    return float(np.sqrt(0.5 * np.pi) * spread / np.sqrt(max(len(values) / 10.0, 1.0)))
+
+
+def _one_surface(counts: Array, noise: float) -> str:
+    """Why nothing is told. noise: counts, of readings that had to tell the surfaces themselves."""
+    if noise >= NOISY:
+        return (
+            f"readings differ by {noise:.0f} counts from one to the next, which hides what is white and what "
+            "black: check its plug and wires, and keep it from flickering lamps"
+        )
     ends = float(((counts >= FULL_SCALE) | (counts <= 0.0)).mean())
     cut = f" ({100 * ends:.0f} % of the readings are cut off: it may be saturated)" if ends >= CUT else ""
     return f"only one surface was seen{cut}: drive over black and white"

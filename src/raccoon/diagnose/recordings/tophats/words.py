@@ -27,10 +27,15 @@ def tophat_cause(
     return CauseResult(id_, str(port), 1, {NAMES[id_]: number}, gain, probability, rivals, sentence)
 
 
+def two_digits(number: float) -> str:
+    """A number above 0 with two digits that count, never as a power of ten."""
+    return f"{float(f'{number:.2g}'):g}"
+
+
 def light_sentence(port: int, light: float, falls: tuple[float, float]) -> str:
     """Light that lowers the levels by `falls` (white, black), as the model of the sensor has it."""
     return (
-        f"Light from outside, about {100.0 * light:.2g} % of direct sun, lowers tophat {port} by "
+        f"Light from outside, about {two_digits(100.0 * light)} % of direct sun, lowers tophat {port} by "
         f"{falls[0]:.0f} counts over white and {falls[1]:.0f} over black: shade it, or calibrate where it is "
         "used."
     )

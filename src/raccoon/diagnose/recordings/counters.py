@@ -1,0 +1,111 @@
+"""Drives of which only the controller's counters were recorded: the back-EMF that these sum."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Device
+from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+ZONE = "bemf.dead_zone"
+SILENCE = 0.1
+"""S in which a counter that does not change says what a reading of 0 does."""
+AVERAGED = 0.015
+"""S over which a counter is differenced: a tick in 5 ms is 200 counts, as many as a wheel that creeps has.
+What is faster than 20 ms is averaged out in any case."""
+SURELY = 3.5
+"""Standard deviations by which a dead zone must be wider than what a counter hides, as of a number outside
+robot.toml's."""
+FEWEST = 20
+"""Numbers from which a column is a reading."""
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """Columns in which wheels without a reading have the one that their counter sums. counters: columns that
+    were taken for it. slowest: back-EMF counts that a counter in whole ticks hides."""
+
+    columns: Columns
+    counters: tuple[str, ...] = ()
+    slowest: float = 0.0
+
+    def told(self, found: Diagnosis) -> Diagnosis:
+        """A diagnosis of these columns that says so, without a dead zone that is only the counter's tick."""
+        if not self.counters:
+            return found
+        readings = " and ".join(_reading(each) for each in self.counters)
+        note = (
+            f"{readings} {'is' if len(self.counters) == 1 else 'are'} missing: taken from how "
+            f"{' and '.join(self.counters)} advance{'s' if len(self.counters) == 1 else ''}"
+        )
+        zones = {each.name: each.parameters["counts"] for each in found.causes if each.id == ZONE}
+        own = [name for name, each in zones.items() if each.value < self.slowest + SURELY * each.std]
+        found = self._without(found, own) if own else found
+        return replace(found, notes=(*found.notes, note))
+
+    def _without(self, found: Diagnosis, names: list[str]) -> Diagnosis:
+        kept = [each for each in found.causes if each.name not in names]
+        ranked = tuple(replace(each, rank=rank) for rank, each in enumerate(kept, start=1))
+        nothing = found.verdict is Verdict.EXPLAINED and all(each.little for each in ranked)
+        reason = (
+            f"not identifiable: whole ticks of {' and '.join(self.counters)} hide readings below "
+            f"{self.slowest:.2g} counts as such a zone does"
+        )
+        model = found.model
+        if model is not None:
+            zone = {key: values for key, values in model.effects.items() if key[0] != ZONE}
+            model = replace(model, effects=zone)
+        return replace(
+            found,
+            verdict=Verdict.ADEQUATE if nothing else found.verdict,
+            causes=ranked,
+            rejected=(*found.rejected, *(Rejected(each, reason) for each in names)),
+            model=model,
+        )
+
+
+def with_counted(columns: Columns, robot: RobotConfig, device: Device) -> Counted:
+    """The columns with back-EMF in counts by `motor.N.position`, of wheels with neither that nor a speed.
+
+    A tick is worth what the device says.
+    """
+    made, used = dict(columns), []
+    for port in (robot.drive.left, robot.drive.right):
+        counter, reading = f"motor.{port}.position", f"motor.{port}.bemf"
+        if any(_known(columns, each) for each in (reading, f"motor.{port}.speed")):
+            continue
+        if _known(columns, counter):
+            made[reading] = device.position_counts_seconds * _rate(columns["t"], columns[counter])
+            used.append(counter)
+    whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in used)
+    return Counted(made, tuple(used), device.position_counts_seconds / SILENCE if whole else 0.0)
+
+
+def _rate(time: Array, ticks: Array) -> Array:
+    """Ticks a second: the mean over an odd number of rows, in the middle one of these; NaN in the others.
+
+    A counter grows by what is read in a row, so between two rows it grows by the later ones' readings.
+    """
+    row = max(float(np.median(np.diff(time))), 1e-6)
+    half = int(np.ceil(0.5 * (AVERAGED / row - 1.0)))
+    rows = max(2 * half + 1, 1)
+    ends = np.arange(0, len(time), rows)
+    found = np.full(len(time), np.nan)
+    found[ends[1:] - half] = np.diff(ticks[ends]) / np.diff(time[ends])
+    return found
+
+
+def _reading(counter: str) -> str:
+    return f"{counter.removesuffix('position')}bemf"
+
+
+def _known(columns: Columns, name: str) -> bool:
+    return name in columns and int(np.isfinite(columns[name]).sum()) >= FEWEST
