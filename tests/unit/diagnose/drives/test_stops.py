@@ -13,9 +13,9 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.stops import BOTH, brakes, with_stops
 from raccoon.diagnose.result import Verdict
-from raccoon.sim.commands import Commands
-from raccoon.sim.parameters import Parameters
-from raccoon.sim.rollout import rollout
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.rollout.commands import Commands
+from raccoon.sim.rollout.rollout import rollout
 from simulated_drives import NOISE
 
 ROBOT = RobotConfig()
