@@ -134,7 +134,10 @@ def _check_plugs(log: Log) -> None:
         if abs(float(np.corrcoef(duty[:, 0], duty[:, 1])[0, 1])) > MOST_ALIKE:
             return
         own, other = (float(np.corrcoef(duty[:, each], reading)[0, 1]) for each in (index, 1 - index))
-        crossed.append(other > FOLLOWED and own < other - CLEAR)
+        # A drive that is mostly straight follows the other's command too, with what turns as its error.
+        off_own, off_other = 1.0 - own * abs(own), 1.0 - other * abs(other)
+        nearer = own < other - CLEAR or off_other < HALF_AS_FAR**2 * off_own
+        crossed.append(other > FOLLOWED and nearer)
     if all(crossed):
         left, right = (each.name for each in wheels if each is not None)
         raise TraceError(
@@ -172,6 +175,9 @@ def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
         )
 
 
+HALF_AS_FAR = 0.5
+"""Error with which a wheel follows the other's command, of that with which it follows its own, up to which
+the two are swapped."""
 FOLLOWED = 0.8
 """Correlation of a wheel with the command that it follows, where it is steady."""
 MOST_ALIKE = 0.9

@@ -154,6 +154,25 @@ def test_columns_of_the_two_wheels_that_are_swapped_are_said(good: Columns, kind
         check({**good, left: good[right], right: good[left]})
 
 
+def test_swapped_commands_are_said_of_a_drive_that_is_mostly_straight() -> None:
+    """Each wheel follows the other's command by 0.87 there."""
+    left = np.repeat([0.5, -0.5, 0.6, -0.6, 0.4, -0.4, 0.5, 0.3, -0.5, -0.3], 200)
+    right = np.repeat([0.5, -0.5, 0.6, -0.6, 0.4, -0.4, 0.3, -0.3, -0.5, 0.2], 200)
+    noise = np.random.default_rng(2).normal(0.0, 5.0, (2, len(left)))
+    columns = {
+        "t": 0.005 * np.arange(len(left)),
+        "motor.0.duty": left,
+        "motor.1.duty": right,
+        "motor.0.bemf": 1700.0 * left + noise[0],
+        "motor.1.bemf": 1700.0 * right + noise[1],
+        "battery.voltage": np.full(len(left), 6.8),
+    }
+    assert 0.8 < float(np.corrcoef(left, right)[0, 1]) < 0.9
+    check(columns)
+    with pytest.raises(TraceError, match="follows the command of motor"):
+        check({**columns, "motor.0.duty": right, "motor.1.duty": left})
+
+
 def test_an_encoder_that_counts_against_its_command_is_said_without_a_gyro(good: Columns) -> None:
     encoders = {name: each for name, each in good.items() if "bemf" not in name and "gyro" not in name}
     for port, sign in ((0, 1.0), (1, -1.0)):
