@@ -211,7 +211,7 @@ def _page(pages: Pages, name: str, found: Diagnosis, title: str) -> None:
         return
     save_html(found, pages / f"diagnosis-{name}.html", title)
     if found.curves:
-        curve_figure(found.curves[0]).savefig(pages / f"diagnosis-{name}.png", dpi=80)
+        curve_figure(found.curves[0], found).savefig(pages / f"diagnosis-{name}.png", dpi=80)
 
 
 PARTS: dict[str, tuple[Callable[[Pages], None], str]] = {

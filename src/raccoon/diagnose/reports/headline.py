@@ -14,7 +14,7 @@ VERDICTS: Mapping[Verdict, str] = {
     Verdict.ADEQUATE: "The simulation fits this recording: nothing that matters is wrong.",
     Verdict.NOT_IDENTIFIABLE: "This recording cannot tell.",
 }
-WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording. But:"
+WHERE_ANSWERED = "Where its motors answered, the simulation fits this recording."
 NOT_VISIBLE = "not visible"
 """How the reason of a cause begins whose usual size would not show."""
 MANY_HIDDEN = 5

@@ -60,7 +60,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         evidence=png(cause_figure(diagnosis)) if diagnosis.causes else None,
         left=left_text(diagnosis.unexplained),
         shapes=[(shape_text(each), png(shape_figure(each))) for each in diagnosis.shapes],
-        curves=[(each, png(curve_figure(each))) for each in diagnosis.curves[:MOST_CURVES]],
+        curves=[(each, png(curve_figure(each, diagnosis))) for each in diagnosis.curves[:MOST_CURVES]],
         refused={reason: ids for reason, ids in why.items() if not reason.startswith(UNKNOWABLE)},
         hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},
         text=terminal_report(diagnosis),

@@ -28,6 +28,11 @@ def _figure(width: float, height: float) -> Any:
     return Figure(figsize=(width, height), layout="constrained")
 
 
+def _improved(diagnosis: Diagnosis) -> str:
+    """What the better simulation has that the one before has not."""
+    return "with the causes" if diagnosis.causes else "within robot.toml's tolerances"
+
+
 def _plain(axes: Any) -> None:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -44,7 +49,7 @@ def error_figure(diagnosis: Diagnosis) -> Any:
     rows = np.arange(len(names))
     for shift, values, label, color in (
         (-0.2, before, "simulation as it was", BEFORE),
-        (0.2, after, "with the causes", AFTER),
+        (0.2, after, _improved(diagnosis), AFTER),
     ):
         bars = axes.barh(rows + shift, values, 0.38, label=label, color=color)
         axes.bar_label(bars, fmt="%.2g", padding=3, fontsize=9)
@@ -93,8 +98,9 @@ def shape_figure(shape: Shape) -> Any:
     return figure
 
 
-def curve_figure(curve: Curve) -> Any:
+def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
     """Measured against simulated, and the two errors below."""
+    better = _improved(diagnosis)
     step = max(1, len(curve.time) // MOST_POINTS)
     time, measured, before, after = (
         each[::step] for each in (curve.time, curve.measured, curve.before, curve.after)
@@ -109,10 +115,10 @@ def curve_figure(curve: Curve) -> Any:
         top.set_ylabel(f"{curve.name}, {curve.unit}", fontsize=9)
     if compared:
         top.plot(time, before, color=BEFORE, linewidth=0.9, label="simulated, as it was")
-        top.plot(time, after, color=AFTER, linewidth=0.9, label="simulated, with the causes")
+        top.plot(time, after, color=AFTER, linewidth=0.9, label=f"simulated, {better}")
     if simulated:
         bottom.plot(time, before - measured, color=BEFORE, linewidth=0.8, label="as it was")
-        bottom.plot(time, after - measured, color=AFTER, linewidth=0.8, label="with the causes")
+        bottom.plot(time, after - measured, color=AFTER, linewidth=0.8, label=better)
         bottom.axhline(0.0, color="0.7", linewidth=0.8)
         bottom.set_ylabel(f"error, {curve.unit}" if compared else f"{curve.name}, {curve.unit}", fontsize=9)
     top.legend(fontsize=8, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))

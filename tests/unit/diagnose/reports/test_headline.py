@@ -38,6 +38,8 @@ def test_a_motor_that_did_not_turn_comes_first() -> None:
     stood = SensorFault("motor.0.duty", "stood", "from 3.0 to 9.0 s motor 0 did not turn")
     found = replace(adequate(2), sensor_faults=(stood,))
     first, second, *_ = terminal_report(found).splitlines()
-    assert first.endswith("the simulation fits this recording. But:")
+    assert first.endswith("the simulation fits this recording.")
     assert second == "  ! Motor: from 3.0 to 9.0 s motor 0 did not turn."
     assert '<p class="big">From 3.0 to 9.0 s motor 0 did not turn.</p>' in page(found, "run")
+    assert 'class="head faulty"' in page(found, "run")
+    assert 'class="head adequate"' in page(adequate(2), "run")
