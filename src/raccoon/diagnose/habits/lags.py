@@ -100,7 +100,7 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
         other = with_battery(replace(other, chain=Chain.firmware()), habits.chain.battery_time_constant)
     problem = under(other)  # asked for in vain or not: without lags, the usual filter is far behind a clock
     fit = best_of(search, problem, _with_lags_instead(search, problem))
-    if lead(problem, search.fit, fit) < (-DOUBT if clock else DOUBT):
+    if lead(problem, search.fit, fit) < (-DOUBT if clock else CLEARLY):
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
         found = gone_on(_seen_from(search, problem, fit.point))
         if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:
