@@ -1,11 +1,17 @@
-"""Samples in even bins, and runs of flags: what is seen of a drive before anything is simulated."""
+"""Samples in even bins, runs of flags and how spans are said: what is seen of a drive before anything is
+simulated."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+SAID = 3
+"""Spans that are listed."""
 
 
 def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
@@ -14,6 +20,24 @@ def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
     sizes = np.bincount(place[seen], minlength=count)
     sums = np.bincount(place[seen], weights=values[seen], minlength=count)
     return np.where(sizes > 0, sums / np.maximum(sizes, 1), np.nan)
+
+
+def placed(at: Array, time: Array) -> NDArray[np.intp]:
+    """The bin that each sample at these times, s, falls into. time: the starts of the bins, s."""
+    return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
+
+
+def in_force(at: Array, values: Array, time: Array, width: float) -> Array:
+    """The value that is in force in the middle of each bin, of values valid from their times, s, on. time:
+    the starts of the bins, s; width: of one, s."""
+    rows = np.searchsorted(at, time + 0.5 * width, side="right") - 1
+    return np.asarray(values[np.clip(rows, 0, len(values) - 1)], float)
+
+
+def when(spans: Sequence[tuple[float, float]]) -> str:
+    """Spans of time, s from and to, in words; of many the first."""
+    shown = ", ".join(f"from {start:.1f} to {end:.1f} s" for start, end in spans[:SAID])
+    return shown + (f" and {len(spans) - SAID} times more" if len(spans) > SAID else "")
 
 
 def runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.binned import bin_means, runs
+from raccoon.diagnose.drives.binned import bin_means, in_force, placed, runs, when
 from raccoon.diagnose.drives.log import SHORTEST_SECONDS, SLOWEST_ROW, Log, apart, settled
+from raccoon.diagnose.drives.sizes import full_voltage
+from raccoon.diagnose.drives.sizes import volts as volts_of
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -58,7 +59,6 @@ AROUND = 0.3
 it may be in the hand that turns it already, or still."""
 ONCE = 2.0
 """S between two such stretches that are one: a robot in a hand is turned to and fro."""
-SAID = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +103,8 @@ def with_free_driving(log: Log, robot: RobotConfig) -> Log:
 def _told(why: str, stretches: Sequence[Stretch]) -> str:
     if not stretches:
         return ""
-    when = ", ".join(f"from {each.start:.1f} to {each.end:.1f} s" for each in stretches[:SAID])
-    more = f" and {len(stretches) - SAID} times more" if len(stretches) > SAID else ""
-    return f"{when}{more} {_SAYS[why]} Left out, since the simulated robot drives freely"
+    spans = [(each.start, each.end) for each in stretches]
+    return f"{when(spans)} {_SAYS[why]} Left out, since the simulated robot drives freely"
 
 
 def of_free_driving(log: Log) -> Log:
@@ -160,22 +159,21 @@ class _Seen:
         if left is None or right is None or short or not log.duty.any():
             return None
         model, battery, gyro = robot.model, log.channel("battery"), log.channel("gyro")
-        full = model.battery.open_circuit_voltage.value
-        if battery is not None and np.isfinite(battery.values).any():
-            full = float(np.nanmedian(battery.values))
+        full = full_voltage(log, robot)
         time = np.arange(log.time[0], log.time[-1], BIN)
         keep = np.exp(-BIN / FOLLOWS * np.arange(round(8 * FOLLOWS / BIN)))
-        duty = np.stack([_held_between(log.time, each, time) for each in log.duty.T])
+        duty = np.stack([in_force(log.time, each, time, BIN) for each in log.duty.T])
         supply = np.full(len(time), full)
         if battery is not None:
             # Where a plug is loose wheels slow down with the battery.
             supply = _smooth(_mean(log.time, battery.values, time))
         volts = np.stack([np.convolve(each, keep / keep.sum())[: len(time)] for each in supply * duty])
-        constants = [motor.back_emf_constant.value for motor in (model.left, model.right)]
+        motors = (model.left, model.right)
+        constants = [each.back_emf_constant.value for each in motors]
         speed = np.stack(
             [
-                _mean(log.time, each.values, time) * (BEMF_VOLTS_PER_COUNT if each.unit == "counts" else k)
-                for each, k in zip((left, right), constants, strict=True)
+                volts_of(each, motor) * _mean(log.time, each.values, time)
+                for each, motor in zip((left, right), motors, strict=True)
             ]
         )
         turn = speed[1] / constants[1] - speed[0] / constants[0]
@@ -186,15 +184,9 @@ class _Seen:
 
 def _mean(at: Array, values: Array, time: Array) -> Array:
     """Means of the samples in each bin, lines over empty ones; NaN where there are no samples at all."""
-    place = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
-    means = bin_means(place, values, len(time))
+    means = bin_means(placed(at, time), values, len(time))
     filled = np.isfinite(means)
     return np.interp(time, time[filled], means[filled]) if filled.any() else means
-
-
-def _held_between(at: Array, values: Array, time: Array) -> Array:
-    rows = np.searchsorted(at, time + 0.5 * BIN, side="right") - 1
-    return np.asarray(values[np.clip(rows, 0, len(values) - 1)], float)
 
 
 def _smooth(values: Array) -> Array:

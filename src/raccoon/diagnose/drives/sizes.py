@@ -116,6 +116,14 @@ def volts(wheel: Channel, motor: MotorModel) -> float:
     return BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
 
 
+def full_voltage(log: Log, robot: RobotConfig) -> float:
+    """V of the battery: the usual one of its readings, robot.toml's where there are none."""
+    battery = log.channel("battery")
+    if battery is not None and np.isfinite(battery.values).any():
+        return float(np.nanmedian(battery.values))
+    return robot.model.battery.open_circuit_voltage.value
+
+
 def turn_rate(log: Log, robot: RobotConfig) -> Array | None:
     """rad/s that the wheels make, NaN where the commands do not turn the robot; None without both wheels."""
     left, right = log.wheel("left"), log.wheel("right")

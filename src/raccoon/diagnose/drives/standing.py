@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.binned import bin_means, runs
+from raccoon.diagnose.drives.binned import bin_means, in_force, placed, runs, when
 from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
+from raccoon.diagnose.drives.sizes import full_voltage, volts
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -40,7 +40,6 @@ NO_CURRENT, CURRENT = 0.25, 0.5
 """Part of that up to which there is no current, and from which there is."""
 SLOW = 0.3
 """S that a battery's reading is behind."""
-SAID = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +98,6 @@ def told_of(found: Sequence[Standing], robot: RobotConfig) -> tuple[tuple[str, s
 
 def _told(kind: tuple[tuple[str, ...], bool | None], found: Sequence[Standing], robot: RobotConfig) -> str:
     sides, current = kind
-    when = ", ".join(f"from {each.start:.1f} to {each.end:.1f} s" for each in found[:SAID])
-    more = f" and {len(found) - SAID} times more" if len(found) > SAID else ""
     if len(sides) > 1:
         who = "neither wheel turned although both were driven"
         why = {
@@ -117,7 +114,9 @@ def _told(kind: tuple[tuple[str, ...], bool | None], found: Sequence[Standing], 
             False: "the battery's voltage shows no current of it: unplugged, or its fuse tripped",
             True: "the battery's voltage shows its current: jammed, or held by something",
         }
-    return f"{when}{more} {who}: {why[current]}; nothing is compared there"
+    return (
+        f"{when([(each.start, each.end) for each in found])} {who}: {why[current]}; nothing is compared there"
+    )
 
 
 def standing(log: Log, robot: RobotConfig) -> tuple[Standing, ...]:
@@ -125,26 +124,15 @@ def standing(log: Log, robot: RobotConfig) -> tuple[Standing, ...]:
     if log.seconds < SHORTEST_SECONDS or not log.duty.any():
         return ()
     time = np.arange(log.time[0], log.time[-1], BIN)
-    full = _full(log, robot)
+    full = full_voltage(log, robot)
     found = []
     for index, side in enumerate(SIDES):
         speed = _volts(log, robot, side, time)
         if speed is None:
             continue
-        volts = full * _commands(log, index, time)
-        found += [(start, end, side) for start, end in _stretches(volts, speed, full)]
+        command = full * in_force(log.time, log.duty[:, index], time, BIN)
+        found += [(start, end, side) for start, end in _stretches(command, speed, full)]
     return tuple(_with_current(each, log, robot, time, full) for each in _united(found, time))
-
-
-def _full(log: Log, robot: RobotConfig) -> float:
-    battery = log.channel("battery")
-    if battery is not None and np.isfinite(battery.values).any():
-        return float(np.nanmedian(battery.values))
-    return robot.model.battery.open_circuit_voltage.value
-
-
-def _place(at: Array, time: Array) -> NDArray[np.intp]:
-    return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)
 
 
 def _volts(log: Log, robot: RobotConfig, side: str, time: Array) -> Array | None:
@@ -153,13 +141,7 @@ def _volts(log: Log, robot: RobotConfig, side: str, time: Array) -> Array | None
     if wheel is None:
         return None
     motor = robot.model.left if side == "left" else robot.model.right
-    unit = BEMF_VOLTS_PER_COUNT if wheel.unit == "counts" else motor.back_emf_constant.value
-    return unit * bin_means(_place(log.time, time), wheel.values, len(time))
-
-
-def _commands(log: Log, index: int, time: Array) -> Array:
-    rows = np.searchsorted(log.time, time + 0.5 * BIN, side="right") - 1
-    return np.asarray(log.duty[np.clip(rows, 0, len(log.time) - 1), index], float)
+    return volts(wheel, motor) * bin_means(placed(log.time, time), wheel.values, len(time))
 
 
 def _stretches(volts: Array, speed: Array, full: float) -> list[tuple[int, int]]:
@@ -212,10 +194,10 @@ def _with_current(found: Standing, log: Log, robot: RobotConfig, time: Array, fu
     if battery is None:
         return found
     model = robot.model
-    seen = bin_means(_place(log.time, time), battery.values, len(time))
+    seen = bin_means(placed(log.time, time), battery.values, len(time))
     sags = {}
     for index, (side, motor) in enumerate(zip(SIDES, (model.left, model.right), strict=True)):
-        duty, speed = _commands(log, index, time), _volts(log, robot, side, time)
+        duty, speed = in_force(log.time, log.duty[:, index], time, BIN), _volts(log, robot, side, time)
         if speed is None:
             return found
         current = duty * (full * duty - speed) / motor.armature_resistance.value

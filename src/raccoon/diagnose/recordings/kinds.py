@@ -200,7 +200,8 @@ def _drive(
         robot = firmware.known_of(robot)
         columns = firmware.before_cutting(columns)
         holdout = None if holdout is None else firmware.before_cutting(holdout)
-    if commands_volts(columns, robot):
+    by_volts = commands_volts(columns, robot)
+    if by_volts:
         changed, stiff, causes = as_duty(columns, robot)
         other = None if holdout is None else as_duty(holdout, robot)[0]
         start = start_of(columns, stiff, None, device)
@@ -216,10 +217,17 @@ def _drive(
         found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
         found = with_reference(found, start, model)
     found = with_columns_named(found, columns, robot, sound.left_out)
-    if not commands_volts(columns, robot):
+    if not by_volts:
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
     found = counted.told(judged_again(found, columns, sound, robot))
     found = replace(found, notes=(*found.notes, *made_by.notes))
+    return _with_tophats(found, columns, robot, model, truth_free)
+
+
+def _with_tophats(
+    found: Diagnosis, columns: Columns, robot: RobotConfig, model: Parameters | None, truth_free: bool
+) -> Diagnosis:
+    """A drive's diagnosis with that of its tophats, where it has any."""
     if not robot.tophats or not any(f"analog.{port}" in columns for port in tophat_ports(columns, robot)):
         return found
     tophats = diagnose_tophats(columns, robot, model, truth_free, of_a_drive=True)

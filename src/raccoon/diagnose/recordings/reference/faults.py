@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.binned import when
 from raccoon.diagnose.recordings.reference.stretches import FEWEST
 from raccoon.diagnose.result import SensorFault
 
@@ -22,8 +23,6 @@ TURNS = 0.2
 """Rad/s from which a robot turns: one that a wall holds does not, and its reference rightly stands still."""
 LEAST_TURN, LEAST_WAY = 0.5, 0.1
 """Rad and m that a robot must have gone meanwhile. On an arc as long both x and y change."""
-SAID = 3
-"""Moments that are listed."""
 
 
 def reference_faults(
@@ -43,15 +42,13 @@ def reference_faults(
             faults.append(SensorFault(name, "missing", text))
             continue
         if spans := _blank(time, known):
-            text = (
-                f"{name} has no number {_listed(spans)}: the reference lost the robot, check its view of it"
-            )
+            text = f"{name} has no number {when(spans)}: the reference lost the robot, check its view of it"
             faults.append(SensorFault(name, "lost", text))
         if moved is not None and (rows := _frozen(time, values, moved[name == POSE[2]])):
             spans = [(float(time[first]), float(time[last])) for first, last in rows]
             does = "turns" if name == POSE[2] else "drives"
             text = (
-                f"{name} stands still {_listed(spans)} although the robot {does}: left out there, check "
+                f"{name} stands still {when(spans)} although the robot {does}: left out there, check "
                 "whether the reference still sees the robot"
             )
             faults.append(SensorFault(name, "frozen", text))
@@ -123,8 +120,3 @@ def _blank(time: Array, known: NDArray[np.bool_]) -> list[tuple[float, float]]:
     wide = np.flatnonzero(np.diff(edges) > max(LEAST_SECONDS, 4.0 * usual))
     counts = np.diff(np.searchsorted(time, edges))
     return [(float(edges[each]), float(edges[each + 1])) for each in wide if counts[each] > 1]
-
-
-def _listed(spans: list[tuple[float, float]]) -> str:
-    shown = ", ".join(f"from {start:.1f} to {end:.1f} s" for start, end in spans[:SAID])
-    return shown + (f" and {len(spans) - SAID} times more" if len(spans) > SAID else "")
