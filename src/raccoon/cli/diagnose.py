@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     paths = recordings(args.trace)
     if not paths:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
-    holdout = recordings(args.holdout)
+    args.holdout = holdout = _to_judge_on(args.holdout)
     check_not_read(outputs, [*paths, *holdout, args.robot, args.model, args.causes])
     check_holdout(holdout, paths)
     check_replaceable(args.json, args.html, model=args.save_model)
@@ -94,6 +94,16 @@ def run(args: argparse.Namespace) -> int:
         return run_fleet(args, paths)
     _write(args, together, f"{len(paths)} runs")
     return 0
+
+
+def _to_judge_on(named: Sequence[Path]) -> list[Path]:
+    from raccoon.cli.diagnose_many import recordings
+    from raccoon.core.errors import TraceError
+
+    found = recordings(named)
+    if named and not found:
+        raise TraceError(f"--holdout {', '.join(map(str, named))}: there is no recording in it")
+    return found
 
 
 def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:

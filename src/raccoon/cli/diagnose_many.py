@@ -14,10 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from raccoon.core.config import RobotConfig
     from raccoon.diagnose.fleet import FleetCause
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
     from raccoon.trace.loading import Run
+    from raccoon.trace.recording import Column
+
+    Columns = Mapping[str, Column]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,7 @@ def recordings(paths: Sequence[Path]) -> list[Path]:
 def diagnose_job(job: Job) -> Diagnosis:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
     from raccoon.core.config import RobotConfig, load_robot
-    from raccoon.core.errors import TraceError
+    from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own
     from raccoon.diagnose.recordings.kinds import diagnose_recording
     from raccoon.trace.loading import load_run
@@ -81,9 +85,10 @@ def diagnose_job(job: Job) -> Diagnosis:
             own=own,
             port=job.port or _port_written(job.robot),
         )
+    except HoldoutError as error:
+        raise TraceError(f"--holdout {job.holdout}: {error}") from None
     except TraceError as error:  # that of several files it is this one
-        judged = "" if job.holdout is None else f", judged on {job.holdout}"
-        raise TraceError(f"{job.path}{judged}: {error}") from None
+        raise TraceError(f"{job.path}: {error}") from None
 
 
 def _port_written(robot: Path | None) -> str | None:
@@ -148,9 +153,24 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
             return None
         runs.append(each)
     robot = load_robot(args.robot) if args.robot is not None else runs[0].robot or RobotConfig()
-    others = [load_run(path).recording.columns for path in recordings(args.holdout)]
     columns = [each.recording.columns for each in runs]
+    others = [_geometry(path, columns[0], robot) for path in args.holdout]
     return diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
+
+
+def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
+    """What pooled runs are to be judged on. Raises TraceError for a recording of another kind."""
+    from raccoon.core.errors import TraceError
+    from raccoon.diagnose.recordings.judged_on import not_judged_on
+    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.trace.loading import load_run
+
+    other = load_run(path).recording.columns
+    try:
+        not_judged_on(columns, other, Kind.GEOMETRY, kind_of(other, robot))
+    except TraceError as error:
+        raise TraceError(f"--holdout {path}: {error}") from None
+    return other
 
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:

@@ -161,6 +161,21 @@ def test_a_recording_is_not_its_own_judge(tmp_path: Path, capsys: pytest.Capture
         assert f"--holdout {link}: it is diagnosed itself" in capsys.readouterr().err
 
 
+def test_an_error_of_the_recording_to_judge_on_names_that(
+    drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, folder = written(tmp_path / "run.csv", drive), tmp_path / "more"
+    (folder / "none").mkdir(parents=True)
+    gyro = {**drive, "imu.gyro.z": 57.3 * drive["imu.gyro.z"], "t": drive["t"] + 0.01}
+    other = written(folder / "other.csv", gyro)
+    for named in (other, folder):  # a folder of one recording is that one
+        assert main(["diagnose", str(path), "--holdout", str(named)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"raccoon diagnose: --holdout {other}: imu.gyro.z is")
+    assert main(["diagnose", str(path), "--holdout", str(folder / "none")]) == 2
+    assert "there is no recording in it" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("option", ["--json", "--html", "--save-model"])
 def test_a_dash_is_no_file(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A file of that name was written, into the folder that one is in."""
