@@ -61,7 +61,8 @@ def _recording(text: str) -> Path:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
-    from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
+    from raccoon.cli.diagnose_files import recordings
+    from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, run_fleet
     from raccoon.cli.doing import diagnosis_shown
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
     from raccoon.core.errors import ConfigError, TraceError
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _to_judge_on(named: Sequence[Path]) -> list[Path]:
-    from raccoon.cli.diagnose_many import recordings
+    from raccoon.cli.diagnose_files import recordings
     from raccoon.core.errors import TraceError
 
     found = recordings(named)

@@ -37,23 +37,6 @@ class Job:
     port: str | None = None
 
 
-def recordings(paths: Sequence[Path]) -> list[Path]:
-    """The files, those inside folders in the order of their names, run2 before run10; so are files that a
-    shell has put in alphabetical order. Raises FileNotFoundError."""
-    from raccoon.trace.loading import counted, recording_file, recordings_in
-
-    found: list[Path] = []
-    given = list(paths)
-    for path in map(recording_file, sorted(given, key=counted) if given == sorted(given) else given):
-        if path.is_dir():
-            found += recordings_in(path)
-        elif path.exists():
-            found.append(path)
-        else:
-            raise FileNotFoundError(f"{path}: there is no such recording")
-    return found
-
-
 def diagnose_job(job: Job) -> Diagnosis:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
     from raccoon.core.config import RobotConfig, load_robot
@@ -175,11 +158,17 @@ def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
-    from raccoon.diagnose.fleet import common_causes, fleet_report
+    from raccoon.cli.diagnose_files import short_names
+    from raccoon.diagnose.fleet import common_causes
+    from raccoon.diagnose.reports.fleet_text import fleet_report
     from raccoon.diagnose.result import Diagnosis
 
     found = _all(args, [job_of(args, path) for path in paths])
-    names = _names(paths)
+    names = short_names(paths)
+    found = [
+        each.removeprefix(f"{path}: ") if isinstance(each, str) else each
+        for each, path in zip(found, paths, strict=True)
+    ]
     results = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, Diagnosis)}
     failed = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, str)}
     causes = common_causes(results)
@@ -188,7 +177,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
             _save(args, results, causes, failed)
     finally:
         for name, reason in failed.items():
-            print(f"{name}: no diagnosis: {reason.removeprefix(f'{name}: ')}")
+            print(f"{name}: no diagnosis: {reason}")
         if results:
             print(fleet_report(results, causes))
     return 0 if results else 2
@@ -270,12 +259,6 @@ def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
     if args.executor == "dask":
         return dask_crew(args.scheduler, args.workers or None)
     return process_crew(args.workers or None)
-
-
-def _names(paths: Sequence[Path]) -> list[str]:
-    """File names; with their folder where two are alike."""
-    short = [path.name for path in paths]
-    return short if len(set(short)) == len(short) else [f"{path.parent.name}/{path.name}" for path in paths]
 
 
 def _finite(value: object) -> object:

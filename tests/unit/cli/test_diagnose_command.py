@@ -17,7 +17,7 @@ import pytest
 import raccoon
 from blind.generator import make
 from csv_files import written
-from raccoon.cli.diagnose_many import recordings
+from raccoon.cli.diagnose_files import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.reports.html import template
