@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from raccoon.diagnose.fleet import FleetCause
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
-    from raccoon.trace.loading import Run
     from raccoon.trace.recording import Column
 
     Columns = Mapping[str, Column]
@@ -45,7 +44,7 @@ def diagnose_job(job: Job) -> Diagnosis:
     from raccoon.diagnose.recordings.kinds import diagnose_recording
     from raccoon.trace.loading import load_run
 
-    loaded = _loaded(job.path)
+    loaded = load_run(job.path)
     robot = load_robot(job.robot) if job.robot is not None else loaded.robot or RobotConfig()
     start = None
     if job.model is not None:
@@ -83,19 +82,6 @@ def _port_written(robot: Path | None) -> str | None:
     controller = parse_toml(robot.read_bytes()).get("controller", {})
     port = controller.get("port") if isinstance(controller, dict) else None
     return port if isinstance(port, str) else None
-
-
-def _loaded(path: Path) -> Run:
-    """A recording; an error about power outside -1..1 says what that usually is."""
-    from raccoon.core.errors import TraceError
-    from raccoon.trace.loading import load_run
-
-    try:
-        return load_run(path)
-    except TraceError as error:
-        if ".duty" in str(error) and "-1 to 1" in str(error):
-            raise TraceError(f"{error}; it looks like percent") from None
-        raise
 
 
 def diagnose_or_reason(job: Job) -> Diagnosis | str:

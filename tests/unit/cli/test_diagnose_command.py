@@ -324,6 +324,16 @@ def test_what_cannot_be_told_is_a_verdict(
     assert said in capsys.readouterr().out
 
 
+def test_an_accelerometer_in_another_unit_is_said(
+    drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    axes = {"x": 0.0, "y": 0.0, "z": 1.0}
+    columns = drive | {f"imu.accel.{name}": np.full(len(drive["t"]), each) for name, each in axes.items()}
+    assert main(["diagnose", str(written(tmp_path / "run.csv", columns))]) == 0
+    said = capsys.readouterr().out
+    assert "Note: imu.accel shows 1 m/s2 of gravity, which is 9.8: it looks like g, not m/s2" in said
+
+
 def test_another_robots_file_is_an_error(
     drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

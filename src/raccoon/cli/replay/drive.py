@@ -11,6 +11,7 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.quality import strange_units
 from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.estimate.drive.odometry import Odometry
@@ -59,8 +60,10 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     if mistaken := mistaken_step(usual_step(run.recording["t"])):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
     native = firmware_of(run.recording.device) is not None
-    if strange := strange_units(run.recording.columns, config, native=native):
-        notes.append(f"{strange}; the odometry took it as it is")
+    columns = run.recording.columns
+    for strange in (strange_units(columns, config, native=native), strange_acceleration(columns)):
+        if strange:
+            notes.append(f"{strange}; the odometry took it as it is")
     odometry = Odometry(config)
     rows = []
     command = None

@@ -14,6 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.log import check_time
 from raccoon.diagnose.drives.unseen import said_of_holdout
 from raccoon.diagnose.findings.extend import with_causes
@@ -228,7 +229,9 @@ def _drive(
     if not by_volts:
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
     found = counted.told(judged_again(found, columns, sound, robot))
-    found = replace(found, notes=(*found.notes, *made_by.notes))
+    gravity = strange_acceleration(columns)
+    unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
+    found = replace(found, notes=(*found.notes, *unit, *made_by.notes))
     return _with_tophats(found, columns, robot, model, truth_free)
 
 
