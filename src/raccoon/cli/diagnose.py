@@ -23,7 +23,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="recordings: traces, CSV, MCAP or EMPS files, or folders of them",
     )
     parser.add_argument(
-        "--robot", type=Path, help="robot.toml; without it the recording's own, or the default"
+        "--robot",
+        type=Path,
+        help="robot.toml; without it the recording's own, one beside it or here, or the default",
     )
     parser.add_argument("--model", type=Path, help="model.toml to start from instead of robot.toml's model")
     parser.add_argument(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from raccoon.diagnose.fleet import FleetCause
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
+    from raccoon.trace.loading import Run
     from raccoon.trace.recording import Column
 
     Columns = Mapping[str, Column]
@@ -38,39 +39,59 @@ class Job:
 
 def diagnose_job(job: Job) -> Diagnosis:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
-    from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own
     from raccoon.diagnose.recordings.kinds import diagnose_recording
     from raccoon.trace.loading import load_run
 
     loaded = load_run(job.path)
-    robot = load_robot(job.robot) if job.robot is not None else loaded.robot or RobotConfig()
     start = None
     if job.model is not None:
         from raccoon.sim.effects.parameters import Parameters
 
         start = Parameters.from_model_file(job.model)
-        robot = start.robot
     recording = loaded.recording
     own = () if job.causes is None else load_own(job.causes)
     holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
     try:
+        robot, file, told = robot_of(loaded, job.robot)
         return diagnose_recording(
             recording.columns,
-            robot,
+            robot if start is None else start.robot,
             holdout=holdout,
             model=start,
             truth_free=job.truth_free,
             device=recording.device,
-            problems=recording.problems,
+            problems=(*recording.problems, *(told if start is None else ())),
             own=own,
-            port=job.port or _port_written(job.robot),
+            port=job.port or _port_written(file),
         )
     except HoldoutError as error:
         raise TraceError(f"--holdout {job.holdout}: {error}") from None
     except TraceError as error:  # that of several files it is this one
         raise TraceError(f"{job.path}: {error}") from None
+
+
+def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tuple[str, ...]]:
+    """The robot of a run, the robot.toml that it is of, and a note where nobody said which it is.
+
+    Raises ConfigError, and TraceError for a recording without samples.
+    """
+    from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.trace.loading import robot_near
+
+    if named is not None:
+        return load_robot(named), named, ()
+    if run.robot is not None:
+        return run.robot, None, ()
+    near = robot_near(run)
+    robot = RobotConfig() if near is None else load_robot(near)
+    if near is None and kind_of(run.recording.columns, robot) not in (Kind.DRIVE, Kind.GEOMETRY):
+        return robot, None, ()
+    which = "the default one" if near is None else f"that of {near}"
+    said = f"the recording does not say its robot: compared with {which} (--robot names another)"
+    return robot, near, (said,)
 
 
 def _port_written(robot: Path | None) -> str | None:
@@ -104,24 +125,31 @@ def _lost(jobs: Sequence[Job], number: int) -> Diagnosis | str:
 
 def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     """One diagnosis over runs that are all geometry of one robot; None where they are not, or where one
-    cannot be read."""
-    from raccoon.core.config import RobotConfig, load_robot
+    cannot be read. Raises ConfigError for a --robot that is none."""
+    from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
     from raccoon.trace.loading import load_run
 
-    runs = []
+    if args.robot is not None:
+        load_robot(args.robot)  # what is wrong with it is wrong with all
+    runs, robots, files = [], [], set()
     for path in paths:
         try:
             each = load_run(path)
+            own, file, _ = robot_of(each, args.robot)
+            kind = kind_of(each.recording.columns, own)
         except (RaccoonError, OSError):  # said with the others' results
             return None
-        own = each.robot or RobotConfig()
-        if args.truth_free or kind_of(each.recording.columns, own) is not Kind.GEOMETRY:
+        if args.truth_free or kind is not Kind.GEOMETRY:
             return None
         runs.append(each)
-    robot = load_robot(args.robot) if args.robot is not None else runs[0].robot or RobotConfig()
+        robots.append(own)
+        files.add(file)
+    if len(files) > 1:  # of as many robots: no one track width is theirs
+        return None
+    robot = robots[0]
     columns = [each.recording.columns for each in runs]
     others = [_geometry(path, columns[0], robot) for path in args.holdout]
     return diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)

@@ -5,12 +5,19 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose_files import recordings, short_names
+from raccoon.cli.diagnose_many import robot_of
 from raccoon.cli.main import main
+from raccoon.core.config import RobotConfig
+from raccoon.trace.loading import load_run
 from unit.diagnose.axes import motor
+
+NOT_SAID = "the recording does not say its robot: compared with"
 
 
 def test_recordings_of_one_name_are_told_apart_by_their_folders(
@@ -44,3 +51,56 @@ def test_a_file_that_is_named_twice_counts_once(tmp_path: Path, caplog: pytest.L
     assert f"{link}: it is named twice, and taken once" in caplog.text
     caplog.clear()
     assert recordings([tmp_path]) == [one, two]
+
+
+def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of them were compared with the default robot, without a word."""
+    drive = {"t": 0.005 * np.arange(9)} | {f"motor.{port}.duty": np.ones(9) for port in (0, 1)}
+    for place in ("red", "blue", "none"):
+        (tmp_path / place).mkdir()
+        written(tmp_path / place / "run.csv", drive)
+    for place in ("red", "blue"):
+        (tmp_path / place / "robot.toml").write_text(f'name = "{place}"\n')
+    monkeypatch.chdir(tmp_path)
+
+    def found(place: str, named: str | None = None) -> tuple[str, str]:
+        run = load_run(Path(place, "run.csv"))
+        robot, _, notes = robot_of(run, None if named is None else Path(named))
+        return robot.name, " ".join(notes)
+
+    assert found("red") == ("red", f"{NOT_SAID} that of red/robot.toml (--robot names another)")
+    assert found("blue") == ("blue", f"{NOT_SAID} that of blue/robot.toml (--robot names another)")
+    assert found("none") == (RobotConfig().name, f"{NOT_SAID} the default one (--robot names another)")
+    assert found("none", "red/robot.toml") == ("red", "")
+    Path("robot.toml").write_text('name = "here"\n')
+    assert found("none") == ("here", f"{NOT_SAID} that of robot.toml (--robot names another)")
+    assert found("red")[0] == "red"
+
+
+def test_a_note_says_which_robot_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path / "run.csv", tophat(3, seconds=4.0))
+    (tmp_path / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
+    assert main(["diagnose", str(path)]) == 0
+    assert f"Note: {NOT_SAID} that of {tmp_path / 'robot.toml'}" in capsys.readouterr().out
+    (tmp_path / "robot.toml").write_text("[tophat")
+    assert main(["diagnose", str(path)]) == 2
+    assert f"{tmp_path / 'robot.toml'}: " in capsys.readouterr().err
+
+
+def test_a_robot_toml_that_is_none_stops_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
+    assert main(["diagnose", *map(str, paths), "--robot", str(tmp_path / "none.toml")]) == 2
+    assert (
+        capsys.readouterr().err == f"raccoon diagnose: {tmp_path / 'none.toml'}: no such file or directory\n"
+    )
+
+
+def test_an_empty_recording_that_comes_first_stops_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("t,motor.0.duty\n")
+    written(tmp_path / "motor.csv", motor(5, 0.008))
+    assert main(["diagnose", str(tmp_path)]) == 0
+    assert "a.csv: no diagnosis: the recording is empty" in capsys.readouterr().out

@@ -32,7 +32,7 @@ NOTES_SAID = 8
 def fleet_report(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause]) -> str:
     """A line a recording, then common causes with their spread, the odd ones out, and what changed."""
     lines = [f"{name}: {each.verdict}: {told(each)}" for name, each in results.items()]
-    lines += ["", *(_cause_line(each, len(results)) for each in causes)]
+    lines += ["", *(_cause_line(each, len(results)) for each in causes)] if causes else []
     numbers = fleet_numbers(results)
     if numbers:
         lines += ["", "Measured on the way (median, spread of one):"]
