@@ -57,7 +57,8 @@ def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """All of them were compared with the default robot, without a word."""
-    drive = {"t": 0.005 * np.arange(9)} | {f"motor.{port}.duty": np.ones(9) for port in (0, 1)}
+    columns = ("t", "motor.0.duty", "motor.1.duty")
+    drive = {name: np.linspace(0.0, 0.04, 9) for name in columns}
     for place in ("red", "blue", "none"):
         (tmp_path / place).mkdir()
         written(tmp_path / place / "run.csv", drive)
