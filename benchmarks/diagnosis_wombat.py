@@ -51,7 +51,7 @@ def main() -> None:
     kinds = [*OF_THE_ROBOT, *[CLEAN] * args.clean]
     print(f"seed {seed}", flush=True)
     rows = []
-    for name in args.firmware.split(","):
+    for name in args.firmware:
         said = [
             _one(f"{name}/{kind}/{index}", FIRMWARES[name], kind, seed, args.seconds, args.as_csv)
             for index, kind in enumerate(kinds)
@@ -64,7 +64,7 @@ def main() -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--firmware", default=",".join(FIRMWARES), help="comma separated")
+    parser.add_argument("--firmware", nargs="+", choices=FIRMWARES, default=list(FIRMWARES))
     parser.add_argument("--clean", type=int, default=10, help="robots without a cause")
     parser.add_argument("--seconds", type=float, default=30.0, help="of driving")
     parser.add_argument("--seed", type=int, default=None)

@@ -130,6 +130,32 @@ def test_readings_of_fewer_bits_are_said_to_be_that(bits: int) -> None:
     assert f"looks like readings of {bits} bits" in found.notes[0]
 
 
+@pytest.mark.parametrize(
+    ("factor", "said"),
+    [
+        (3.3 / 4095.0, "it reaches 3.08, in parts: it looks like volts or shares"),
+        (1.0 / 4095.0, "it looks like volts or shares of the largest reading"),
+        (100.0 / 4095.0, "are the usual counts over 40.96: it looks like percent"),
+    ],
+)
+def test_readings_in_another_unit_are_no_cause(factor: float, said: str) -> None:
+    """Percent were a sensor that reads 98 % less than assumed, volts a white and black of 1 and 3 counts."""
+    columns = tophat(5)
+    columns["analog.2"] *= factor
+    found = found_in(columns)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert said in found.notes[0]
+
+
+@pytest.mark.parametrize(("factor", "asked"), [(3300.0 / 4095.0, True), (0.9, False)])
+def test_a_gain_that_millivolts_would_be_is_asked_after(factor: float, asked: bool) -> None:
+    columns = tophat(5)
+    columns["analog.2"] = np.round(columns["analog.2"] * factor)
+    (gain,) = found_in(columns).causes
+    assert gain.id == "tophat.gain"
+    assert ("if the column is in millivolts, write counts" in gain.explanation) is asked
+
+
 def test_impossible_readings_are_left_out_and_said() -> None:
     columns = tophat(10)
     columns["analog.2"][[5, 900, 901]] = 99999.0, -20.0, 65535.0

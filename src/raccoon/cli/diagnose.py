@@ -23,7 +23,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="recordings: traces, CSV, MCAP or EMPS files, or folders of them",
     )
     parser.add_argument(
-        "--robot", type=Path, help="robot.toml; without it the recording's own, or the default"
+        "--robot",
+        type=Path,
+        help="robot.toml; without it the recording's own, one beside it or here, or the default",
     )
     parser.add_argument("--model", type=Path, help="model.toml to start from instead of robot.toml's model")
     parser.add_argument(
@@ -61,7 +63,8 @@ def _recording(text: str) -> Path:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
-    from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, recordings, run_fleet
+    from raccoon.cli.diagnose_files import recordings
+    from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, run_fleet
     from raccoon.cli.doing import diagnosis_shown
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
     from raccoon.core.errors import ConfigError, TraceError
@@ -74,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     paths = recordings(args.trace)
     if not paths:
         raise TraceError(f"{', '.join(map(str, args.trace))}: there is no recording in it")
-    holdout = recordings(args.holdout)
+    args.holdout = holdout = _to_judge_on(args.holdout)
     check_not_read(outputs, [*paths, *holdout, args.robot, args.model, args.causes])
     check_holdout(holdout, paths)
     check_replaceable(args.json, args.html, model=args.save_model)
@@ -94,6 +97,16 @@ def run(args: argparse.Namespace) -> int:
         return run_fleet(args, paths)
     _write(args, together, f"{len(paths)} runs")
     return 0
+
+
+def _to_judge_on(named: Sequence[Path]) -> list[Path]:
+    from raccoon.cli.diagnose_files import recordings
+    from raccoon.core.errors import TraceError
+
+    found = recordings(named)
+    if named and not found:
+        raise TraceError(f"--holdout {', '.join(map(str, named))}: there is no recording in it")
+    return found
 
 
 def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:

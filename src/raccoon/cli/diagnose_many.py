@@ -14,10 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from raccoon.core.config import RobotConfig
     from raccoon.diagnose.fleet import FleetCause
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
     from raccoon.trace.loading import Run
+    from raccoon.trace.recording import Column
+
+    Columns = Mapping[str, Column]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,57 +37,61 @@ class Job:
     port: str | None = None
 
 
-def recordings(paths: Sequence[Path]) -> list[Path]:
-    """The files, those inside folders in the order of their names, run2 before run10; so are files that a
-    shell has put in alphabetical order. Raises FileNotFoundError."""
-    from raccoon.trace.loading import counted, recording_file, recordings_in
-
-    found: list[Path] = []
-    given = list(paths)
-    for path in map(recording_file, sorted(given, key=counted) if given == sorted(given) else given):
-        if path.is_dir():
-            found += recordings_in(path)
-        elif path.exists():
-            found.append(path)
-        else:
-            raise FileNotFoundError(f"{path}: there is no such recording")
-    return found
-
-
 def diagnose_job(job: Job) -> Diagnosis:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
-    from raccoon.core.config import RobotConfig, load_robot
-    from raccoon.core.errors import TraceError
+    from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own
     from raccoon.diagnose.recordings.kinds import diagnose_recording
     from raccoon.trace.loading import load_run
 
-    loaded = _loaded(job.path)
-    robot = load_robot(job.robot) if job.robot is not None else loaded.robot or RobotConfig()
+    loaded = load_run(job.path)
     start = None
     if job.model is not None:
         from raccoon.sim.effects.parameters import Parameters
 
         start = Parameters.from_model_file(job.model)
-        robot = start.robot
     recording = loaded.recording
     own = () if job.causes is None else load_own(job.causes)
     holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
     try:
+        robot, file, told = robot_of(loaded, job.robot)
         return diagnose_recording(
             recording.columns,
-            robot,
+            robot if start is None else start.robot,
             holdout=holdout,
             model=start,
             truth_free=job.truth_free,
             device=recording.device,
-            problems=recording.problems,
+            problems=(*recording.problems, *(told if start is None else ())),
             own=own,
-            port=job.port or _port_written(job.robot),
+            port=job.port or _port_written(file),
         )
+    except HoldoutError as error:
+        raise TraceError(f"--holdout {job.holdout}: {error}") from None
     except TraceError as error:  # that of several files it is this one
-        judged = "" if job.holdout is None else f", judged on {job.holdout}"
-        raise TraceError(f"{job.path}{judged}: {error}") from None
+        raise TraceError(f"{job.path}: {error}") from None
+
+
+def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tuple[str, ...]]:
+    """The robot of a run, the robot.toml that it is of, and a note where nobody said which it is.
+
+    Raises ConfigError, and TraceError for a recording without samples.
+    """
+    from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.trace.loading import robot_near
+
+    if named is not None:
+        return load_robot(named), named, ()
+    if run.robot is not None:
+        return run.robot, None, ()
+    near = robot_near(run)
+    robot = RobotConfig() if near is None else load_robot(near)
+    if near is None and kind_of(run.recording.columns, robot) not in (Kind.DRIVE, Kind.GEOMETRY):
+        return robot, None, ()
+    which = "the default one" if near is None else f"that of {near}"
+    said = f"the recording does not say its robot: compared with {which} (--robot names another)"
+    return robot, near, (said,)
 
 
 def _port_written(robot: Path | None) -> str | None:
@@ -95,19 +103,6 @@ def _port_written(robot: Path | None) -> str | None:
     controller = parse_toml(robot.read_bytes()).get("controller", {})
     port = controller.get("port") if isinstance(controller, dict) else None
     return port if isinstance(port, str) else None
-
-
-def _loaded(path: Path) -> Run:
-    """A recording; an error about power outside -1..1 says what that usually is."""
-    from raccoon.core.errors import TraceError
-    from raccoon.trace.loading import load_run
-
-    try:
-        return load_run(path)
-    except TraceError as error:
-        if ".duty" in str(error) and "-1 to 1" in str(error):
-            raise TraceError(f"{error}; it looks like percent") from None
-        raise
 
 
 def diagnose_or_reason(job: Job) -> Diagnosis | str:
@@ -130,36 +125,64 @@ def _lost(jobs: Sequence[Job], number: int) -> Diagnosis | str:
 
 def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     """One diagnosis over runs that are all geometry of one robot; None where they are not, or where one
-    cannot be read."""
-    from raccoon.core.config import RobotConfig, load_robot
+    cannot be read. Raises ConfigError for a --robot that is none."""
+    from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
     from raccoon.trace.loading import load_run
 
-    runs = []
+    if args.robot is not None:
+        load_robot(args.robot)  # what is wrong with it is wrong with all
+    runs, robots, files = [], [], set()
     for path in paths:
         try:
             each = load_run(path)
+            own, file, _ = robot_of(each, args.robot)
+            kind = kind_of(each.recording.columns, own)
         except (RaccoonError, OSError):  # said with the others' results
             return None
-        own = each.robot or RobotConfig()
-        if args.truth_free or kind_of(each.recording.columns, own) is not Kind.GEOMETRY:
+        if args.truth_free or kind is not Kind.GEOMETRY:
             return None
         runs.append(each)
-    robot = load_robot(args.robot) if args.robot is not None else runs[0].robot or RobotConfig()
-    others = [load_run(path).recording.columns for path in recordings(args.holdout)]
+        robots.append(own)
+        files.add(file)
+    if len(files) > 1:  # of as many robots: no one track width is theirs
+        return None
+    robot = robots[0]
     columns = [each.recording.columns for each in runs]
+    others = [_geometry(path, columns[0], robot) for path in args.holdout]
     return diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
+
+
+def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
+    """What pooled runs are to be judged on. Raises TraceError for a recording of another kind."""
+    from raccoon.core.errors import TraceError
+    from raccoon.diagnose.recordings.judged_on import not_judged_on
+    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.trace.loading import load_run
+
+    other = load_run(path).recording.columns
+    try:
+        not_judged_on(columns, other, Kind.GEOMETRY, kind_of(other, robot))
+    except TraceError as error:
+        raise TraceError(f"--holdout {path}: {error}") from None
+    return other
 
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
-    from raccoon.diagnose.fleet import common_causes, fleet_report
+    from raccoon.cli.diagnose_files import short_names
+    from raccoon.diagnose.fleet import common_causes
+    from raccoon.diagnose.reports.fleet_text import fleet_report
     from raccoon.diagnose.result import Diagnosis
 
     found = _all(args, [job_of(args, path) for path in paths])
-    names = _names(paths)
+    names = short_names(paths)
+    found = [
+        each.removeprefix(f"{path}: ") if isinstance(each, str) else each
+        for each, path in zip(found, paths, strict=True)
+    ]
     results = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, Diagnosis)}
     failed = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, str)}
     causes = common_causes(results)
@@ -168,7 +191,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
             _save(args, results, causes, failed)
     finally:
         for name, reason in failed.items():
-            print(f"{name}: no diagnosis: {reason.removeprefix(f'{name}: ')}")
+            print(f"{name}: no diagnosis: {reason}")
         if results:
             print(fleet_report(results, causes))
     return 0 if results else 2
@@ -250,12 +273,6 @@ def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
     if args.executor == "dask":
         return dask_crew(args.scheduler, args.workers or None)
     return process_crew(args.workers or None)
-
-
-def _names(paths: Sequence[Path]) -> list[str]:
-    """File names; with their folder where two are alike."""
-    short = [path.name for path in paths]
-    return short if len(set(short)) == len(short) else [f"{path.parent.name}/{path.name}" for path in paths]
 
 
 def _finite(value: object) -> object:

@@ -5,6 +5,7 @@
     RaccoonError
     ├── ConfigError        ValueError       a value in a file or an argument is not allowed
     ├── TraceError         ValueError       a recording cannot be read (further)
+    │   └── HoldoutError                    ... the one that a diagnosis is to be judged on
     ├── HardwareError      OSError          a device does not answer as it must
     ├── CalibrationError   RuntimeError     the data cannot support the calibration
     ├── MotionTimeout      TimeoutError     a motion did not end in its time
@@ -25,6 +26,10 @@ class ConfigError(RaccoonError, ValueError):
 
 class TraceError(RaccoonError, ValueError):
     """A recording is damaged, not a recording, or of a version this library cannot read."""
+
+
+class HoldoutError(TraceError):
+    """What is wrong is wrong with the recording that a diagnosis is to be judged on."""
 
 
 class HardwareError(RaccoonError, OSError):

@@ -8,8 +8,9 @@ from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from raccoon.diagnose.fleet_changes import Change, Form, change_of, levels
+from raccoon.diagnose.fleet_changes import Change, change_of, levels
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 
 COMMON_SHARE = 0.6
@@ -17,17 +18,6 @@ FAR = 4.0
 SPREAD = 1.4826
 """Standard deviation of normal numbers over their median distance from the middle."""
 FEWEST_FOR_OUTLIERS = 4
-WORN: Mapping[str, str] = {
-    "battery.internal_resistance": "a battery ages",
-    "battery.open_circuit_voltage": "another charge, or another battery",
-    "motor.back_emf_constant": "a motor was replaced, or its magnets suffered",
-    "motor.armature_resistance": "a motor was replaced, or its brushes wear",
-    "friction.coulomb": "bearings, gears or the floor",
-    "drive.wheel_radius": "a wheel was replaced or its tyre wears",
-    "drive.backlash": "gears wear",
-}
-"""What is behind a change, by cause."""
-
 Job = TypeVar("Job")
 Found = TypeVar("Found")
 
@@ -38,7 +28,7 @@ class FleetCause:
     parameter in each, in the order of the recordings that name it. outliers: recordings whose value is far
     from the others'. stds, nominal, unit: of that parameter. change: over all recordings in their order, one
     that does not name the cause counting as nominal, one that cannot tell not at all. rivals: what at least
-    half of the recordings that name it do not tell it from."""
+    half of the recordings that name it do not tell it from. telling: how many can tell."""
 
     name: str
     share: float
@@ -50,16 +40,19 @@ class FleetCause:
     unit: str = ""
     change: Change | None = None
     rivals: tuple[str, ...] = ()
+    telling: int = 0
 
     @property
     def common(self) -> bool:
-        """Whether most recordings have it."""
-        return self.share >= COMMON_SHARE
+        """Whether most recordings have it, and more than one."""
+        return self.share >= COMMON_SHARE and len(self.recordings) > 1
 
 
 @dataclass(frozen=True, slots=True)
 class FleetNumber:
-    """A number that was identified in many recordings without being a cause, such as each motor's K_E."""
+    """A number that was identified in many recordings without being a cause, such as each motor's K_E.
+    recordings: those that have it. median: of all. spread: of one around what is usual, which is not the same
+    before and after a change."""
 
     name: str
     unit: str
@@ -67,6 +60,7 @@ class FleetNumber:
     spread: float
     outliers: tuple[str, ...]
     change: Change | None
+    recordings: tuple[str, ...] = ()
 
 
 def diagnose_all(
@@ -93,7 +87,8 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
     units = [each.unit for each in found.values()]
     usual = max(units, key=units.count)
     silent = {key for key, each in results.items() if _silent(name, each)} - found.keys()
-    share = len(found) / (len(results) - len(silent))
+    telling = len(results) - len(silent)
+    share = len(found) / telling
     # Where a current is missing a friction is in volts: it counts, and is not compared.
     found = {key: each for key, each in found.items() if each.unit == usual}
     first = next(iter(found.values()))
@@ -112,6 +107,7 @@ def _fleet_cause(name: str, results: Mapping[str, Diagnosis]) -> FleetCause:
         first.unit,
         change,
         _rivals(name, results),
+        telling,
     )
 
 
@@ -128,9 +124,11 @@ CANNOT_TELL = ("not identifiable", "not visible", "not judged", "the recorded mo
 
 def _silent(name: str, diagnosis: Diagnosis) -> bool:
     """Whether a recording that does not name a cause does not speak against it either: it cannot tell, as
-    where a channel is missing, or it names another that may be this one."""
+    where a channel is missing, it is of another kind, as a tophat's of a battery, or it names another cause
+    that may be this one."""
     id_, _, where = name.partition("@")
-    if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
+    judged = [*(each.name for each in diagnosis.causes), *(each.id for each in diagnosis.rejected)]
+    if diagnosis.verdict is Verdict.NOT_IDENTIFIABLE or _group(name) not in map(_group, judged):
         return True
     rivals = {
         (rival if "@" in rival or each.where != where else f"{rival}@{where}")
@@ -146,6 +144,13 @@ def _silent(name: str, diagnosis: Diagnosis) -> bool:
     )
 
 
+def _group(name: str) -> str:
+    """What is judged together: battery, motor, drive, each tophat."""
+    id_, _, where = name.partition("@")
+    group = id_.partition(".")[0]
+    return f"{group}@{where}" if where.isdecimal() else group
+
+
 def _of_place(reason: str, where: str) -> bool:
     """Whether a reason holds at a place: one may say that it is of one side alone."""
     begin = "not identifiable at the "
@@ -159,12 +164,20 @@ def _outliers(
     it creeps, from the line. every, series: all recordings and their numbers, NaN where unknown."""
     if len(found) < 2:
         return ()
-    values, stds = (np.array([getattr(each, key) for each in found.values()]) for key in ("value", "std"))
-    rows = np.array([every.index(each) for each in found])
-    left = values - levels(rows, values, np.flatnonzero(np.isfinite(series)), change)
+    stds = np.array([each.std for each in found.values()])
+    left = _off_usual(found, every, series, change)
     spread = SPREAD * float(np.median(np.abs(left)))
     far = np.abs(left) > FAR * np.sqrt(spread**2 + np.nan_to_num(stds) ** 2)
     return tuple(name for name, odd in zip(found, far, strict=True) if odd)
+
+
+def _off_usual(
+    found: Mapping[str, ParameterResult], every: Sequence[str], series: Sequence[float], change: Change | None
+) -> NDArray[np.float64]:
+    """By how much each number is off what is usual where it is in the series."""
+    values = np.array([each.value for each in found.values()])
+    rows = np.array([every.index(each) for each in found])
+    return values - levels(rows, values, np.flatnonzero(np.isfinite(series)), change)
 
 
 def fleet_numbers(results: Mapping[str, Diagnosis]) -> list[FleetNumber]:
@@ -179,80 +192,17 @@ def fleet_numbers(results: Mapping[str, Diagnosis]) -> list[FleetNumber]:
         if len(found) < FEWEST_FOR_OUTLIERS:
             continue
         values, stds = (np.array([getattr(each, key) for each in found.values()]) for key in ("value", "std"))
-        middle = float(np.median(values))
-        spread = SPREAD * float(np.median(np.abs(values - middle)))
-        known = stds[np.isfinite(stds)]
-        if spread == 0.0 and len(known):  # most are equal to the last digit, which says nothing of one
-            spread = float(np.median(known))
         series = [found[each].value if each in found else float("nan") for each in results]
         errors = [found[each].std if each in found else float("nan") for each in results]
         change = change_of(series, errors)
+        spread = SPREAD * float(np.median(np.abs(_off_usual(found, list(results), series, change))))
+        known = stds[np.isfinite(stds)]
+        if spread == 0.0 and len(known):  # most are equal to the last digit, which says nothing of one
+            spread = float(np.median(known))
         outliers = _outliers(found, list(results), series, change)
-        numbers.append(FleetNumber(name, unit, middle, spread, outliers, change))
+        middle = float(np.median(values))
+        numbers.append(FleetNumber(name, unit, middle, spread, outliers, change, tuple(found)))
     return numbers
-
-
-def fleet_report(results: Mapping[str, Diagnosis], causes: list[FleetCause]) -> str:
-    """A line a recording, then common causes with their spread, the odd ones out, and what changed."""
-    lines = []
-    for name, diagnosis in results.items():
-        named = ", ".join(each.name for each in diagnosis.causes) or "-"
-        broken = "".join(f"; {each.channel} is {each.fault}" for each in diagnosis.sensor_faults)
-        lines.append(f"{name}: {diagnosis.verdict}: {named}{broken}")
-    lines.append("")
-    lines += [_cause_line(each, len(results)) for each in causes]
-    numbers = fleet_numbers(results)
-    if numbers:
-        lines += ["", "Measured in all of them (median, spread of one):"]
-        lines += [_number_line(each) for each in numbers]
-    changes = change_lines(results, causes)
-    if changes:
-        lines += ["", "What changed:", *(f"  {each}" for each in changes)]
-    return "\n".join(lines)
-
-
-def change_lines(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause]) -> list[str]:
-    """A line for everything that jumps or creeps in the order of the recordings."""
-    every: list[FleetCause | FleetNumber] = [*causes, *fleet_numbers(results)]
-    names = list(results)
-    return [
-        _change_line(_one_of(each), each.unit, each.change, WORN.get(each.name.partition("@")[0]), names)
-        for each in every
-        if each.change
-    ]
-
-
-def _one_of(each: FleetCause | FleetNumber) -> str:
-    """Its name, with those of what may be it: what changes is known then, and not which of them it is."""
-    rivals = each.rivals if isinstance(each, FleetCause) else ()
-    return f"{each.name} (or {', '.join(rivals)})" if rivals else each.name
-
-
-def _cause_line(each: FleetCause, count: int) -> str:
-    if each.common:
-        kind = "common"
-    elif len(each.recordings) <= max(1, count // 5):
-        kind = "only " + ", ".join(each.recordings)
-    else:
-        kind = "some: " + ", ".join(each.recordings)
-    low, high = min(each.values), max(each.values)
-    odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
-    unit = f" {each.unit}" if each.unit else ""
-    alike = f"; not told from {', '.join(each.rivals)}" if each.rivals else ""
-    return f"{each.name}: {100 * each.share:.0f} % ({kind}), {low:.4g} to {high:.4g}{unit}{odd}{alike}"
-
-
-def _number_line(each: FleetNumber) -> str:
-    odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
-    return f"  {each.name:28s} {each.median:10.4g} +- {each.spread:.2g} {each.unit}{odd}"
-
-
-def _change_line(name: str, unit: str, change: Change, why: str | None, recordings: Sequence[str]) -> str:
-    behind = f" ({why}?)" if why else ""
-    pair = f"{change.before:.4g} to {change.after:.4g} {unit}".strip()
-    if change.form is Form.STEP:
-        return f"{name} jumps from {pair} with {recordings[change.first]}{behind}"
-    return f"{name} creeps from {pair} over the recordings{behind}"
 
 
 def fleet_dict(results: Mapping[str, Diagnosis], causes: list[FleetCause]) -> dict[str, Any]:

@@ -21,12 +21,16 @@ from raccoon.core.errors import TraceError
 from raccoon.core.files import named
 from raccoon.trace.format import Event
 from raccoon.trace.mistaken import csv_separator
-from raccoon.trace.recording import Recording
+from raccoon.trace.recording import Recording, mistaken_duty
 
 MAX_BYTES = 1 << 30
 MAX_LINE = 1 << 20
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
+MOST_BEYOND = 0.02
+"""Share of a command's lines that may be beyond -1..1: more are another unit."""
+FEWEST_BEYOND = 10
+"""Such lines that say nothing yet."""
 NOT_BACK = "allowed are numbers that do not go back"
 EVENT = "event"
 _SURFACE = re.compile(r"truth\.surface\.\d+")
@@ -67,6 +71,7 @@ class _Reader:
         self._events: list[Event] = []
         self._count = 0
         self._backward = 0
+        self._beyond: dict[str, tuple[int, float]] = {}  # duties beyond -1..1: how many, the largest
 
     def recording(self) -> Recording:
         names = _header(next(self._rows, []))
@@ -82,6 +87,12 @@ class _Reader:
             raise TraceError(
                 f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
             )
+        for name, (bad, largest) in self._beyond.items():
+            if bad > max(MOST_BEYOND * self._count, FEWEST_BEYOND):
+                raise TraceError(
+                    f"{name} is beyond -1..1 in {bad} of {self._count} lines and reaches {largest:g}: "
+                    f"{mistaken_duty(largest)}"
+                )
         return Recording(
             {name: np.array(column, np.float64) for name, column in columns.items()},
             self._events,
@@ -123,8 +134,12 @@ class _Reader:
     def _value(self, name: str, cell: str) -> float:
         if not cell:
             return math.nan
-        value, allowed = _parse(name, self._with_point(cell) if self._commas else cell)
+        text = self._with_point(cell) if self._commas else cell
+        value, allowed = _parse(name, text)
         if value is None:
+            if _DUTY.fullmatch(name) and (wrong := _number(text)) is not None:
+                bad, largest = self._beyond.get(name, (0, 0.0))
+                self._beyond[name] = bad + 1, max(largest, abs(wrong))
             blank = "" if name == "t" else " and blank"
             self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed}{blank}")
             return math.nan
@@ -162,7 +177,9 @@ class _Reader:
             raise TraceError(said)
         self._problems.append(said)
         if len(self._problems) > MAX_PROBLEMS:
-            raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}")
+            largest = max((each for _, each in self._beyond.values()), default=0.0)
+            duty = f"; commands reach {largest:g}: {mistaken_duty(largest)}" if self._beyond else ""
+            raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}{duty}")
 
 
 def _header(names: list[str]) -> list[str]:
@@ -181,19 +198,23 @@ def _parse(name: str, cell: str) -> tuple[float | None, str]:
     """Value of a cell, None where it is not allowed, and what is."""
     if _SURFACE.fullmatch(name) and cell.strip() in _COLORS:
         return _COLORS[cell.strip()], ""
+    value = _number(cell)
+    if _SURFACE.fullmatch(name):
+        return (value if value in (0.0, 1.0) else None), "black, white"
+    if _FLAG.fullmatch(name):
+        return (value if value in (0.0, 1.0) else None), "0, 1"
+    if _DUTY.fullmatch(name):
+        return (value if value is not None and -1.0 <= value <= 1.0 else None), "numbers from -1 to 1"
+    return value, "finite numbers"
+
+
+def _number(cell: str) -> float | None:
+    """None for what is none: Python reads 1_000 as one, and a file that holds it means something else."""
     try:
         value = float(cell)
     except ValueError:
-        value = math.nan
-    # Python reads 1_000 as a number; a file that holds it means something else.
-    ok = math.isfinite(value) and "_" not in cell
-    if _SURFACE.fullmatch(name):
-        return (value if ok and value in (0.0, 1.0) else None), "black, white"
-    if _FLAG.fullmatch(name):
-        return (value if ok and value in (0.0, 1.0) else None), "0, 1"
-    if _DUTY.fullmatch(name):
-        return (value if ok and -1.0 <= value <= 1.0 else None), "numbers from -1 to 1"
-    return (value if ok else None), "finite numbers"
+        return None
+    return value if math.isfinite(value) and "_" not in cell else None
 
 
 def write_csv(recording: Recording, path: str | Path) -> None:

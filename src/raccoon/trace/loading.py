@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
@@ -18,6 +18,7 @@ from raccoon.trace.recording import Recording
 
 SWEEP = ".sweep.json"
 """Ending of the file beside a table of matches."""
+ROBOT_TOML = "robot.toml"
 TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
 
 
@@ -25,13 +26,14 @@ TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
 class Run:
     """One recorded run. robot: as the recording describes it, None where it does not.
 
-    trace: the raw words, where the recording is a trace.
+    trace: the raw words, where the recording is a trace. path: the file.
     """
 
     name: str
     recording: Recording
     robot: RobotConfig | None = None
     trace: Trace | None = None
+    path: Path | None = None
 
 
 def load_runs(path: str | Path) -> list[Run]:
@@ -84,6 +86,17 @@ def _is_recording(path: Path) -> bool:
 def load_run(path: str | Path) -> Run:
     """One run, of whatever kind its name and first line say. Raises as `load_runs`."""
     path = recording_file(path)
+    return replace(_loaded(path), path=path)
+
+
+def robot_near(run: Run) -> Path | None:
+    """The robot.toml of a run that does not describe its robot: the one beside it, else where the command was
+    started; None where there is none."""
+    beside = () if run.path is None else (run.path.with_name(ROBOT_TOML),)
+    return next((each for each in (*beside, Path(ROBOT_TOML)) if each.is_file()), None)
+
+
+def _loaded(path: Path) -> Run:
     if path.is_dir():
         raise TraceError(f"{path}: it is a folder; name a recording in it")
     if path.is_file() and not path.stat().st_size:

@@ -18,6 +18,14 @@ from raccoon.trace.format import Event
 Column = NDArray[np.float64]
 TIME_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds"))
 """By what a time that should be in seconds advances at least, a sample."""
+DUTY_UNITS = (
+    (2.0, "shares of something less than a full command"),
+    (100.0, "percent"),
+    (255.0, "PWM of 8 bits (-255..255)"),
+    (400.0, "a Wombat's PWM (-400..400)"),
+    (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
+)
+"""Up to which size a command may be of which other unit."""
 
 
 @dataclass(slots=True)
@@ -88,7 +96,15 @@ def mistaken_step(step: float) -> str:
     """What unit a time seems to be in that should be in s and advances by `step` a sample, for a message; ""
     where it may well be in s."""
     unit = next((name for least, name in TIME_UNITS if step >= least), None)
-    return "" if unit is None else f"t advances by {step:.3g} s a sample: it looks like {unit}, not seconds"
+    if unit is None:
+        return ""
+    guess = f"{unit} or numbers of rows" if step == 1.0 else unit
+    return f"t advances by {step:.3g} s a sample: it looks like {guess}, not seconds"
+
+
+def mistaken_duty(largest: float) -> str:
+    """What a command beyond -1..1 seems to be that reaches this, for a message."""
+    return f"it looks like {next((unit for most, unit in DUTY_UNITS if largest <= most), 'another unit')}"
 
 
 def _check_time(time: Column) -> None:

@@ -17,7 +17,7 @@ import pytest
 import raccoon
 from blind.generator import make
 from csv_files import written
-from raccoon.cli.diagnose_many import recordings
+from raccoon.cli.diagnose_files import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.reports.html import template
@@ -159,6 +159,21 @@ def test_a_recording_is_not_its_own_judge(tmp_path: Path, capsys: pytest.Capture
     for recorded in ([path], [path, other]):
         assert main(["diagnose", *map(str, recorded), "--holdout", str(link)]) == 2
         assert f"--holdout {link}: it is diagnosed itself" in capsys.readouterr().err
+
+
+def test_an_error_of_the_recording_to_judge_on_names_that(
+    drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, folder = written(tmp_path / "run.csv", drive), tmp_path / "more"
+    (folder / "none").mkdir(parents=True)
+    gyro = {**drive, "imu.gyro.z": 57.3 * drive["imu.gyro.z"], "t": drive["t"] + 0.01}
+    other = written(folder / "other.csv", gyro)
+    for named in (other, folder):  # a folder of one recording is that one
+        assert main(["diagnose", str(path), "--holdout", str(named)]) == 2
+        said = capsys.readouterr().err
+        assert said.startswith(f"raccoon diagnose: --holdout {other}: imu.gyro.z is")
+    assert main(["diagnose", str(path), "--holdout", str(folder / "none")]) == 2
+    assert "there is no recording in it" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("option", ["--json", "--html", "--save-model"])
@@ -307,6 +322,16 @@ def test_what_cannot_be_told_is_a_verdict(
     )
     assert json.loads((tmp_path / "out.json").read_text())["verdict"] == "not_identifiable"
     assert said in capsys.readouterr().out
+
+
+def test_an_accelerometer_in_another_unit_is_said(
+    drive: Columns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    axes = {"x": 0.0, "y": 0.0, "z": 1.0}
+    columns = drive | {f"imu.accel.{name}": np.full(len(drive["t"]), each) for name, each in axes.items()}
+    assert main(["diagnose", str(written(tmp_path / "run.csv", columns))]) == 0
+    said = capsys.readouterr().out
+    assert "Note: imu.accel shows 1 m/s2 of gravity, which is 9.8: it looks like g, not m/s2" in said
 
 
 def test_another_robots_file_is_an_error(

@@ -14,10 +14,11 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fleet import common_causes, fleet_report
+from raccoon.diagnose.fleet import common_causes
 from raccoon.diagnose.hypotheses.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import PRESLIDING, base_coordinates
+from raccoon.diagnose.reports.fleet_text import fleet_report
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
@@ -136,7 +137,7 @@ def test_neutral_coordinates_give_the_nominal_robot_whose_wheels_give_as_usual()
 
 
 def test_a_fleet_tells_common_from_odd(sagging: Diagnosis) -> None:
-    clean = Diagnosis(Verdict.ADEQUATE, (), (), (), sagging.unexplained, (), 0.1)
+    clean = Diagnosis(Verdict.ADEQUATE, (), (), sagging.rejected, sagging.unexplained, (), 0.1)
     results = {"one": sagging, "two": sagging, "three": clean}
     causes = common_causes(results)
     assert causes[0].name == "battery.internal_resistance"

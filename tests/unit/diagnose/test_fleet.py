@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fleet import common_causes, diagnose_all, fleet_dict, fleet_numbers, fleet_report
+from raccoon.diagnose.fleet import common_causes, diagnose_all, fleet_dict, fleet_numbers
 from raccoon.diagnose.fleet_changes import Form, change_of
+from raccoon.diagnose.reports.fleet_text import fleet_report
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.result import (
     CauseResult,
@@ -20,6 +21,11 @@ from raccoon.diagnose.result import (
     SensorFault,
     Unexplained,
     Verdict,
+)
+
+JUDGED = tuple(
+    Rejected(each, "explains nothing that is left")
+    for each in ("battery.discharge", "motor.heating", "friction.viscous", "drive.inertia", "bemf.offset")
 )
 
 
@@ -33,7 +39,7 @@ def diagnosis(*causes: CauseResult, back_emf: float = 1.08, broken: bool = False
         Verdict.EXPLAINED if causes else Verdict.ADEQUATE,
         (),
         causes,
-        (),
+        JUDGED,
         Unexplained(0.0),
         (),
         0.1,

@@ -210,3 +210,29 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
         write_csv(Recording({"t": np.arange(2.0), "x": np.array([0.0, np.inf])}), path)
     assert [each.name for each in tmp_path.iterdir()] == ["run.csv"]
     assert path.read_text() == "t\n0\n"
+
+
+@pytest.mark.parametrize(
+    ("largest", "said"),
+    [
+        (100.0, "it looks like percent"),
+        (1.5, "it looks like shares of something less"),
+        (380.0, "it looks like a Wombat's PWM"),
+    ],
+)
+@pytest.mark.parametrize("lines", [300, 3000])
+def test_commands_in_another_unit_are_refused(largest: float, said: str, lines: int, tmp_path: Path) -> None:
+    """Those of a short recording were blank, and the robot then not driven; all larger ones were percent."""
+    path = tmp_path / "run.csv"
+    rows = [f"{0.01 * row},{largest * np.sin(0.05 * row):.4f}" for row in range(lines)]
+    path.write_text("\n".join(["t,motor.0.duty", *rows]) + "\n")
+    with pytest.raises(TraceError, match=said):
+        read_csv(path, strict=False)
+
+
+def test_a_few_commands_that_are_none_are_blank(tmp_path: Path) -> None:
+    path = tmp_path / "run.csv"
+    rows = [f"{0.01 * row},{90.0 if row % 100 == 7 else 0.9}" for row in range(600)]
+    path.write_text("\n".join(["t,motor.0.duty", *rows]) + "\n")
+    recording = read_csv(path, strict=False)
+    assert len(recording.problems) == np.isnan(recording["motor.0.duty"]).sum() == 6

@@ -82,9 +82,10 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     [
         ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians"),
         ("imu.gyro", 939.0, "the sensor's own counts"),
-        (".bemf", 1.0 / 303.4, "it looks like volts, not counts"),
+        (".bemf", 1.0 / 303.4, "it looks like volts or radians a second, not counts"),
         (".bemf", 1000.0 / 303.4, "it looks like millivolts, not counts"),
         ("battery.voltage", 1000.0, "it looks like millivolts, not volts"),
+        ("imu.accel", 1.0 / 9.81, "it looks like g, not m/s2"),
         ("imu.gyro", 1.0, ""),
     ],
 )

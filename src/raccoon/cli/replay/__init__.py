@@ -20,7 +20,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         help="a trace, a CSV or MCAP file, an OptiOdom session, or a folder of them",
     )
-    parser.add_argument("--robot", type=Path, help="robot.toml; by default what the recording says")
+    parser.add_argument(
+        "--robot", type=Path, help="robot.toml; by default what the recording says, or one beside it or here"
+    )
     parser.add_argument(
         "--program", type=Path, help="a program with mission(robot): must command the same again"
     )

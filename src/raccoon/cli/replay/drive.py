@@ -8,14 +8,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, load_robot
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.quality import strange_units
 from raccoon.diagnose.rollout.firmware import firmware_of
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.trace.columns import cycles_of
-from raccoon.trace.loading import Run
+from raccoon.trace.loading import Run, robot_near
 from raccoon.trace.pose_error import PoseError, pose_error
 from raccoon.trace.recording import Column, mistaken_step, usual_step
 
@@ -44,23 +45,25 @@ class Drive:
 def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     """Run the odometry over a recorded run.
 
-    robot: what to take the robot for; the recording's own word where None, the default robot where that is
-    silent. Raises TraceError where there is nothing to drive by.
+    robot: what to take the robot for; the recording's own word where None, where that is silent a robot.toml
+    beside it, else the default robot. Raises TraceError where there is nothing to drive by.
     """
     notes: list[str] = []
     config = robot or run.robot
     if config is None:
-        config = RobotConfig()
-        notes.append(
-            "the recording does not say its robot: taken for the default one (--robot names another)"
-        )
+        near = robot_near(run)
+        config = RobotConfig() if near is None else load_robot(near)
+        taken = "the default one" if near is None else f"that of {near}"
+        notes.append(f"the recording does not say its robot: taken for {taken} (--robot names another)")
     if len(run.recording):  # one that was ended before its first cycle holds nothing to miss
         _check_wheels(run, config)
     if mistaken := mistaken_step(usual_step(run.recording["t"])):
         notes.append(f"{mistaken}; between two of them nobody knows where the robot went")
     native = firmware_of(run.recording.device) is not None
-    if strange := strange_units(run.recording.columns, config, native=native):
-        notes.append(f"{strange}; the odometry took it as it is")
+    columns = run.recording.columns
+    for strange in (strange_units(columns, config, native=native), strange_acceleration(columns)):
+        if strange:
+            notes.append(f"{strange}; the odometry took it as it is")
     odometry = Odometry(config)
     rows = []
     command = None

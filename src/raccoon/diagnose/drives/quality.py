@@ -17,24 +17,20 @@ from raccoon.diagnose.drives.log import Log, arranged
 from raccoon.diagnose.drives.sizes import (
     FAR,
     SHARE,
+    SPEEDS,
     check_sizes,
+    nearest_unit,
     share_of,
     slope,
     steady,
     turning,
 )
 from raccoon.diagnose.drives.ways import check_turns, check_ways
+from raccoon.trace.recording import mistaken_duty
 
 Array = NDArray[np.float64]
 
 
-DUTY_UNITS = (
-    (100.0, "percent"),
-    (255.0, "PWM of 8 bits (-255..255)"),
-    (400.0, "a Wombat's PWM (-400..400)"),
-    (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
-)
-"""Up to which size a command may be of which other unit."""
 DEGREES = (0.5 * 180.0 / math.pi, 2.0 * 180.0 / math.pi)
 """How many times too large a gyro in degrees is on a robot whose other numbers are right within a factor of
 2."""
@@ -72,8 +68,7 @@ def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
     """
     largest = float(np.abs(log.duty).max())
     if largest > 1.0 + 1e-6:
-        guess = next((unit for most, unit in DUTY_UNITS if largest <= most), "another unit")
-        raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; it looks like {guess}")
+        raise TraceError(f"duty reaches {largest:g}: allowed is -1..1; {mistaken_duty(largest)}")
     if not native:
         _check_battery(log)
     _check_plugs(log)
@@ -113,10 +108,18 @@ def _check_wheels(log: Log, robot: RobotConfig, native: bool) -> None:
                 f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
                 f"does not fit this recording"
             )
-        if not native and channel.unit == "counts" and 0.0005 < factor < 0.02:
-            raise TraceError(
-                f"{channel.name} is {1.0 / factor:.0f} times too small: it looks like volts, not counts"
-            )
+        if not native and channel.unit == "counts" and LEAST_SHARE / 1e4 < factor < LEAST_SHARE:
+            unit = nearest_unit(factor / SHARE, _bemf_units(robot, side))
+            guess = f"it looks like {unit}, not counts" if unit else "is it in counts?"
+            raise TraceError(f"{channel.name} is {SHARE / factor:.0f} times too small: {guess}")
+
+
+def _bemf_units(robot: RobotConfig, side: str) -> Mapping[str, float]:
+    """How many times larger than counts."""
+    motor = robot.model.left if side == "left" else robot.model.right
+    a_count = BEMF_VOLTS_PER_COUNT / motor.back_emf_constant.value
+    speeds = {"radians a second": a_count, "metres a second": a_count * robot.model.drive.wheel_radius.value}
+    return {"volts": BEMF_VOLTS_PER_COUNT, **speeds, "turns a minute": a_count * SPEEDS["turns a minute"]}
 
 
 def _check_plugs(log: Log) -> None:
@@ -175,6 +178,8 @@ def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
         )
 
 
+LEAST_SHARE = 0.2
+"""Part of its command's voltage that the back-EMF of every motor has which turns freely."""
 HALF_AS_FAR = 0.5
 """Error with which a wheel follows the other's command, of that with which it follows its own, up to which
 the two are swapped."""

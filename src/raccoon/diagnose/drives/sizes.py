@@ -79,7 +79,7 @@ def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | Non
                 f"battery.voltage is around {seen:.3g} V, but {wheel.name} shows that about {nominal:.3g} V "
                 f"drive the motors{cell}"
             )
-        unit = _unit(share / SHARE, BEMF_UNITS)
+        unit = nearest_unit(share / SHARE, BEMF_UNITS)
         raise TraceError(
             f"{wheel.name} is {share * nominal / seen:.2g} times the voltage that drives the motor: none "
             "reaches that; " + (f"it looks like {unit}, not counts" if unit else "is it in counts?")
@@ -89,16 +89,18 @@ def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | Non
 def _check_factor(name: str, factor: float, units: Mapping[str, float], than: str, right: str) -> None:
     if 1.0 / FAR < factor < FAR:
         return
-    unit = _unit(factor, units)
+    unit = nearest_unit(factor, units)
     guess = (
         f"it looks like {unit}, not {right}" if unit else f"is it in {right}, and robot.toml this robot's?"
     )
     raise TraceError(f"{name} is {factor:.3g} times what is to be expected of {than}: {guess}")
 
 
-def _unit(factor: float, units: Mapping[str, float]) -> str | None:
-    near = min(units, key=lambda each: abs(math.log(units[each] / factor)))
-    return near if abs(math.log(units[near] / factor)) < math.log(NEAR) else None
+def nearest_unit(factor: float, units: Mapping[str, float]) -> str | None:
+    """The unit whose factor is as good as this one, all where several are; None where none is."""
+    away = {name: abs(math.log(each / factor)) for name, each in units.items()}
+    near = sorted((name for name in away if away[name] < math.log(NEAR)), key=lambda name: away[name])
+    return " or ".join(near) or None
 
 
 def share_of(log: Log, robot: RobotConfig, side: str) -> float | None:

@@ -14,7 +14,9 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.drives.unseen import said_of_holdout
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
@@ -25,6 +27,7 @@ from raccoon.diagnose.recordings.counters import with_counted
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.implausible import with_doubts
+from raccoon.diagnose.recordings.judged_on import not_judged_on
 from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
 from raccoon.diagnose.recordings.named import Named, named
 from raccoon.diagnose.recordings.outranked import outranked
@@ -130,13 +133,18 @@ def diagnose_recording(
     the reader of the recording had to leave out; it is noted. own: effects of your own to consider in a
     drive beside the catalogue. port: controller.port of whatever made a recording that does not say so itself
     (see `named.py`). Raises TraceError as `diagnose`, and
-    CalibrationError where a reference cannot be used.
+    CalibrationError where a reference cannot be used; HoldoutError for a holdout of another kind or the same
+    samples.
     """
     if truth_free:
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
     columns, repeated = without_repeated(columns)
-    holdout = None if holdout is None else without_repeated(holdout)[0]
     kind = kind_of(columns, robot)
+    unused = ""
+    if holdout is not None:
+        with said_of_holdout():
+            holdout, _ = without_repeated(holdout)
+            unused = not_judged_on(columns, holdout, kind, kind_of(holdout, robot))
     if kind is Kind.STEP:
         found = diagnose_step(columns, step_port(columns) or 0)
     elif kind is Kind.MOTORS:
@@ -154,7 +162,7 @@ def diagnose_recording(
             columns, open_robot, holdout, model, truth_free, own, named(device, columns, robot, port)
         )
         found = replace(found, notes=(*found.notes, *_without_std(exact), *outranked(found.causes, robot)))
-    notes = dict.fromkeys((*found.notes, *problems, *repeated))
+    notes = dict.fromkeys((*found.notes, *problems, *repeated, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
 
 
@@ -190,7 +198,8 @@ def _drive(
     sound = without_broken(counted.columns, robot)
     columns = sound.columns
     if holdout is not None:
-        holdout = without_broken(with_counted(holdout, robot, device).columns, robot).columns
+        with said_of_holdout():
+            holdout = without_broken(with_counted(holdout, robot, device).columns, robot).columns
     firmware = firmware_of(device)
     if firmware is not None and made_by.said:
         firmware = replace(firmware, units=False)
@@ -202,8 +211,8 @@ def _drive(
         holdout = None if holdout is None else firmware.before_cutting(holdout)
     by_volts = commands_volts(columns, robot)
     if by_volts:
-        changed, stiff, causes = as_duty(columns, robot)
-        other = None if holdout is None else as_duty(holdout, robot)[0]
+        changed, stiff, causes = as_duty(columns, robot, holdout)
+        other = None if holdout is None else as_duty(holdout, stiff)[0]
         start = start_of(columns, stiff, None, device)
         tried = start.undecided([*causes, *map(own_cause, own)])
         found = diagnose(changed, start.robot, holdout=other, causes=tried)
@@ -220,7 +229,9 @@ def _drive(
     if not by_volts:
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
     found = counted.told(judged_again(found, columns, sound, robot))
-    found = replace(found, notes=(*found.notes, *made_by.notes))
+    gravity = strange_acceleration(columns)
+    unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
+    found = replace(found, notes=(*found.notes, *unit, *made_by.notes))
     return _with_tophats(found, columns, robot, model, truth_free)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import TraceError
+from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
@@ -74,6 +74,8 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
             other = None if holdout is None else _check(dict(holdout), port).columns
             found.append(diagnose_axis(clean, port, _place(robot, port, ports), other)[0])
             done.append(port)
+        except HoldoutError:
+            raise
         except TraceError as error:
             ruled_out.append(Rejected(f"motor {port}", f"not diagnosed: {error}"))
     supply, missing = _supply(clean, ports)

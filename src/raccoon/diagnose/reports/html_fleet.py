@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from raccoon.core.files import write_atomically
-from raccoon.diagnose.fleet import FleetCause, change_lines, fleet_numbers
+from raccoon.diagnose.fleet import FleetCause, fleet_numbers
+from raccoon.diagnose.reports.fleet_text import change_lines, note_lines, told, usual_text
 from raccoon.diagnose.reports.html import template
 from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
 from raccoon.diagnose.result import CauseResult, Diagnosis
@@ -28,7 +30,8 @@ def save_fleet_html(
     page = template("fleet.html").render(
         results={name: _row(each) for name, each in results.items()},
         causes=causes,
-        numbers=fleet_numbers(results),
+        numbers=[(each, usual_text(each)) for each in fleet_numbers(results)],
+        notes=note_lines(results),
         changes=change_lines(results, causes),
         headline=_headline(results, causes),
         picture=png(fleet_figure(results, causes)) if causes else None,
@@ -41,6 +44,7 @@ def _row(diagnosis: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": str(diagnosis.verdict),
         "causes": [{"name": each.name, "short": _short(each)} for each in diagnosis.causes],
+        "told": told(replace(diagnosis, causes=(), sensor_faults=())),
         "sensor_faults": diagnosis.sensor_faults,
     }
 

@@ -83,15 +83,6 @@ class Parameters:
             effect(id).parameter(name)
         return replace(self, origins={**self.origins, key: origin})
 
-    def without_effect(self, id: str, where: str | None = None) -> Parameters:  # noqa: A002
-        """The effect back at its neutral value; with `where=None` everywhere."""
-        place = self._place(effect(id), where)
-        kept = {
-            key: value for key, value in self.effects.items() if key[0] != id or (place and key[1] != place)
-        }
-        origins = {key: each for key, each in self.origins.items() if key in kept}
-        return replace(self, effects=kept, origins=origins)
-
     def with_chain(self, chain: Chain) -> Parameters:
         """The same robot behind another sensor chain."""
         return replace(self, chain=chain)

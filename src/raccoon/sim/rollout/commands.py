@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 
 Floats = NDArray[np.float64]
@@ -61,19 +59,6 @@ class Commands:
             for side, duty in enumerate(duties)
         ]
         return cls(moments, *duties, *closed)
-
-    @classmethod
-    def of_ports(
-        cls, time: ArrayLike, duty: Mapping[int, ArrayLike], robot: RobotConfig, brake: ArrayLike = True
-    ) -> Commands:
-        """Commands from the board's duties by motor port, as recorded: wiring signs are taken away here."""
-        wheels = []
-        for side, port in (("left", robot.drive.left), ("right", robot.drive.right)):
-            if port not in duty:
-                raise ConfigError(f"duty: there is none for motor port {port}, the {side} wheel")
-            sign = -1.0 if robot.motor(port).inverted else 1.0
-            wheels.append(sign * np.asarray(duty[port], dtype=np.float64))
-        return cls.of_wheels(time, wheels[0], wheels[1], brake)
 
     def __len__(self) -> int:
         return len(self.time)

@@ -21,6 +21,7 @@ from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.unknown.probes import probes_for
 
 ROBOT = RobotConfig()
+COUNT, K_E = BEMF_VOLTS_PER_COUNT, ROBOT.model.left.back_emf_constant.value
 Columns = dict[str, np.ndarray]
 
 
@@ -52,6 +53,10 @@ def test_a_good_recording_passes(good: Columns) -> None:
         ("imu.gyro.z", 1 / 6.2832, "turns a second"),
         ("battery.voltage", 0.5, "about 6.8 V drive the motors: it looks like one cell's"),
         ("motor.1.bemf", 3.296, "millivolts, not counts"),
+        ("motor.0.bemf", COUNT / K_E, "volts or radians a second|radians a second or volts"),
+        ("motor.0.bemf", 9.549 * COUNT / K_E, "turns a minute, not counts"),
+        ("motor.0.bemf", 0.034 * COUNT / K_E, "metres a second, not counts"),
+        ("motor.0.bemf", 0.0625, r"1[3-8] times too small: is it in counts\?"),
         ("motor.0.bemf", -1.0, "opposite sign"),
         ("imu.gyro.z", -1.0, "swapped"),
     ],
@@ -295,7 +300,8 @@ def test_samples_that_were_written_twice_are_left_out_of_the_recording_and_of_wh
     assert "2 samples have the time of the one before and are left out" in said[0]
     for name, each in good.items():
         np.testing.assert_array_equal(once[name], each)
-    found = diagnose_recording(twice, ROBOT, holdout=twice)
+    later = {name: each[again] + 0.01 * (name == "t") for name, each in good.items()}
+    found = diagnose_recording(twice, ROBOT, holdout=later)
     assert said[0] in found.notes
     assert without_repeated(good) == (good, ())
     assert without_repeated({}) == ({}, ())

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from csv_files import written
+from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.kinds import diagnose_recording
@@ -147,3 +150,16 @@ def test_real_runs_fitted_on_odd_ones_hold_on_even_ones() -> None:
     assert found.channels[0].rmse_before > 0.02
     one_way = diagnose_recording(runs[0].recording.columns, robot)
     assert one_way.verdict is Verdict.NOT_IDENTIFIABLE
+
+
+def test_runs_of_two_robots_are_not_pooled(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They would have one track width."""
+    for place, seed in (("red", 3), ("blue", 4)):
+        (tmp_path / place).mkdir()
+        written(tmp_path / place / f"run{seed}.csv", driven(seed))
+    assert main(["diagnose", str(tmp_path)]) == 0
+    assert "run3.csv: " not in capsys.readouterr().out
+    for place in ("red", "blue"):
+        (tmp_path / place / "robot.toml").write_text(f'name = "{place}"\n')
+    assert main(["diagnose", str(tmp_path)]) == 0
+    assert "run3.csv: " in capsys.readouterr().out

@@ -569,5 +569,4 @@ def test_an_effect_everywhere_replaces_what_was_said_for_one_side() -> None:
         0.3,
         0.2,
     )
-    assert one.without_effect("drive.backlash").value("drive.backlash", "angle", "right") == 0.0
     assert effect("drive.backlash").group == "drive"

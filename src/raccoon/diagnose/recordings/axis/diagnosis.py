@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.unseen import said_of_holdout
 from raccoon.diagnose.fit.noise import whiteness
 from raccoon.diagnose.recordings.axis.causes import unit_of
 from raccoon.diagnose.recordings.axis.fit import NEAR_END
@@ -21,7 +22,7 @@ from raccoon.diagnose.recordings.axis.judge import (
     model_errors,
     overall,
 )
-from raccoon.diagnose.recordings.axis.log import AxisLog, axis_log
+from raccoon.diagnose.recordings.axis.log import AxisLog, axis_log, like
 from raccoon.diagnose.recordings.axis.rest import depends_on
 from raccoon.diagnose.recordings.axis.search import TIE, Tried, alike
 from raccoon.diagnose.recordings.axis.words import axis_sentence
@@ -71,11 +72,15 @@ def diagnose_axis(
 ) -> tuple[Diagnosis, JudgedAxis]:
     """Name what is wrong with the model of the axis at motor `port`.
 
-    Raises TraceError where the recording does not hold what drives it and how it moves, or is too short.
+    Raises TraceError where the recording does not hold what drives it and how it moves, or is too short, and
+    HoldoutError where the other one does not.
     """
     begin = time.perf_counter()
     log = axis_log(columns, port)
-    other = None if holdout is None else axis_log(holdout, port)
+    other = None
+    if holdout is not None:
+        with said_of_holdout():
+            other = like(log, axis_log(holdout, port))
     judged = judge_axis(log, other)
     return _diagnosis(judged, place, begin), judged
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.unseen import check_has
 
 Array = NDArray[np.float64]
 
@@ -91,6 +92,15 @@ def axis_log(columns: Mapping[str, Array], port: int) -> AxisLog:
         held_back(effort),
         _full(columns, effort, effort_unit),
     )
+
+
+def like(log: AxisLog, other: AxisLog) -> AxisLog:
+    """The other log of the same axis with what this one has. Raises TraceError naming what it lacks."""
+    check_has([ours for ours, theirs in zip(log.names[:2], other.names[:2], strict=True) if ours != theirs])
+    if log.current is None:
+        return replace(other, current=None)
+    check_has([log.names[2]] if other.current is None else [])
+    return other
 
 
 def _full(columns: Mapping[str, Array], effort: Array, unit: str) -> float:

@@ -1,6 +1,8 @@
-"""Readings of a tophat that are none of a converter's counts: impossible ones, and those of fewer bits."""
+"""Readings of a tophat that are none of a converter's counts: impossible ones, and those of another scale."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +14,24 @@ from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
 
-BITS = 12
+MOST_VOLTS = 5.5
+"""What volts of a board, or shares of its range, reach at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """Another scale than counts of 12 bits. counts: that one step of it is. most: its largest reading."""
+
+    words: str
+    counts: float
+    most: float
+
+
+SCALES = (
+    Scale("readings of 10 bits (0..1023)", 4.0, 1023.0),
+    Scale("readings of 8 bits (0..255)", 16.0, 255.0),
+    Scale("percent", (FULL_SCALE + 1.0) / 100.0, 100.0),
+)
 
 
 def possible(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:
@@ -25,16 +44,35 @@ def possible(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:
     return np.where(wild, np.nan, counts), (SensorFault(name, "impossible", text),)
 
 
-def fewer_bits(levels: Levels, nominal: Nominal) -> int:
-    """10 or 8 where the levels are as assumed once they are that much larger, as those of KIPR's analog10()
-    and analog8() are; else 0."""
+def other_unit(counts: Array, levels: Levels | str, nominal: Nominal) -> str:
+    """What readings seem to be that are no counts of the converter; "" where they are.
+
+    levels: of the readings, or why there are none, as of all that are small.
+    """
+    known = counts[np.isfinite(counts)]
+    if len(known) and float(known.max()) <= MOST_VOLTS and not np.all(known == np.rint(known)):
+        return (
+            f"it reaches {float(known.max()):.3g}, in parts: it looks like volts or shares of the largest "
+            "reading, not counts of 12 bits (0..4095)"
+        )
+    scale = None if isinstance(levels, str) else _scale(levels, nominal)
+    if scale is None or isinstance(levels, str):
+        return ""
+    return (
+        f"white ({levels.usual[0]:.0f}) and black ({levels.usual[1]:.0f}) are the usual counts over "
+        f"{scale.counts:g}: it looks like {scale.words}, not counts of 12 bits (0..4095)"
+    )
+
+
+def _scale(levels: Levels, nominal: Nominal) -> Scale | None:
+    """The scale on which the levels are as assumed: of fewer bits are those of KIPR's analog10() and
+    analog8()."""
     if levels.cut != (0, 0):
-        return 0
+        return None
     table = levels.both(np.ones(len(levels.time), np.bool_))
-    for bits in (10, 8):
-        times = 2.0 ** (BITS - bits)
-        if levels.counts.max() >= 2.0**bits:
+    for each in SCALES:
+        if levels.counts.max() > each.most:
             continue
-        if level_fits(table * np.array([1.0, times, times]), nominal)[0].misfit <= FITS:
-            return bits
-    return 0
+        if level_fits(table * np.array([1.0, each.counts, each.counts]), nominal)[0].misfit <= FITS:
+            return each
+    return None

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.recordings.tophats.checks import fewer_bits, possible
+from raccoon.diagnose.recordings.tophats.checks import other_unit, possible
 from raccoon.diagnose.recordings.tophats.fit import (
     FITS,
     WIDTHS,
@@ -28,7 +28,6 @@ from raccoon.diagnose.recordings.tophats.words import (
     NOISE,
     USUAL_NOISE,
     cut_text,
-    few_bits_text,
     light_note,
     light_sentence,
     noise_cause,
@@ -85,9 +84,8 @@ def judge_tophat(
 
 def _judged(time: Array, counts: Array, surface: Array | None, port: int, nominal: Nominal) -> SensorResult:
     levels = levels_of(time, counts, surface)
-    bits = 0 if isinstance(levels, str) else fewer_bits(levels, nominal)
-    if bits and not isinstance(levels, str):
-        return _not_told(port, few_bits_text(bits, levels.usual), "record whole counts of 0 to 4095")
+    if unit := other_unit(counts, levels, nominal):
+        return _not_told(port, unit, "record whole counts of 0 to 4095")
     apart = at_a_step(time, counts, surface, levels)
     if apart is not None:
         return _before_and_after(port, nominal, *apart)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult
+from raccoon.model.reflectance import FULL_SCALE
 
 AMBIENT, GAIN, HEIGHT, NOISE = "tophat.ambient_light", "tophat.gain", "tophat.height", "tophat.noise"
 ADVICE = ("read white and black again in another light and at the height of the table",)
 USUAL_NOISE = 5.0
 """Counts; a standing sensor has 2 to 5."""
+MILLIVOLTS, NEAR = 3300.0 / FULL_SCALE, 0.008
+"""Of a count: what a converter of 3.3 V makes of it, and how near a gain is to be told to be it."""
 NAMES = {AMBIENT: "offset", GAIN: "factor", HEIGHT: "height", NOISE: "sd"}
 
 
@@ -20,11 +23,17 @@ def tophat_cause(
         AMBIENT: f"Light from outside shifts tophat {port} by {value - base:+.0f} counts: shade it, or "
         "calibrate where it is used.",
         GAIN: f"Tophat {port} reads {abs(value / max(base, 1e-9) - 1.0) * 100:.0f} % "
-        f"{'more' if value > base else 'less'} than assumed: calibrate it on white and black.",
+        f"{'more' if value > base else 'less'} than assumed: {_in_millivolts(value)}calibrate it on white "
+        "and black.",
         HEIGHT: f"Tophat {port} sits {1000 * value:.1f} mm above the floor instead of {1000 * base:.1f} mm: "
         "mount it where it was meant to be, or calibrate it there.",
     }[id_]
     return CauseResult(id_, str(port), 1, {NAMES[id_]: number}, gain, probability, rivals, sentence)
+
+
+def _in_millivolts(gain: float) -> str:
+    asked = "if the column is in millivolts, write counts (0..4095); else "
+    return asked if abs(gain - MILLIVOLTS) < NEAR else ""
 
 
 def two_digits(number: float) -> str:
@@ -74,14 +83,6 @@ def unsure_note(port: int, levels: tuple[float, float]) -> str:
         f"analog.{port}: no single cause gives {levels[0]:.0f} and {levels[1]:.0f} counts, which were not "
         "seen in turns: it may be one surface in changing light; cross several lines, or record "
         f"truth.surface.{port}"
-    )
-
-
-def few_bits_text(bits: int, levels: tuple[float, float]) -> str:
-    """Readings of fewer bits than the converter's 12."""
-    return (
-        f"white ({levels[0]:.0f}) and black ({levels[1]:.0f}) are the usual counts over "
-        f"{2 ** (12 - bits)}: it looks like readings of {bits} bits (0..{2**bits - 1}), not of 12 (0..4095)"
     )
 
 

@@ -1,0 +1,45 @@
+"""The recordings that `raccoon diagnose` is given: which files, in which order, under which names."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from raccoon.trace.loading import counted, recording_file, recordings_in
+
+
+def recordings(paths: Sequence[Path]) -> list[Path]:
+    """The files, each once. Those inside folders are in the order of their names, run2 before run10; so are
+    files that a shell has put in alphabetical order. Raises FileNotFoundError."""
+    found: list[Path] = []
+    given = list(paths)
+    for path in map(recording_file, sorted(given, key=counted) if given == sorted(given) else given):
+        if path.is_dir():
+            found += recordings_in(path)
+        elif path.exists():
+            found.append(path)
+        else:
+            raise FileNotFoundError(f"{path}: there is no such recording")
+    return _once(found)
+
+
+def _once(paths: Sequence[Path]) -> list[Path]:
+    """Each file once: one that is named by itself and with its folder would count twice."""
+    first: dict[str, Path] = {}
+    for path in paths:
+        before = first.setdefault(os.path.realpath(path), path)
+        if before is not path:
+            logging.getLogger(__name__).info("%s: it is named twice, and taken once", path)
+    return list(first.values())
+
+
+def short_names(paths: Sequence[Path]) -> list[str]:
+    """File names; with as many of their folders as tell all of them apart."""
+    places = [path.absolute().parts for path in paths]
+    for count in range(1, max(map(len, places), default=1) + 1):
+        names = ["/".join(parts[-count:]) for parts in places]
+        if len(set(names)) == len(names):
+            return names
+    return [str(path) for path in paths]

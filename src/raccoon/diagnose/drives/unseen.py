@@ -1,0 +1,38 @@
+"""A recording to judge on, beside the one that is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+
+from raccoon.core.errors import HoldoutError, TraceError
+from raccoon.diagnose.drives.log import Log
+
+
+@contextmanager
+def said_of_holdout() -> Iterator[None]:
+    """What cannot be used here is the recording to judge on: of two, nobody would know which was meant."""
+    try:
+        yield
+    except TraceError as error:
+        raise HoldoutError(str(error)) from None
+
+
+def check_has(lacking: Sequence[str]) -> None:
+    """Raise TraceError where there are columns that the other recording lacks."""
+    if lacking:
+        raise TraceError(
+            f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} missing or broken in it, and not "
+            "in the recording that is diagnosed: name one with the same channels"
+        )
+
+
+def with_channels_of(fitted: Log, other: Log) -> Log:
+    """The other log with the channels that were fitted, in their order.
+
+    Raises TraceError naming those that it does not have.
+    """
+    own = {each.role: each for each in other.channels}
+    check_has([each.name for each in fitted.channels if each.role not in own])
+    return replace(other, channels=tuple(own[each.role] for each in fitted.channels), missing=fitted.missing)

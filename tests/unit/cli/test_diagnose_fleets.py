@@ -1,0 +1,107 @@
+"""`raccoon diagnose` with many recordings: which files they are, and under which names."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from blind.tophats import tophat
+from csv_files import written
+from raccoon.cli.diagnose_files import recordings, short_names
+from raccoon.cli.diagnose_many import robot_of
+from raccoon.cli.main import main
+from raccoon.core.config import RobotConfig
+from raccoon.trace.loading import load_run
+from unit.diagnose.axes import motor
+
+NOT_SAID = "the recording does not say its robot: compared with"
+
+
+def test_recordings_of_one_name_are_told_apart_by_their_folders(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """red/monday/run.csv was lost behind blue/monday/run.csv, and what the latter had common to all."""
+    paths = [tmp_path / robot / "monday" / "run.csv" for robot in ("red", "blue")]
+    for seed, path in enumerate(paths):
+        path.parent.mkdir(parents=True)
+        written(path, motor(5 + seed, 0.008))
+    assert main(["diagnose", *map(str, paths), "--json", str(tmp_path / "out.json")]) == 0
+    assert set(json.loads((tmp_path / "out.json").read_text())["recordings"]) == {
+        "red/monday/run.csv",
+        "blue/monday/run.csv",
+    }
+    assert "red/monday/run.csv: " in capsys.readouterr().out
+
+
+def test_names_are_as_short_as_they_can_be() -> None:
+    assert short_names([Path("a/run1.csv"), Path("b/run2.csv")]) == ["run1.csv", "run2.csv"]
+    assert short_names([Path("a/run.csv"), Path("b/run.csv")]) == ["a/run.csv", "b/run.csv"]
+
+
+def test_a_file_that_is_named_twice_counts_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    one, two, link = (tmp_path / each for each in ("one.csv", "two.csv", "three.csv"))
+    one.write_text("")
+    two.write_text("")
+    link.symlink_to(one)
+    with caplog.at_level("INFO", logger="raccoon"):
+        assert recordings([one, tmp_path]) == [one, two]
+    assert f"{link}: it is named twice, and taken once" in caplog.text
+    caplog.clear()
+    assert recordings([tmp_path]) == [one, two]
+
+
+def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All of them were compared with the default robot, without a word."""
+    columns = ("t", "motor.0.duty", "motor.1.duty")
+    drive = {name: np.linspace(0.0, 0.04, 9) for name in columns}
+    for place in ("red", "blue", "none"):
+        (tmp_path / place).mkdir()
+        written(tmp_path / place / "run.csv", drive)
+    for place in ("red", "blue"):
+        (tmp_path / place / "robot.toml").write_text(f'name = "{place}"\n')
+    monkeypatch.chdir(tmp_path)
+
+    def found(place: str, named: str | None = None) -> tuple[str, str]:
+        run = load_run(Path(place, "run.csv"))
+        robot, _, notes = robot_of(run, None if named is None else Path(named))
+        return robot.name, " ".join(notes)
+
+    assert found("red") == ("red", f"{NOT_SAID} that of red/robot.toml (--robot names another)")
+    assert found("blue") == ("blue", f"{NOT_SAID} that of blue/robot.toml (--robot names another)")
+    assert found("none") == (RobotConfig().name, f"{NOT_SAID} the default one (--robot names another)")
+    assert found("none", "red/robot.toml") == ("red", "")
+    Path("robot.toml").write_text('name = "here"\n')
+    assert found("none") == ("here", f"{NOT_SAID} that of robot.toml (--robot names another)")
+    assert found("red")[0] == "red"
+
+
+def test_a_note_says_which_robot_it_was(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path / "run.csv", tophat(3, seconds=4.0))
+    (tmp_path / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
+    assert main(["diagnose", str(path)]) == 0
+    assert f"Note: {NOT_SAID} that of {tmp_path / 'robot.toml'}" in capsys.readouterr().out
+    (tmp_path / "robot.toml").write_text("[tophat")
+    assert main(["diagnose", str(path)]) == 2
+    assert f"{tmp_path / 'robot.toml'}: " in capsys.readouterr().err
+
+
+def test_a_robot_toml_that_is_none_stops_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
+    assert main(["diagnose", *map(str, paths), "--robot", str(tmp_path / "none.toml")]) == 2
+    assert (
+        capsys.readouterr().err == f"raccoon diagnose: {tmp_path / 'none.toml'}: no such file or directory\n"
+    )
+
+
+def test_an_empty_recording_that_comes_first_stops_no_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.csv").write_text("t,motor.0.duty\n")
+    written(tmp_path / "motor.csv", motor(5, 0.008))
+    assert main(["diagnose", str(tmp_path)]) == 0
+    assert "a.csv: no diagnosis: the recording is empty" in capsys.readouterr().out

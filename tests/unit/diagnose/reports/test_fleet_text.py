@@ -1,0 +1,106 @@
+"""What is said of many recordings: of each kind by its own, of each number what is true."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from blind.generator import make
+from blind.tophats import tophat
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.fleet import common_causes, fleet_numbers
+from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.reports.fleet_text import fleet_report, note_lines
+from raccoon.diagnose.reports.html_fleet import save_fleet_html
+from raccoon.diagnose.result import Diagnosis, Verdict
+
+ROBOT = RobotConfig()
+
+
+def of_tophat(seed: int, factor: float = 1.0) -> Diagnosis:
+    return diagnose_recording(tophat(seed, factor=factor, seconds=10.0), ROBOT)
+
+
+@pytest.fixture(scope="module")
+def changed() -> dict[str, Diagnosis]:
+    """A tophat that reads 10 % less from the fifth recording on."""
+    return {f"t{i}.csv": of_tophat(300 + i, 0.9 if i >= 5 else 1.0) for i in range(1, 9)}
+
+
+@pytest.fixture(scope="module")
+def drive() -> Diagnosis:
+    return diagnose_recording(make(4, seconds=6.0).columns, ROBOT)
+
+
+def test_a_tophat_that_changed_is_said_with_when(changed: dict[str, Diagnosis]) -> None:
+    (gain,) = causes = common_causes(changed)
+    assert gain.change is not None
+    assert (gain.change.before, gain.change.after) == pytest.approx((1.0, 0.9), abs=0.003)
+    text = fleet_report(changed, causes)
+    assert re.search(r"tophat\.gain@2 jumps from 1 to [\d.]+ with t5\.csv", text)
+    assert re.search(r"analog\.2 over white jumps from 12[67]\d to 114\d counts with t5\.csv", text)
+    assert "in the order of the recordings above" in text
+
+
+def test_a_number_that_jumped_is_not_said_to_be_between(changed: dict[str, Diagnosis]) -> None:
+    """1206 +- 94 counts were measured in no recording: 1270 before, 1143 after, a few counts each."""
+    white = next(each for each in fleet_numbers(changed) if each.name.endswith("white"))
+    assert white.spread < 6.0
+    assert re.search(r"analog\.2 over white +12[67]\d -> 114\d \+- ", fleet_report(changed, []))
+
+
+def test_recordings_speak_of_what_they_are_of(drive: Diagnosis, tmp_path: Path) -> None:
+    """A tophat said nothing against a battery, and a drive nothing against a tophat; nor one of two ports."""
+    weak = of_tophat(14, 0.9)
+    moved = {name.replace("2", "3"): each for name, each in tophat(15, seconds=10.0).items()}
+    other = diagnose_recording(moved, ROBOT)
+    fleet = {"drive": drive, "sound": of_tophat(13), "weak": weak, "port 3": other}
+    (gain,) = causes = common_causes(fleet)
+    assert (gain.name, gain.share, gain.telling) == ("tophat.gain@2", 0.5, 2)
+    assert "tophat.gain@2: 50 % of 2 that can tell (only weak), 0.9" in fleet_report(fleet, causes)
+    save_fleet_html(fleet, causes, tmp_path / "fleet.html")
+    assert '<td class="number">1 of 2</td>' in (tmp_path / "fleet.html").read_text()
+    (gain,) = common_causes({"drive": drive, "weak": weak})
+    assert not gain.common  # one of one
+
+
+def test_a_real_drive_speaks_of_every_cause_of_drives(drive: Diagnosis) -> None:
+    hidden = replace(of_tophat(14, 0.9).causes[0], id="imu.gyro_scale", where=None)
+    with_cause = replace(drive, causes=(hidden,), verdict=Verdict.EXPLAINED)
+    (found,) = common_causes({"one": drive, "two": with_cause})
+    assert (found.share, found.telling) == (0.5, 2)
+
+
+def test_a_recording_that_cannot_tell_says_why(drive: Diagnosis) -> None:
+    columns = make(5, seconds=6.0).columns
+    still = {name: 0.0 * each if "duty" in name else each for name, each in columns.items()}
+    less = {name: each for name, each in columns.items() if "duty" not in name}
+    fleet = {"drive": drive}
+    fleet |= {name: diagnose_recording(each, ROBOT) for name, each in (("still", still), ("less", less))}
+    fleet["lost"] = replace(
+        drive, verdict=Verdict.UNKNOWN, unexplained=replace(drive.unexplained, depends_on=("time",))
+    )
+    text = fleet_report(fleet, [])
+    assert "drive: adequate: -\n" in text
+    assert "still: not_identifiable: the commands never change" in text
+    assert "less: not_identifiable: motor.0.duty, motor.1.duty, truth.x is missing" in text
+    assert "lost: unknown: something unknown over time" in text
+
+
+def test_few_recordings_say_that_no_change_is_looked_for(changed: dict[str, Diagnosis]) -> None:
+    few = {name: changed[name] for name in ("t1.csv", "t5.csv", "t6.csv")}
+    assert "looked for in 5 recordings and more" in fleet_report(few, common_causes(few))
+    assert "looked for in" not in fleet_report(changed, common_causes(changed))
+
+
+def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
+    fleet = {f"run{i}": replace(drive, notes=("it is so", f"from {i}.5 s on"), causes=()) for i in range(7)}
+    assert note_lines(fleet) == [
+        "it is so (all)",
+        "from 0.5 s on (run0; with other numbers: run1, run2, run3, run4 and 2 more)",
+    ]
+    many = {"one": replace(drive, notes=tuple(f"note {chr(97 + i)}" for i in range(12)))}
+    assert "and 4 notes more: --json writes them all" in fleet_report(many, [])
