@@ -30,8 +30,15 @@ PRACTICAL = LITTLE
 TIE = 0.8
 LIKELY = (0.0, 0.5, 0.8, 0.95, 1.01)
 """Edges of the probabilities that are counted together."""
-UNKNOWN_NAMES = {"cogging": "wheel angle left", "payload": "time (inertia)", "patch": "position",
-                 "gyro_speed": "gyro over speed"}  # fmt: skip
+UNKNOWN_NAMES = {
+    "cogging": "wheel angle left", "rub": "wheel angle right (friction)", "payload": "time (inertia)",
+    "patch": "position", "gyro_speed": "gyro over speed",
+}  # fmt: skip
+ENTERED = (0.05, 0.95)
+"""Parts of a drive on a rough patch between which a place can show: else there is as good as none of it, or
+more friction everywhere, which is what `friction.coulomb` says."""
+SIZES = {"cogging": 2.0, "rub": 1.0, "payload": 100.0}
+"""From the lowest to the highest of what has such a size, as a report has it, over the hidden number."""
 
 
 def print_table(results: Sequence[Result]) -> None:
@@ -289,13 +296,34 @@ def _unmeasured(results: Sequence[Result]) -> str:
 
 
 def _unknown(results: Sequence[Result]) -> str:
-    flagged = percent(bool(each["depends_on"]) for each in results)
-    right = percent(any(UNKNOWN_NAMES[each["cause"]] in it for it in each["depends_on"]) for each in results)
     blamed = percent(bool(each["causes"]) and not each["depends_on"] for each in results)
     junk = percent(bool(each["causes"]) for each in results)
+    entered = [each for each in results if ENTERED[0] < each.get("patched", 0.5) < ENTERED[1]]
+    entered += [each for each in results if each["cause"] != "patch" and each not in entered]
     return (
-        f"flagged {flagged}, right dependence {right}, blamed on a known one alone {blamed}, beside it {junk}"
+        f"{_flagged(results)}, blamed on a known one alone {blamed}, beside it {junk}; without patches a "
+        f"robot hardly entered or left: {_flagged(entered)}; {_hidden_sizes(results)}"
     )
+
+
+def _flagged(results: Sequence[Result]) -> str:
+    flagged = percent(bool(each["depends_on"]) for each in results)
+    right = percent(any(UNKNOWN_NAMES[each["cause"]] in it for it in each["depends_on"]) for each in results)
+    return f"flagged {flagged}, right dependence {right}"
+
+
+def _hidden_sizes(results: Sequence[Result]) -> str:
+    """How large cogging, rubbing and loads are said to be over how large they are."""
+    ratios = []
+    for each in results:
+        hidden = next(iter(each["hidden"].values()))
+        sizes = each.get("sizes", ())
+        if each["cause"] in SIZES and len(sizes) == 1:
+            ratios.append(sizes[0] / (SIZES[each["cause"]] * next(iter(hidden.values()))))
+    if not ratios:
+        return "sizes not kept"
+    low, middle, high = np.quantile(ratios, [0.1, 0.5, 0.9])
+    return f"size said over hidden: median {middle:.2f}, p10 {low:.2f}, p90 {high:.2f}, of {len(ratios)}"
 
 
 def _twins(results: Sequence[Result]) -> str:

@@ -309,6 +309,8 @@ def run(case: Case, seed: int) -> dict[str, Any]:
         "true": _true(asked, blind.robot), "nominal": _true(asked, NEUTRAL),
         "seconds": seconds, "predicted": predicted, **said_of(said),
     }  # fmt: skip
+    if case.row == "unknown":
+        result |= {"patched": blind.patched, "sizes": [each.size.value for each in said.shapes]}
     if row.tail:
         result["gain"] = gain(blind, said, row.seconds)
     if hidden and case.row != "unknown":

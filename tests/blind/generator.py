@@ -57,13 +57,15 @@ class Blind:
     """A recording and what is hidden in it. columns: names of the CSV format, NaN where nothing is new.
 
     robot: the plant's parameters, base draw and hidden causes together. Where the robot moved before the
-    first row, a slope's direction and an eccentric wheel's phase are those from there, in both.
+    first row, a slope's direction and an eccentric wheel's phase are those from there, in both. patched: part
+    of the recording in which the robot was on its rough patch, if it has one.
     """
 
     columns: Mapping[str, Array]
     hidden: tuple[Hidden, ...]
     robot: Mapping[str, float]
     seed: int
+    patched: float = 0.0
 
 
 def _ou(rng: np.random.Generator, n: int, sd: float, tau: float) -> Array:
@@ -132,7 +134,9 @@ def make(
         columns = _by_encoders(columns, cycles, state)
     moved = _Moved(*(float(each) for each in state[len(lead), 8:11]))
     seen = (replace(each, values=moved.values(each), plant=moved.plant(each.plant)) for each in hidden)
-    return Blind(columns, tuple(seen), moved.plant(robot), seed)
+    length = robot.get("patch_length", 1.0)
+    on = robot.get("patch", 0.0) * (state[len(lead) :, 6] % (3.0 * length) < length)
+    return Blind(columns, tuple(seen), moved.plant(robot), seed, float((on > 0.0).mean()))
 
 
 @dataclass(frozen=True)

@@ -135,6 +135,7 @@ CAUSES: dict[str, tuple[Draw, tuple[str, ...]]] = {
 
 UNKNOWN: dict[str, tuple[str, Values]] = {
     "cogging": ("wheel angle", {"cogging_l": 0.06}),
+    "rub": ("wheel angle (friction)", {"rub_r": 0.06}),
     "payload": ("time", {"payload": 0.6, "payload_time": 15.0}),
     "patch": ("position", {"patch": 0.5, "patch_length": 0.2}),
     "gyro_speed": ("gyro", {"gyro_speed": 0.25}),

@@ -45,17 +45,18 @@ NEUTRAL = {
     "bemf_offset_l": 0.0, "bemf_offset_r": 0.0, "bemf_scale_l": 1.0, "bemf_scale_r": 1.0,
     "dead_zone": 0.0, "filter_tau": 0.0225,
     "gyro_bias": 0.0, "gyro_scale": 1.0, "gyro_drift": 0.0, "imu_latency": 0.0,
-    "cogging_l": 0.0, "cogging_r": 0.0, "payload": 0.0, "payload_time": 1e9,
+    "cogging_l": 0.0, "cogging_r": 0.0, "rub_l": 0.0, "rub_r": 0.0, "payload": 0.0, "payload_time": 1e9,
     "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0,
     "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING, "smooth": 0.0, "gyro_smooth": 0.0,
     "own_cycle": 0.0, "speed_loop": 0.0, "line_steer": 0.0,
 }  # fmt: skip
 """Every parameter and the value at which the robot is the textbook's. The last lines hold causes that are in
-no catalogue (torque that depends on the wheel's angle, a load that falls on the robot, a rough patch of
-floor, a gyro that hears the motors), and what is no fault: how friction gives, or the rad/s over which it is
-a smooth curve instead, the s by which two filters in the gyro's chip delay, the s of a firmware's cycle
-that is not in step with the rows, the duty with which a program answers each count of a wheel's speed,
-and the share of its duty by which it steers at a line (bang-bang, of the x axis, by a sensor in front)."""
+no catalogue (torque that depends on the wheel's angle, a wheel that rubs in a third of each turn, a load that
+falls on the robot, a rough patch of floor, a gyro that hears the motors), and what is no fault: how friction
+gives, or the rad/s over which it is a smooth curve instead, the s by which two filters in the gyro's chip
+delay, the s of a firmware's cycle that is not in step with the rows, the duty with which a program answers
+each count of a wheel's speed, and the share of its duty by which it steers at a line (bang-bang, of the x
+axis, by a sensor in front)."""
 
 
 def parameters(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -138,11 +139,11 @@ def simulate(
         ecc_l, ecc_pl, ecc_r, ecc_pr, deadband, latency,
         off_l, off_r, scale_l, scale_r, dead_zone, filter_tau,
         gyro_bias, gyro_scale, gyro_drift, imu_latency,
-        cog_l, cog_r, payload, payload_time, patch, patch_length, gyro_speed,
+        cog_l, cog_r, rub_l, rub_r, payload, payload_time, patch, patch_length, gyro_speed,
         bristle, bristle_damping, smooth, gyro_smooth, own_cycle, speed_loop, line_steer,
     ) = p  # fmt: skip
     ke, res = (ke_l, ke_r), (res_l, res_r)
-    radius, cog = (radius_l, radius_r), (cog_l, cog_r)
+    radius, cog, rub = (radius_l, radius_r), (cog_l, cog_r), (rub_l, rub_r)
     ecc, ecc_phase = (ecc_l, ecc_r), (ecc_pl, ecc_pr)
     offset, scale = (off_l, off_r), (scale_l, scale_r)
     n = cycle_times.shape[0]
@@ -209,6 +210,7 @@ def simulate(
                 level = coulomb * (1.0 + dir_c * direction) * (1.0 + floor[k, side])
                 level += stiction * np.exp(-((w[side] / stiction_speed) ** 2))
                 level += load_friction * abs(ke[side] * current[side])
+                level += rub[side] * (np.cos(angle[side]) > 0.5)
                 level *= 1.0 + patch * (x % (3.0 * patch_length) < patch_length)
                 slope = viscous * (1.0 + dir_v * direction)
                 if smooth > 0.0:

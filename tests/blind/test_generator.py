@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from blind.generator import Noise, make
-from blind.hidden import CAUSES, draw
+from blind.hidden import CAUSES, Hidden, draw
 from blind.plant import COUNTS_PER_VOLT, NEUTRAL, parameters, simulate
 
 QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -89,3 +89,10 @@ def test_directions_are_counted_from_the_first_row() -> None:
         assert np.sin(by) == pytest.approx(0.0, abs=0.15)
         assert np.cos(by) > 0.9
         assert blind.robot["slope_x"] == seen["drive.slope"]["along_x"]
+
+
+def test_how_much_of_a_drive_was_on_its_rough_patch_is_known() -> None:
+    assert make(7, seconds=5.0).patched == 0.0
+    patch = Hidden("unknown", "position", {}, {"patch": 0.5, "patch_length": 0.02})
+    on = make(7, [patch], seconds=15.0).patched  # a third of the floor is rough
+    assert 0.1 < on < 0.6

@@ -95,7 +95,7 @@ def _known(log: Log) -> tuple[Channel, ...]:
 @dataclass(frozen=True, slots=True)
 class Features:
     """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres. width: s
-    of a bin."""
+    of a bin. driven (bins, 2): whether each wheel was commanded to go, left before right."""
 
     roles: tuple[str, ...]
     floors: Array
@@ -103,6 +103,7 @@ class Features:
     measured: Array
     maps: tuple[csr_array, ...]
     width: float
+    driven: NDArray[np.bool_]
 
     @classmethod
     def of(cls, log: Log, width: float = BIN) -> Features:
@@ -113,9 +114,11 @@ class Features:
         position = np.floor((log.time - start) / width).astype(np.intp)
         time = start + width * (np.arange(count) + 0.5)
         maps = tuple(_bins(each, position, count) for each in _known(log))
+        driven = log.duty[np.clip(np.searchsorted(log.time, time), 0, len(log.time) - 1)] != 0.0
         if log.lost or log.loads:
             kept = np.flatnonzero(~_within(log, time, width / 2))
-            time, maps = time[kept], tuple(csr_array(each[kept]) for each in maps)
+            time, driven = time[kept], driven[kept]
+            maps = tuple(csr_array(each[kept]) for each in maps)
         measured = np.column_stack(
             [bins @ _before_cutting(each) for bins, each in zip(maps, log.channels, strict=True)]
         )
@@ -126,6 +129,7 @@ class Features:
             measured,
             maps,
             width,
+            driven,
         )
 
     @classmethod

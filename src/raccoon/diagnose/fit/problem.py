@@ -137,7 +137,8 @@ class Problem:
     """Everything a fit needs: what was measured, how to simulate it, what may differ.
 
     told: causes that the readings show apart from any simulation, with the log evidence of that and the least
-    first coordinate with which they are it. creep: how the battery's reading wanders slowly.
+    first coordinate with which they are it. creep: how the battery's reading wanders slowly. coasts: part of
+    the time in which a motor that is driven is unpowered, to be measured.
     """
 
     features: Features
@@ -148,6 +149,7 @@ class Problem:
     causes: Mapping[str, Cause]
     told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     creep: Creep = Creep()
+    coasts: float = 0.0
     _latest: OrderedDict[Key, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )

@@ -270,24 +270,29 @@ def foreseen_error(
     for start in range(0, len(error), event):
         rows = slice(start, start + event)
         part = turned[:, rows]
-        pull = _pulled(np.eye(part.shape[1]) - part.T @ part, rest[rows])
-        others = vectors @ (mean - part @ pull)
+        others = vectors @ (mean - _pulled(part, rest[rows]))
         error[rows] -= others @ flat[:, rows]
     return error.reshape(target.shape)
 
 
-def _pulled(unforeseen: Array, rest: Array) -> Array:
-    """(1 - X_b C X_b')^-1 times the rest, where the other half seconds say anything.
+def _pulled(part: Array, rest: Array) -> Array:
+    """P (1 - P' P)^-1 times the rest of a half second, P (directions, rows) with P' P = X_b C X_b', where the
+    other half seconds say anything: by as many equations as there are rows, or directions if these are fewer,
+    since it is (1 - P P')^-1 P as well.
 
     A direction that only this half second shows is not foreseen by the others at all. A wheel that slips and
     stops gives one: a reading jumps there if a number moves by next to nothing. Its rest tells no noise.
     """
+    few = len(part) < len(rest)
+    inner, goal = (part @ part.T, part @ rest) if few else (part.T @ part, rest)
+    unforeseen = np.eye(len(inner)) - inner
     try:
-        np.linalg.cholesky(unforeseen - SHOWN * np.eye(len(rest)))
+        np.linalg.cholesky(unforeseen - SHOWN * np.eye(len(inner)))
+        pull = np.linalg.solve(unforeseen, goal)
     except np.linalg.LinAlgError:
         shares, vectors = np.linalg.eigh(unforeseen)
-        return np.asarray(vectors @ ((vectors.T @ rest) / np.maximum(shares, SHOWN)), float)
-    return np.asarray(np.linalg.solve(unforeseen, rest), float)
+        pull = vectors @ ((vectors.T @ goal) / np.maximum(shares, SHOWN))
+    return np.asarray(pull if few else part @ pull, float)
 
 
 def _slow_directions(white: Array) -> tuple[NDArray[np.float32], Array]:

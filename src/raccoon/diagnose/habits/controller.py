@@ -78,6 +78,7 @@ def drive_problem(
         by_name,
         told(by_name, log),
         HELD if habits.chain.battery_held else Creep(),
+        habits.chain.coast_share,
     )
 
 

@@ -11,6 +11,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
+from raccoon.diagnose.reports.numbers import with_deviation
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
 from raccoon.diagnose.reports.terminal import (
     UNKNOWABLE,
@@ -22,10 +23,9 @@ from raccoon.diagnose.reports.terminal import (
     probability_text,
     reasons,
     rest_text,
-    shape_text,
     terminal_report,
-    with_deviation,
 )
+from raccoon.diagnose.reports.unknown_words import shape_text
 from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import CauseResult, Diagnosis
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from raccoon.diagnose.reports.terminal import along
+from raccoon.diagnose.reports.unknown_words import along
 from raccoon.diagnose.result import Curve, Diagnosis, Shape
 
 BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#555555"

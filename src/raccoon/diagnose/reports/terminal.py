@@ -8,13 +8,14 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
+from raccoon.diagnose.reports.numbers import number_text
+from raccoon.diagnose.reports.unknown_words import shape_text
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,
     Curve,
     Diagnosis,
     ParameterResult,
-    Shape,
     Unexplained,
     Verdict,
 )
@@ -90,17 +91,6 @@ def left_text(unexplained: Unexplained) -> str:
     return f"{share} % of the error's power is left; it depends on"
 
 
-def shape_text(shape: Shape) -> str:
-    """What varies, by how much, and where it is most."""
-    most = f"highest at {shape.highest:.3g} {shape.over_unit}"
-    return f"{shape.quantity} varies by {number_text(shape.size)} over the {along(shape)}, {most}"
-
-
-def along(shape: Shape) -> str:
-    """What the curve runs over, in a word or two."""
-    return shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
-
-
 def rest_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
     """What is left of a channel's error, in a few words; nothing where it has no time course."""
     if _course(diagnosis, channel) is None:
@@ -143,19 +133,6 @@ def _lost(diagnosis: Diagnosis) -> bool:
     """Whether something is wrong and nothing at all is known of it."""
     known = diagnosis.causes or diagnosis.shapes or diagnosis.unexplained.depends_on
     return diagnosis.verdict is Verdict.UNKNOWN and not known
-
-
-def number_text(each: ParameterResult) -> str:
-    """Value, deviation and unit."""
-    return f"{with_deviation(each.value, each.std)} +- {each.std:.2g} {each.unit}".rstrip()
-
-
-def with_deviation(value: float, std: float) -> str:
-    """A number with as many digits as its deviation has, at least four."""
-    if not (math.isfinite(std) and std > 0.0 and math.isfinite(value) and value != 0.0):
-        return f"{value:.4g}"
-    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
-    return f"{value:.{min(max(digits, 4), 9)}g}"
 
 
 def _identified(numbers: Mapping[str, ParameterResult]) -> Iterator[str]:

@@ -24,6 +24,7 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
+from raccoon.diagnose.unknown.waves import angle_of, waves, wheel_waves
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
@@ -35,7 +36,6 @@ INERTIA_SHARE = "growth of inertia"
 TORQUE = 0.03
 GYRO = 0.02
 BATTERY = 0.02
-HARMONICS = 6
 RATE = "rad/s of the wheels"
 
 
@@ -54,15 +54,13 @@ class Probe(Group):
 
 @dataclass(frozen=True, slots=True)
 class _Torque:
-    """A torque over a covariate. wheel: None for both. friction: whether it opposes the motion."""
+    """A torque at both wheels over a covariate. friction: whether it opposes the motion."""
 
     name: str
-    wheel: int | None
     friction: bool
     curves: Array
     over: Array
     over_unit: str
-    parts: tuple[tuple[int, ...], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +135,9 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
                 "[motor.N] inverted and [model] those of the robot that was recorded?"
             )
         speed = np.abs(wheels).mean(axis=1)
-        every = [*_torque_curves(motion), _Torque("speed", None, True, _hats(speed, 6), speed, RATE)]
+        every = [*_torque_curves(motion), _Torque("speed", True, _hats(speed, 6), speed, RATE)]
         return [
+            *_wheel_probes(problem, settings, motion, wheels),
             *_torque_probes(problem, linear, motion, every),
             *_inertia_probes(problem, linear, motion),
             *_gyro_over_speed(problem.features, wheels.mean(axis=1)),
@@ -163,37 +162,36 @@ def _bent(curves: Array, values: Array) -> Array:
     return np.asarray(curves - (curves @ straight.T) @ straight, float)
 
 
-def _waves(angle: Array, harmonics: int) -> Array:
-    orders = np.arange(1, harmonics + 1)[:, None] * angle[None]
-    return np.concatenate([np.sin(orders), np.cos(orders)])
-
-
 def _torque_curves(motion: Motion) -> list[_Torque]:
     found: list[_Torque] = []
-    for wheel, side in enumerate(("left", "right")):
-        angle = motion.angle[:, wheel]
-        found.append(
-            _Torque(
-                f"wheel angle {side}",
-                wheel,
-                False,
-                _waves(angle, HARMONICS),
-                _turned(angle),
-                "rad",
-                tuple((order, order + HARMONICS) for order in range(HARMONICS)),
-            )
-        )
     for name, along in (("x", motion.x), ("y", motion.y)):
         count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
-        found.append(_Torque(f"{PLACE} {name}", None, True, _hats(along, count) - 1.0 / count, along, "m"))
+        found.append(_Torque(f"{PLACE} {name}", True, _hats(along, count) - 1.0 / count, along, "m"))
     heading = motion.heading
-    found.append(_Torque("heading", None, False, _waves(heading, 3), _turned(heading), "rad"))
+    found.append(_Torque("heading", False, waves(heading, 3), _within_a_turn(heading), "rad"))
     return found
 
 
-def _turned(angle: Array) -> Array:
+def _within_a_turn(angle: Array) -> Array:
     """The angle within one turn."""
     return np.asarray(np.mod(angle, 2.0 * np.pi), float)
+
+
+def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: Array) -> list[Probe]:
+    """speeds (bins, 2): of the wheels, rad/s, as simulated."""
+    found = []
+    for wheel, side in enumerate(SIDES):
+        angle = angle_of(problem, motion.angle[:, wheel], wheel)
+        for friction in (False, True):
+            its = wheel_waves(problem, settings, angle, speeds, wheel, friction)
+            found.append(
+                Probe(
+                    f"{PREFIX}wheel angle {side}{' (friction)' if friction else ''}", TORQUE * its.columns,
+                    quantity="friction" if friction else "torque forward", unit="N m",
+                    over=_within_a_turn(angle), over_unit="rad", curves=TORQUE * its.curves, parts=its.parts,
+                )
+            )  # fmt: skip
+    return found
 
 
 def _torque_probes(
@@ -205,7 +203,7 @@ def _torque_probes(
     found = []
     for each in torques:
         total = np.zeros((len(each.curves), *linear.residual.shape))
-        for wheel in (0, 1) if each.wheel is None else (each.wheel,):
+        for wheel in (0, 1):
             course = each.curves if each.friction else -each.curves * np.sign(motion.speed[:, wheel])
             total += course[:, :, None] * responses[wheel][None]
         kind = "friction of each wheel" if each.friction else "torque forward"
@@ -213,7 +211,7 @@ def _torque_probes(
             Probe(
                 PREFIX + each.name, TORQUE * total, quantity=kind, unit="N m", over=each.over,
                 over_unit=each.over_unit, curves=TORQUE * each.curves,
-                over_place=each.name.startswith(PLACE), parts=each.parts,
+                over_place=each.name.startswith(PLACE),
             )
         )  # fmt: skip
     return found

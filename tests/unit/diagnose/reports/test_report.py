@@ -9,7 +9,8 @@ import pytest
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
-from raccoon.diagnose.reports.terminal import shape_text, terminal_report
+from raccoon.diagnose.reports.terminal import terminal_report
+from raccoon.diagnose.reports.unknown_words import shape_text
 from raccoon.diagnose.reports.wording import explanation, told
 from raccoon.diagnose.result import (
     CauseResult,
@@ -81,7 +82,7 @@ def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
     assert shape.size.std == pytest.approx(0.001 * np.sqrt(2.0))
     assert shape_text(shape) == (
         "error of the gyro's reading varies by 0.02 +- 0.0014 rad/s over the speed, "
-        "highest at 5 rad/s of the wheels"
+        "highest at 5 rad/s of the wheels: does the controller shake: is it screwed down?"
     )
 
 

@@ -95,18 +95,20 @@ def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> N
     assert way == pytest.approx(6.0 * 1.01 * model.drive.wheel_radius.value * (bins - 1) * BIN)
 
 
-def test_a_motor_that_cogs_is_seen_though_its_readings_have_an_offset() -> None:
-    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
+@pytest.mark.parametrize("off", [{"bemf_offset_l": 5.0}, {"ke_l": 1.07}, {"ke_l": 1.09}])
+def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong(off: dict[str, float]) -> None:
+    """K_E that is off as robot.toml allows shifted its waves on the way, and it was taken for noise."""
+    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, **off})
     columns = make(10, [hidden], seconds=40.0).columns
     real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = best_probe(start_search(real, probes_for(real)))
     assert found.name == "unknown: wheel angle left"
-    assert found.lead > PROBE_ALONE
+    assert found.lead > 10.0 * PROBE_ALONE
 
 
 def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has() -> None:
-    """Twelve free columns cost more than what two of them explain is worth."""
-    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.04})
+    """All free columns cost more than what two of them explain is worth."""
+    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.01})
     columns = make(12, [hidden], seconds=25.0).columns
     real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = best_probe(start_search(real, probes_for(real)))
@@ -118,7 +120,7 @@ def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> No
     search = start_search(problem, probes_for(problem))
     waves = [each for each in search.table.in_parts().off if each[0].name == "unknown: wheel angle right"]
     (whole, span), *parts = waves
-    assert len(parts) == len(whole.parts) == len(whole.columns) // 2
-    assert sorted(index for _, its in parts for index in its) == span
+    assert len(parts) == len(whole.parts)
+    assert {index for _, its in parts for index in its} == set(span)
     for part, its in parts:
         assert [span[index] for index in part.part] == its

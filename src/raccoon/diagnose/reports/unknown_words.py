@@ -1,0 +1,57 @@
+"""What no cause describes, in words: how much of it there is, over what, and where to look on the robot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from raccoon.diagnose.reports.numbers import number_text
+from raccoon.diagnose.result import Shape
+
+MOSTLY = 0.6
+"""Part of a curve's power from which one wave is said to be all of it."""
+FRICTION = " (friction)"
+LOOK = {
+    "position": "is the floor rough, dirty or taped there?",
+    "heading": "is the table level, and does no cable pull?",
+    "speed": "does something begin to rub or to shake at that speed?",
+    "time": "was something picked up, put down or lost then?",
+    "gyro over speed": "does the controller shake: is it screwed down?",
+    "gyro over time": "does the gyro warm up: is it calibrated at rest just before a run?",
+    "battery over time": "is a plug loose, or does something else draw from the battery?",
+}
+"""By what a curve depends on, without what is in parentheses or which of several it is."""
+
+
+def shape_text(shape: Shape) -> str:
+    """What varies, by how much, where it is most, or how often in a turn, and what to look at."""
+    often = times_a_turn(shape)
+    most = f"{often} times in a turn" if often else f"highest at {shape.highest:.3g} {shape.over_unit}"
+    size = f"{shape.quantity} varies by {number_text(shape.size)} over the {along(shape)}, {most}"
+    look = look_at(shape.depends_on)
+    return f"{size}: {look}" if look else size
+
+
+def along(shape: Shape) -> str:
+    """What the curve runs over, in a word or two."""
+    return shape.depends_on.partition(" (")[0].rpartition(" over ")[2]
+
+
+def look_at(depends_on: str) -> str:
+    """The question that a team can answer by looking; "" where there is none."""
+    over, wheel, side = depends_on.removesuffix(FRICTION).partition("wheel angle ")
+    if wheel:
+        if depends_on.endswith(FRICTION):
+            return f"does the {side} wheel rub, is it or its axle bent, is something wound around it?"
+        return f"does the {side} motor cog: is a tooth of its gear, or its shaft, damaged?"
+    name = over.partition(" (")[0]
+    return LOOK.get(name) or LOOK.get(name.split(" ")[0], "")
+
+
+def times_a_turn(shape: Shape) -> int:
+    """How often in a turn of a wheel it comes, where that is more than once, and nearly all of it; else 0."""
+    if not shape.depends_on.startswith("wheel angle"):
+        return 0
+    orders = np.arange(1, 13)[:, None]
+    power = np.abs(np.exp(1j * orders * shape.over) @ (shape.values - shape.values.mean())) ** 2
+    most = int(np.argmax(power))
+    return most + 1 if most and power[most] > MOSTLY * power.sum() else 0

@@ -1,0 +1,50 @@
+"""What no cause describes: its size, and where a team is told to look."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.reports.unknown_words import along, look_at, shape_text, times_a_turn
+from raccoon.diagnose.result import Shape
+from raccoon.diagnose.unknown.probes import PREFIX, probes_for
+
+
+def _shape(depends_on: str, curve: str) -> Shape:
+    over = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+    values = {"five": np.sin(5.0 * over), "one": np.sin(over), "rub": 1.0 * (np.cos(over) > 0.5)}[curve]
+    return Shape(depends_on, "torque forward", "N m", over, "rad", 0.03 * values, np.full(48, 0.002))
+
+
+@pytest.mark.parametrize(("curve", "times"), [("five", 5), ("one", 0), ("rub", 0)])
+def test_what_comes_several_times_in_a_turn_is_counted(curve: str, times: int) -> None:
+    assert times_a_turn(_shape("wheel angle left", curve)) == times
+    assert times_a_turn(_shape("heading", curve)) == 0
+
+
+def test_a_motor_that_cogs_is_said_with_how_often_and_where_to_look() -> None:
+    said = shape_text(_shape("wheel angle right", "five"))
+    assert said.startswith(
+        "torque forward varies by 0.06 +- 0.0028 N m over the wheel angle right, 5 times in a turn"
+    )
+    assert said.endswith("does the right motor cog: is a tooth of its gear, or its shaft, damaged?")
+
+
+def test_a_wheel_that_rubs_is_said_where_it_is_most() -> None:
+    said = shape_text(_shape("wheel angle left (friction)", "rub"))
+    assert "highest at 0 rad: does the left wheel rub" in said
+    assert along(_shape("wheel angle left (friction)", "rub")) == "wheel angle left"
+
+
+def test_every_probe_has_a_question_that_a_team_can_answer(problem: Problem) -> None:
+    linear = linearise(problem, problem.nominal(), list(problem.causes), sizes=1)
+    names = [each.name.removeprefix(PREFIX) for each in probes_for(problem)(linear)]
+    assert len(names) > 10
+    for name in names:
+        assert look_at(name).endswith("?"), name
+
+
+def test_what_a_team_added_of_its_own_is_asked_nothing_about() -> None:
+    assert look_at("temperature") == ""

@@ -1,0 +1,97 @@
+"""Torques that go round with a wheel, against closed forms and an independent robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from blind.generator import Noise, make
+from blind.hidden import Hidden
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.habits.controller import problem_of
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.unknown.probes import TORQUE, Probe, probes_for
+from raccoon.diagnose.unknown.waves import COGGING, _followed, _late, waves
+
+ROBOT = RobotConfig()
+QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_push_that_lasts_is_followed_as_an_exponential_says() -> None:
+    lasts = np.full(200, 0.03)
+    found = _followed(np.ones((1, 200)), lasts, 0.005, 2.0)
+    assert found[0] == pytest.approx(2.0 * (1.0 - np.exp(-0.005 * np.arange(200) / 0.03)), abs=0.18)
+    assert found[0, 60:] == pytest.approx(2.0, abs=1e-4)
+    ramp = _followed(np.arange(200.0)[None], lasts, 0.005)
+    assert ramp[0, 100:] == pytest.approx(np.arange(100.0, 200.0) - 0.03 / 0.005)
+
+
+@given(rate=st.floats(1.0, 40.0), lasts=st.floats(0.005, 0.2))
+def test_a_wave_is_followed_with_the_gain_and_lag_of_a_first_order(rate: float, lasts: float) -> None:
+    time = 0.005 * np.arange(800)
+    found = _followed(np.exp(1j * rate * time)[None], np.full(800, lasts), 0.005)[0]
+    wanted = np.exp(1j * rate * time) / (1.0 + 1j * rate * lasts)
+    assert np.abs(found - wanted)[500:].max() < 0.01
+
+
+def test_what_a_motor_that_coasts_was_given_does_not_jump_where_it_is_driven_again() -> None:
+    lasts = np.where(np.arange(100) < 50, 10.0, 0.03)
+    found = _followed(np.ones((1, 100)), lasts, 0.02, lasts / 0.02)
+    assert found[0, 50] < found[0, 49]
+    assert found[0, -1] == pytest.approx(0.03 / 0.02)
+
+
+@given(st.floats(0.0, 5.0))
+def test_a_line_that_is_late_is_the_line_before(bins: float) -> None:
+    found = _late(np.arange(20.0)[None], bins)
+    assert found[0, 7:] == pytest.approx(np.arange(7.0, 20.0) - bins)
+
+
+def test_waves_are_multiples_of_the_angle_sines_before_cosines() -> None:
+    angle = np.linspace(0.0, 7.0, 30)
+    found = waves(angle, 3)
+    assert found[1] == pytest.approx(np.sin(2.0 * angle))
+    assert found[5] == pytest.approx(np.cos(3.0 * angle))
+
+
+@pytest.mark.parametrize(("wheel", "key"), [(0, "cogging_l"), (1, "cogging_r")])
+def test_an_independent_robot_answers_a_motor_that_cogs_as_its_waves_say(wheel: int, key: str) -> None:
+    """By the response to a torque that lasts, a third of it and two fifths of the size are seen."""
+    sizes = {"ke_l": 1.08, "ke_r": 1.08, "bemf_offset_l": 0.0, "bemf_offset_r": 0.0}
+    (real, without), (_, cogs) = (
+        _quiet(Hidden("unknown", None, {}, {**sizes, key: size})) for size in (0.0, 0.02)
+    )
+    linear = linearise(real, real.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    name = f"unknown: wheel angle {('left', 'right')[wheel]}"
+    probe = next(each for each in probes_for(real)(linear) if each.name == name)
+    assert isinstance(probe, Probe)
+    five = probe.columns[[4, 4 + COGGING]] / TORQUE
+    changed = cogs - without
+    for role in (("bemf_left", "bemf_right")[wheel], "gyro"):
+        place = real.features.roles.index(role)
+        size, left, *_ = np.linalg.lstsq(five[:, :, place].T, changed[:, place], rcond=None)
+        assert np.hypot(*size) == pytest.approx(0.02, rel=0.25), role
+        assert float(left[0]) < 0.25 * float((changed[:, place] ** 2).sum()), role
+
+
+def _quiet(hidden: Hidden) -> tuple[Problem, np.ndarray]:
+    """The problem of a robot that nothing disturbs, and its readings by bins."""
+    log = log_from_columns(make(3, [hidden], seconds=20.0, noise=QUIET).columns, ROBOT)
+    real, _ = problem_of(log, ROBOT, drive_causes())
+    return real, real.features.measured
+
+
+def test_how_much_a_motor_cogs_is_said_with_its_size() -> None:
+    size = 0.06
+    said = diagnose(make(21, [Hidden("unknown", None, {}, {"cogging_r": size})], seconds=20.0).columns, ROBOT)
+    (shape,) = said.shapes
+    assert shape.depends_on == "wheel angle right"
+    found = shape.size
+    assert found.value == pytest.approx(2.0 * size, rel=0.2)
+    assert abs(found.value - 2.0 * size) < 3.0 * found.std
