@@ -19,6 +19,10 @@ from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_SHARE, PREFIX, Prob
 Array = NDArray[np.float64]
 
 POINTS = 48
+FREED = 10.0
+"""Times their usual size that waves may well have whose size is asked for."""
+MOST_LARGER = 2.0
+"""By how much a wave may be larger than what of it stays the same on the way: beyond, it is chance."""
 
 
 def shapes_of(search: Search) -> tuple[Shape, ...]:
@@ -56,6 +60,7 @@ def _fitted(search: Search, probes: Sequence[Probe], whitener: Whitener) -> list
     """The probes beside all that the search left free, by the linear model."""
     linear, fit = search.linear, search.fit
     own = linear.own[fit.free]
+    probes = [_freed(each) if each.parts else each for each in probes]
     target = linear.residual + np.tensordot(fit.point.vector()[fit.free], own, axes=1)
     white = whitener(np.concatenate([own, *(each.columns for each in probes), target[None]]))
     mean, _, covariance = Gram.of(white[:-1].T, white[-1]).solve()
@@ -65,6 +70,11 @@ def _fitted(search: Search, probes: Sequence[Probe], whitener: Whitener) -> list
         found.append(_Fitted(each, mean[rows], covariance[rows, rows]))
         place += len(each.curves)
     return found
+
+
+def _freed(probe: Probe) -> Probe:
+    """A probe of waves with next to nothing that keeps them small, now that they are known to be there."""
+    return replace(probe, columns=FREED * probe.columns, curves=FREED * probe.curves)
 
 
 def _over_its_range(search: Search, fitted: _Fitted) -> Probe:
@@ -83,7 +93,27 @@ def _over_its_range(search: Search, fitted: _Fitted) -> Probe:
     return replace(probe, columns=steps[:, :, None] * response[None])
 
 
+def _as_large_all_the_way(fitted: _Fitted) -> _Fitted:
+    """Waves as they are, instead of with what changes on the way, and so much larger that both are as strong.
+
+    What changes is mostly where in the turn the angle is counted from: the mean of waves that shift by a
+    radian either way is a sixth too small.
+    """
+    probe, mean, covariance = fitted.probe, fitted.mean, fitted.covariance
+    half = len(mean) // 2
+    strength = np.hypot(*mean[:half].reshape(2, -1))
+    power = (mean[half:] ** 2 - np.diag(covariance)[half:]).reshape(2, -1).sum(axis=0)
+    shares = (probe.curves[half:] ** 2).sum(axis=1) / (probe.curves[:half] ** 2).sum(axis=1)
+    changes = np.maximum(power, 0.0) * shares[: half // 2]
+    larger = np.tile(np.sqrt(1.0 + changes / np.maximum(strength**2, 1e-12)), 2)
+    larger = np.minimum(larger, MOST_LARGER)
+    covariance = covariance[:half, :half] * np.outer(larger, larger)
+    return _Fitted(replace(probe, curves=probe.curves[:half]), mean[:half] * larger, covariance)
+
+
 def _shape(fitted: _Fitted) -> Shape:
+    if fitted.probe.parts:
+        fitted = _as_large_all_the_way(fitted)
     probe, mean, covariance = fitted.probe, fitted.mean, fitted.covariance
     curves = probe.curves
     if _grows(probe):

@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 
 COGGING, RUBBING = 6, 3
 """Waves in a turn up to which a motor may cog, and a wheel rub."""
+CHANGE = 0.5
+"""Of a wave's usual size, by how much it usually changes from the middle of the way to its end."""
 SAMPLED = 0.0075
 """S by which a median of three samples of 5 ms, and waiting for the next row, delay a back-EMF."""
 STICKS = 0.3
@@ -75,7 +77,7 @@ def wheel_waves(
     kinds = waves(angle, orders)
     torques = -np.sign(speeds[:, wheel]) * kinds if friction else kinds
     answers = _read(problem, settings, _pushed(problem, settings, torques, speeds, wheel))
-    along = 2.0 * (angle - angle.min()) / max(float(np.ptp(angle)), 1e-9) - 1.0
+    along = CHANGE * (2.0 * (angle - angle.min()) / max(float(np.ptp(angle)), 1e-9) - 1.0)
     curves = np.concatenate([kinds, along * kinds])
     columns = np.concatenate([answers, along[:, None] * answers])
     kept = [(order, order + orders) for order in range(orders)]

@@ -49,7 +49,7 @@ def test_a_small_cause_that_the_noise_of_a_search_hides_is_found_under_that_of_t
 @pytest.mark.parametrize(("others", "found"), [(LARGE, False), ({**LARGE, **MORE}, True)])
 def test_beside_more_causes_less_is_needed(problem: Problem, others: dict[str, float], found: bool) -> None:
     point = named(problem, others)
-    search = searched(problem, point.with_cause(SMALL, np.array([0.23])), point)
+    search = searched(problem, point.with_cause(SMALL, np.array([0.24])), point)
     assert (with_missed(estimated(search)) is not None) == found
 
 

@@ -16,7 +16,7 @@ from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.unknown.probes import TORQUE, Probe, probes_for
+from raccoon.diagnose.unknown.probes import WAVE, Probe, probes_for
 from raccoon.diagnose.unknown.waves import COGGING, _followed, _late, waves
 
 ROBOT = RobotConfig()
@@ -71,7 +71,7 @@ def test_an_independent_robot_answers_a_motor_that_cogs_as_its_waves_say(wheel: 
     name = f"unknown: wheel angle {('left', 'right')[wheel]}"
     probe = next(each for each in probes_for(real)(linear) if each.name == name)
     assert isinstance(probe, Probe)
-    five = probe.columns[[4, 4 + COGGING]] / TORQUE
+    five = probe.columns[[4, 4 + COGGING]] / WAVE
     changed = cogs - without
     for role in (("bemf_left", "bemf_right")[wheel], "gyro"):
         place = real.features.roles.index(role)
