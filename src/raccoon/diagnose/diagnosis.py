@@ -222,7 +222,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
     bursts = bursting(features.roles, features.measured, rest, regimes, play=bool(play))
     depends_on += (DEPENDS_ON,) if bursts else ()
-    left = judged.left if judged.is_far else 0.0  # what chance makes is no part of it
+    left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
     resistance = search.problem.settings(search.fit.point)[RESISTANCE]
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
