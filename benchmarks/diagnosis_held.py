@@ -46,8 +46,9 @@ ROBOT = RobotConfig()
 
 @dataclass(frozen=True)
 class Held:
-    """One recording. causes: exactly those must be named; by_chance: and those may be. unknown: on what
-    something unknown must depend, or nothing. notes: words that some note must have."""
+    """One recording. causes: exactly those must be named, or be in the class of one that is; by_chance: and
+    those may be. unknown: on what something unknown must depend, or nothing. notes: words that some note must
+    have."""
 
     name: str
     columns: Callable[[], Columns]
@@ -59,7 +60,8 @@ class Held:
     def faults(self, said: Diagnosis) -> Iterator[str]:
         """What is not as it must be."""
         named, unknown = {each.name for each in said.causes}, said.unexplained.depends_on
-        if named - self.by_chance != self.causes:
+        classes = {other for each in said.causes for other in each.confounded_with}
+        if named - self.by_chance - self.causes or self.causes - named - classes:
             yield f"named {_listed(named)} instead of {_listed(self.causes)}"
         if self.unknown not in unknown if self.unknown else unknown:
             yield f"unknown over {_listed(unknown)} instead of {self.unknown or 'nothing'}"
@@ -145,7 +147,8 @@ def _unknown(name: str, kind: str, depends_on: str) -> Held:
 
 
 def _written_late(name: str, *causes: str) -> Held:
-    """A logger that writes what it has just done, beside readings of now."""
+    """A logger that writes what it has just done, beside readings of now. Without a cause they may fit all
+    the same, and nobody asks."""
     hidden = [draw(each, np.random.default_rng(3)) for each in causes]
 
     def columns() -> Columns:
@@ -155,7 +158,7 @@ def _written_late(name: str, *causes: str) -> Held:
             found[f"motor.{port}.duty"] = np.concatenate([duty[:1], duty[:-1]])
         return found
 
-    return Held(name, columns, frozenset(causes), notes=("in force until then",))
+    return Held(name, columns, frozenset(causes), notes=("in force until then",) if causes else ())
 
 
 def _simulated(

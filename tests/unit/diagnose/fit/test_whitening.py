@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.left_out import SHOWN, _pulled, foreseen_error
 from raccoon.diagnose.fit.noise import EVENT, white_noise
 from raccoon.diagnose.fit.whitening import (
     FAINT,
@@ -17,7 +18,6 @@ from raccoon.diagnose.fit.whitening import (
     acting,
     expected_share,
     faint_parts,
-    foreseen_error,
 )
 
 BINS, CHANNELS = 6 * EVENT, 2
@@ -27,6 +27,19 @@ def foreseen(columns: np.ndarray, target: np.ndarray, sizes: float | np.ndarray 
     white, goal = columns.reshape(len(columns), -1), target.reshape(-1)
     gram = Gram.of(white.T, goal).matrix
     return foreseen_error(gram, white, columns, goal, target, np.broadcast_to(sizes, len(columns)), EVENT)
+
+
+@pytest.mark.parametrize(("directions", "rows"), [(3, 50), (50, 3), (12, 12)])
+@pytest.mark.parametrize("seen", [0.5, 1.0])
+def test_fewer_directions_than_rows_are_as_many_equations(directions: int, rows: int, seen: float) -> None:
+    """seen: the largest part of a direction that only this half second shows; all of it is not foreseen."""
+    rng = np.random.default_rng(4)
+    part = rng.normal(size=(directions, rows))
+    part *= np.sqrt(seen) / np.linalg.norm(part, 2)
+    rest = rng.normal(size=rows)
+    shares, vectors = np.linalg.eigh(np.eye(rows) - part.T @ part)
+    wanted = part @ (vectors @ ((vectors.T @ rest) / np.maximum(shares, SHOWN)))
+    np.testing.assert_allclose(_pulled(part, rest), wanted, rtol=1e-8, atol=1e-8)
 
 
 def test_a_prior_is_as_wide_as_its_size_says() -> None:
