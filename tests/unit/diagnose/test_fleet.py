@@ -87,7 +87,7 @@ def test_what_creeps_what_jumps_and_what_was_once(weeks: dict[str, Diagnosis]) -
     assert "battery.internal_resistance creeps from 0.06" in text
     assert "motor.0.back_emf jumps from 1.08" in text
     assert "with week-6.csv" in text
-    assert "motor.1.current is dead" in text
+    assert "motor.1.current: dead" in text
 
 
 def test_one_robot_of_many_is_far_from_the_others() -> None:

@@ -52,11 +52,11 @@ def fleet_report(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause])
 def told(diagnosis: Diagnosis) -> str:
     """What was found in a recording, or why nothing can be."""
     found = [each.name for each in diagnosis.causes]
-    found += [f"something unknown over {each}" for each in diagnosis.unexplained.depends_on]
+    found += [f"something that depends on {each}" for each in diagnosis.unexplained.depends_on]
     said = ", ".join(found)
     if not said and diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
         said = _why_not(diagnosis)
-    broken = "".join(f"; {each.channel} is {each.fault}" for each in diagnosis.sensor_faults)
+    broken = "".join(f"; {each.channel}: {each.fault}" for each in diagnosis.sensor_faults)
     return (said or "-") + broken
 
 

@@ -87,7 +87,7 @@ def test_a_recording_that_cannot_tell_says_why(drive: Diagnosis) -> None:
     assert "drive: adequate: -\n" in text
     assert "still: not_identifiable: the commands never change" in text
     assert "less: not_identifiable: motor.0.duty, motor.1.duty, truth.x is missing" in text
-    assert "lost: unknown: something unknown over time" in text
+    assert "lost: unknown: something that depends on time" in text
 
 
 def test_few_recordings_say_that_no_change_is_looked_for(changed: dict[str, Diagnosis]) -> None:
