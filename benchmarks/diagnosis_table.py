@@ -298,8 +298,8 @@ def _unmeasured(results: Sequence[Result]) -> str:
 def _unknown(results: Sequence[Result]) -> str:
     blamed = percent(bool(each["causes"]) and not each["depends_on"] for each in results)
     junk = percent(bool(each["causes"]) for each in results)
-    entered = [each for each in results if ENTERED[0] < each.get("patched", 0.5) < ENTERED[1]]
-    entered += [each for each in results if each["cause"] != "patch" and each not in entered]
+    low, high = ENTERED
+    entered = [each for each in results if each["cause"] != "patch" or low < each.get("patched", 0.5) < high]
     return (
         f"{_flagged(results)}, blamed on a known one alone {blamed}, beside it {junk}; without patches a "
         f"robot hardly entered or left: {_flagged(entered)}; {_hidden_sizes(results)}"

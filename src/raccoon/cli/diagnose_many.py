@@ -77,7 +77,7 @@ def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tu
 
     Raises ConfigError, and TraceError for a recording without samples.
     """
-    from raccoon.core.config import RobotConfig, load_robot
+    from raccoon.core.config import load_robot
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
     from raccoon.trace.loading import robot_near
 
@@ -85,11 +85,9 @@ def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tu
         return load_robot(named), named, ()
     if run.robot is not None:
         return run.robot, None, ()
-    near = robot_near(run)
-    robot = RobotConfig() if near is None else load_robot(near)
+    robot, near, which = robot_near(run)
     if near is None and kind_of(run.recording.columns, robot) not in (Kind.DRIVE, Kind.GEOMETRY):
         return robot, None, ()
-    which = "the default one" if near is None else f"that of {near}"
     said = f"the recording does not say its robot: compared with {which} (--robot names another)"
     return robot, near, (said,)
 

@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, load_robot
 from raccoon.core.errors import TraceError
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv
@@ -89,11 +89,17 @@ def load_run(path: str | Path) -> Run:
     return replace(_loaded(path), path=path)
 
 
-def robot_near(run: Run) -> Path | None:
-    """The robot.toml of a run that does not describe its robot: the one beside it, else where the command was
-    started; None where there is none."""
+def robot_near(run: Run) -> tuple[RobotConfig, Path | None, str]:
+    """The robot of a run that does not describe it, the file that it is of, and which it is in words: of the
+    robot.toml beside the run, else of one where the command was started, else the default robot.
+
+    Raises ConfigError.
+    """
     beside = () if run.path is None else (run.path.with_name(ROBOT_TOML),)
-    return next((each for each in (*beside, Path(ROBOT_TOML)) if each.is_file()), None)
+    for path in (*beside, Path(ROBOT_TOML)):
+        if path.is_file():
+            return load_robot(path), path, f"that of {path}"
+    return RobotConfig(), None, "the default one"
 
 
 def _loaded(path: Path) -> Run:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from raccoon.core.config import RobotConfig, load_robot
+from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.diagnose.drives.gravity import strange_acceleration
@@ -51,9 +51,7 @@ def replay_odometry(run: Run, robot: RobotConfig | None = None) -> Drive:
     notes: list[str] = []
     config = robot or run.robot
     if config is None:
-        near = robot_near(run)
-        config = RobotConfig() if near is None else load_robot(near)
-        taken = "the default one" if near is None else f"that of {near}"
+        config, _, taken = robot_near(run)
         notes.append(f"the recording does not say its robot: taken for {taken} (--robot names another)")
     if len(run.recording):  # one that was ended before its first cycle holds nothing to miss
         _check_wheels(run, config)

@@ -28,8 +28,8 @@ def placed(at: Array, time: Array) -> NDArray[np.intp]:
 
 
 def in_force(at: Array, values: Array, time: Array, width: float) -> Array:
-    """The value that is in force in the middle of each bin, of values valid from their times, s, on. time:
-    the starts of the bins, s; width: of one, s."""
+    """What is in force in the middle of each bin, of values, (samples, ...), valid from their times, s, on.
+    time: the starts of the bins, s; width: of one, s."""
     rows = np.searchsorted(at, time + 0.5 * width, side="right") - 1
     return np.asarray(values[np.clip(rows, 0, len(values) - 1)], float)
 

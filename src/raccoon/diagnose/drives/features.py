@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from raccoon.diagnose.drives.binned import in_force
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.drives.whole_counts import uncut
 
@@ -114,7 +115,7 @@ class Features:
         position = np.floor((log.time - start) / width).astype(np.intp)
         time = start + width * (np.arange(count) + 0.5)
         maps = tuple(_bins(each, position, count) for each in _known(log))
-        driven = log.duty[np.clip(np.searchsorted(log.time, time), 0, len(log.time) - 1)] != 0.0
+        driven = in_force(log.time, log.duty, time, 0.0) != 0.0
         if log.lost or log.loads:
             kept = np.flatnonzero(~_within(log, time, width / 2))
             time, driven = time[kept], driven[kept]

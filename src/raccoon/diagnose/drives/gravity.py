@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.sizes import FEWEST, nearest_unit
+from raccoon.model.imu import GRAVITY
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-GRAVITY = 9.81
 LOW, HIGH = 7.0, 13.0
 """m/s2 that an accelerometer with its offsets may show of gravity."""
 TAKEN_OUT = 0.3

@@ -70,8 +70,9 @@ def note_lines(results: Mapping[str, Diagnosis]) -> list[str]:
     What a recording's own line says is left out."""
     having: dict[str, dict[str, str]] = defaultdict(dict)
     for name, diagnosis in results.items():
+        line = told(diagnosis)
         for note in diagnosis.notes:
-            if note.removeprefix("not identifiable: ") not in told(diagnosis):
+            if note.removeprefix("not identifiable: ") not in line:
                 having[_NUMBER.sub("#", note)].setdefault(name, note)
     return [_note_line(notes, len(results)) for notes in having.values()]
 

@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
-from raccoon.diagnose.unknown.waves import angle_of, waves, wheel_waves
+from raccoon.diagnose.unknown.waves import angle_of, counts_of, waves, wheel_waves
 from raccoon.sim.effects.parameters import SIDES
 
 Array = NDArray[np.float64]
@@ -109,16 +108,13 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
 def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
     """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
     point."""
-    model, roles = problem.robot.model, problem.features.roles
-    columns = []
-    for side, motor in (("left", model.left), ("right", model.right)):
+    roles, columns = problem.features.roles, []
+    for side in SIDES:
         if f"speed_{side}" in roles:
             columns.append(readings[:, roles.index(f"speed_{side}")])
         elif f"bemf_{side}" in roles:
             counts = readings[:, roles.index(f"bemf_{side}")] - settings[("bemf.offset", side, "counts")]
-            factor = settings[("motor.back_emf_constant", side, "factor")]
-            volts = counts * BEMF_VOLTS_PER_COUNT / settings[("bemf.scale", side, "factor")]
-            columns.append(volts / (motor.back_emf_constant.value * factor))
+            columns.append(counts / counts_of(problem, settings, side))
     return np.column_stack(columns) if len(columns) == 2 else None
 
 

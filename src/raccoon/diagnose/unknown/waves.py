@@ -68,6 +68,13 @@ def angle_of(problem: Problem, counted: Array, wheel: int) -> Array:
     return np.asarray(np.interp(problem.features.time + late, problem.features.time, counted))
 
 
+def counts_of(problem: Problem, settings: Settings, side: str) -> float:
+    """Counts of back-EMF that a rad/s of a wheel reads."""
+    volts = getattr(problem.robot.model, side).back_emf_constant.value
+    volts *= settings["motor.back_emf_constant", side, "factor"] * settings["bemf.scale", side, "factor"]
+    return float(volts / BEMF_VOLTS_PER_COUNT)
+
+
 def wheel_waves(
     problem: Problem, settings: Settings, angle: Array, speeds: Array, wheel: int, friction: bool
 ) -> Waves:
@@ -118,9 +125,7 @@ def _read(problem: Problem, settings: Settings, faster: Array) -> Array:
         if role.startswith("speed_"):
             found[:, :, place] = faster[:, :, SIDES.index(side)]
         elif role.startswith("bemf_"):
-            counts = getattr(model, side).back_emf_constant.value / BEMF_VOLTS_PER_COUNT
-            counts *= settings["motor.back_emf_constant", side, "factor"]
-            counts *= settings["bemf.scale", side, "factor"]
+            counts = counts_of(problem, settings, side)
             lag = np.full(faster.shape[1], max(model.bemf.filter_time_constant.value, AT_ONCE))
             read = _followed(counts * faster[:, :, SIDES.index(side)], lag, features.width)
             found[:, :, place] = _late(read, SAMPLED / features.width)
