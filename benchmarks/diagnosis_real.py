@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.fleet import common_causes
+from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.html import save_html
@@ -126,7 +126,7 @@ def motors(pages: Pages) -> None:
     print(f"  causes: {dict(Counter(c.name for each in found.values() for c in each.causes))}")
     print(f"  time: {np.median([each.seconds for each in found.values()]):.1f} s a robot")
     if pages is not None:
-        save_fleet_html(found, common_causes(found), pages / "diagnosis-fleet.html")
+        save_fleet_html(fleet_of(found), pages / "diagnosis-fleet.html")
     _page(pages, "motors", found["robot-09.csv"], "two motors and their battery")
 
 

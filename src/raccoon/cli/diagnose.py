@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robot",
         type=Path,
+        action=OfAll,
         help="robot.toml; without it the recording's own, one beside it or here, or the default",
     )
     parser.add_argument("--model", type=Path, help="model.toml to start from instead of robot.toml's model")
@@ -52,6 +53,24 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", type=Path, help="write the diagnosis as JSON")
     parser.add_argument("--html", type=Path, help="write a report with pictures")
     parser.add_argument("--save-model", type=Path, help="write the extended simulation model")
+
+
+class OfAll(argparse.Action):
+    """--robot, which is given once: the last of two would be taken for both robots'."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: Any = None,
+    ) -> None:
+        if getattr(namespace, self.dest) is not None:
+            parser.error(
+                f"{option_string} {values}: it is given twice; recordings of several robots are a folder "
+                "each, with the robot.toml beside them"
+            )
+        setattr(namespace, self.dest, values)
 
 
 def _recording(text: str) -> Path:
@@ -84,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
     _check_numba(paths, args.robot)
     if len(paths) == 1:
         with diagnosis_shown():
-            found = diagnose_job(job_of(args, paths[0]))
+            found = diagnose_job(job_of(args, paths[0])).diagnosis
         _write(args, found, paths[0].name)
         return 0
     together = pooled(args, paths)

@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from raccoon.core.config import RobotConfig
 from raccoon.trace.loading import counted, recording_file, recordings_in
 
 
@@ -43,3 +44,25 @@ def short_names(paths: Sequence[Path]) -> list[str]:
         if len(set(names)) == len(names):
             return names
     return [str(path) for path in paths]
+
+
+def robot_names(robots: Sequence[tuple[str, Path | None]]) -> list[str]:
+    """What each recording's robot is called: its name, or the folder of its robot.toml where that gives none.
+
+    robots: of each recording the name, and the robot.toml that it was compared with. Files of one name are
+    those of one robot, which the log says.
+    """
+    files: dict[str, dict[str, Path]] = {}
+    found = []
+    for name, file in robots:
+        called = file.absolute().parent.name if name == RobotConfig().name and file is not None else name
+        found.append(called)
+        if file is not None:
+            files.setdefault(called, {}).setdefault(os.path.realpath(file), file)
+    for called, each in files.items():
+        if len(each) > 1:
+            said = " and ".join(map(str, each.values()))
+            logging.getLogger(__name__).info(
+                "%s: the robots of one name, %s, are taken for one", said, called
+            )
+    return found

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
-    from raccoon.diagnose.fleet import FleetCause
+    from raccoon.diagnose.fleet.summary import Fleet
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
     from raccoon.trace.loading import Run
@@ -37,7 +37,16 @@ class Job:
     port: str | None = None
 
 
-def diagnose_job(job: Job) -> Diagnosis:
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What was found in a recording, the name of its robot and the robot.toml that it was compared with."""
+
+    diagnosis: Diagnosis
+    robot: str
+    file: Path | None
+
+
+def diagnose_job(job: Job) -> Answer:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
     from raccoon.core.errors import HoldoutError, TraceError
     from raccoon.diagnose.own import load_own
@@ -55,7 +64,7 @@ def diagnose_job(job: Job) -> Diagnosis:
     holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
     try:
         robot, file, told = robot_of(loaded, job.robot)
-        return diagnose_recording(
+        found = diagnose_recording(
             recording.columns,
             robot if start is None else start.robot,
             holdout=holdout,
@@ -66,6 +75,7 @@ def diagnose_job(job: Job) -> Diagnosis:
             own=own,
             port=job.port or _port_written(file),
         )
+        return Answer(found, robot.name, file)
     except HoldoutError as error:
         raise TraceError(f"--holdout {job.holdout}: {error}") from None
     except TraceError as error:  # that of several files it is this one
@@ -103,7 +113,7 @@ def _port_written(robot: Path | None) -> str | None:
     return port if isinstance(port, str) else None
 
 
-def diagnose_or_reason(job: Job) -> Diagnosis | str:
+def diagnose_or_reason(job: Job) -> Answer | str:
     """The diagnosis, or why there is none: one bad file does not spoil a fleet."""
     from raccoon.core.errors import RaccoonError
 
@@ -113,11 +123,11 @@ def diagnose_or_reason(job: Job) -> Diagnosis | str:
         return str(error)
 
 
-def _numbered(jobs: Sequence[Job], number: int) -> Diagnosis | str:
+def _numbered(jobs: Sequence[Job], number: int) -> Answer | str:
     return diagnose_or_reason(jobs[number])
 
 
-def _lost(jobs: Sequence[Job], number: int) -> Diagnosis | str:
+def _lost(jobs: Sequence[Job], number: int) -> Answer | str:
     return f"{jobs[number].path}: its worker died"
 
 
@@ -170,47 +180,42 @@ def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
-    from raccoon.cli.diagnose_files import short_names
-    from raccoon.diagnose.fleet import common_causes
+    from raccoon.cli.diagnose_files import robot_names, short_names
+    from raccoon.diagnose.fleet.summary import fleet_of
     from raccoon.diagnose.reports.fleet_text import fleet_report
-    from raccoon.diagnose.result import Diagnosis
 
-    found = _all(args, [job_of(args, path) for path in paths])
-    names = short_names(paths)
-    found = [
-        each.removeprefix(f"{path}: ") if isinstance(each, str) else each
-        for each, path in zip(found, paths, strict=True)
-    ]
-    results = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, Diagnosis)}
-    failed = {name: each for name, each in zip(names, found, strict=True) if isinstance(each, str)}
-    causes = common_causes(results)
+    found = dict(zip(short_names(paths), _all(args, [job_of(args, path) for path in paths]), strict=True))
+    answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
+    failed = {
+        name: each.removeprefix(f"{path}: ")
+        for (name, each), path in zip(found.items(), paths, strict=True)
+        if isinstance(each, str)
+    }
+    robots = robot_names([(each.robot, each.file) for each in answers.values()])
+    fleet = fleet_of(
+        {name: each.diagnosis for name, each in answers.items()}, dict(zip(answers, robots, strict=True))
+    )
     try:  # files first: see the report of one recording
-        if results:
-            _save(args, results, causes, failed)
+        if answers:
+            _save(args, fleet, failed)
     finally:
         for name, reason in failed.items():
             print(f"{name}: no diagnosis: {reason}")
-        if results:
-            print(fleet_report(results, causes))
-    return 0 if results else 2
+        if answers:
+            print(fleet_report(fleet))
+    return 0 if answers else 2
 
 
-def _save(
-    args: argparse.Namespace,
-    results: Mapping[str, Diagnosis],
-    causes: list[FleetCause],
-    failed: Mapping[str, str],
-) -> None:
+def _save(args: argparse.Namespace, fleet: Fleet, failed: Mapping[str, str]) -> None:
     from raccoon.core.files import write_atomically
-    from raccoon.diagnose.fleet import fleet_dict
 
     if args.json is not None:
-        table = {**fleet_dict(results, causes), "failed": failed}
+        table = {**fleet.to_dict(), "failed": failed}
         write_atomically(args.json, json.dumps(_finite(table), indent=1, allow_nan=False) + "\n")
     if args.html is not None:
         from raccoon.diagnose.reports.html_fleet import save_fleet_html
 
-        save_fleet_html(results, causes, args.html, failed)
+        save_fleet_html(fleet, args.html, failed)
 
 
 def job_of(args: argparse.Namespace, path: Path) -> Job:
@@ -223,10 +228,10 @@ def job_of(args: argparse.Namespace, path: Path) -> Job:
     return Job(path, args.robot, args.model, other, args.truth_free, args.causes, args.port)
 
 
-def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Diagnosis | str]:
+def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Answer | str]:
     """In their order, on the workers of the sweep where more than one is asked for."""
     progress = Progress(len(jobs))
-    done: dict[int, Diagnosis | str] = {}
+    done: dict[int, Answer | str] = {}
     if args.workers == 1 and args.executor == "processes":
         for number, job in enumerate(jobs):
             done[number] = diagnose_or_reason(job)
@@ -252,7 +257,7 @@ class Progress:
         self._live = sys.stderr.isatty()
         self._tenths = 0
 
-    def show(self, found: Collection[Diagnosis | str]) -> None:
+    def show(self, found: Collection[Answer | str]) -> None:
         """Called after each recording with all results so far."""
         count, failed = len(found), sum(isinstance(each, str) for each in found)
         tenths = 10 * count // self._total

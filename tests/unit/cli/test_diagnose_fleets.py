@@ -10,7 +10,7 @@ import pytest
 
 from blind.tophats import tophat
 from csv_files import written
-from raccoon.cli.diagnose_files import recordings, short_names
+from raccoon.cli.diagnose_files import recordings, robot_names, short_names
 from raccoon.cli.diagnose_many import robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
@@ -105,3 +105,39 @@ def test_an_empty_recording_that_comes_first_stops_no_other(
     written(tmp_path / "motor.csv", motor(5, 0.008))
     assert main(["diagnose", str(tmp_path)]) == 0
     assert "a.csv: no diagnosis: the recording is empty" in capsys.readouterr().out
+
+
+def test_a_robot_is_called_by_its_name_or_by_its_folder(caplog: pytest.LogCaptureFixture) -> None:
+    red, blue = Path("red/robot.toml"), Path("blue/robot.toml")
+    assert robot_names([("robot", red), ("robot", blue), ("robot", red)]) == ["red", "blue", "red"]
+    assert robot_names([("one", red), ("two", None), ("robot", None)]) == ["one", "two", "robot"]
+    assert not caplog.text
+    with caplog.at_level("INFO", logger="raccoon"):
+        assert robot_names([("one", red), ("one", blue)]) == ["one", "one"]
+    assert "red/robot.toml and blue/robot.toml: the robots of one name, one, are taken for one" in caplog.text
+
+
+def test_robots_are_told_apart_by_their_robot_toml(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Two tophats of one port, of which one reads 10 % less, are not one that changed."""
+    for place, factor in (("red", 1.0), ("blue", 0.9)):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
+        for day in range(5):
+            written(tmp_path / place / f"{day}.csv", tophat(70 + day, factor=factor, seconds=6.0))
+    assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
+    said = capsys.readouterr().out
+    assert "tophat.gain@2: 50 % (only robot blue), 0.89" in said
+    assert "jumps" not in said
+    assert set(json.loads((tmp_path / "out.json").read_text())["robots"]) == {"red", "blue"}
+
+
+def test_one_robot_toml_is_not_that_of_two_robots(capsys: pytest.CaptureFixture[str]) -> None:
+    """The last of them was taken for all."""
+    with pytest.raises(SystemExit) as error:
+        main(["diagnose", "a.csv", "--robot", "red.toml", "--robot", "blue.toml"])
+    assert error.value.code == 2
+    assert "--robot blue.toml: it is given twice; recordings of several robots are a folder each" in (
+        capsys.readouterr().err
+    )

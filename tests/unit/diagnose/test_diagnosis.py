@@ -14,7 +14,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fleet import common_causes
+from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.hypotheses.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import PRESLIDING, base_coordinates
@@ -138,12 +138,12 @@ def test_neutral_coordinates_give_the_nominal_robot_whose_wheels_give_as_usual()
 
 def test_a_fleet_tells_common_from_odd(sagging: Diagnosis) -> None:
     clean = Diagnosis(Verdict.ADEQUATE, (), (), sagging.rejected, sagging.unexplained, (), 0.1)
-    results = {"one": sagging, "two": sagging, "three": clean}
-    causes = common_causes(results)
+    fleet = fleet_of({"one": sagging, "two": sagging, "three": clean})
+    causes = fleet.causes
     assert causes[0].name == "battery.internal_resistance"
     assert causes[0].common
     assert causes[0].recordings == ("one", "two")
-    assert "67 % (common)" in fleet_report(results, causes)
+    assert "67 % (common)" in fleet_report(fleet)
 
 
 @pytest.mark.parametrize(("where", "place"), [(None, "at both wheels is"), ("left", "at the left wheel is")])

@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from itertools import chain
 
-from raccoon.diagnose.fleet import CANNOT_TELL, FleetCause, FleetNumber, fleet_numbers
-from raccoon.diagnose.fleet_changes import FEWEST, Change, Form
+from raccoon.diagnose.fleet.course import FEWEST
+from raccoon.diagnose.fleet.series import Course
+from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
+from raccoon.diagnose.fleet.telling import CANNOT_TELL
 from raccoon.diagnose.result import Diagnosis, Verdict
 
-WORN: Mapping[str, str] = {
+CREPT: Mapping[str, str] = {
     "battery.internal_resistance": "a battery ages",
-    "battery.open_circuit_voltage": "another charge, or another battery",
-    "motor.back_emf_constant": "a motor was replaced, or its magnets suffered",
-    "motor.armature_resistance": "a motor was replaced, or its brushes wear",
+    "battery.open_circuit_voltage": "a battery runs down",
+    "motor.back_emf_constant": "its magnets suffer",
+    "motor.armature_resistance": "its brushes wear",
     "friction.coulomb": "bearings, gears or the floor",
-    "drive.wheel_radius": "a wheel was replaced or its tyre wears",
+    "drive.wheel_radius": "its tyre wears",
     "drive.backlash": "gears wear",
 }
-"""What is behind a change, by cause."""
+"""What is behind a number that creeps, by cause."""
+JUMPED: Mapping[str, str] = {
+    "battery.internal_resistance": "another battery, or its contacts",
+    "battery.open_circuit_voltage": "another charge, or another battery",
+    "motor.back_emf_constant": "a motor was replaced",
+    "motor.armature_resistance": "a motor was replaced",
+    "friction.coulomb": "bearings, gears or the floor",
+    "drive.wheel_radius": "a wheel was replaced",
+    "drive.backlash": "gears were replaced",
+}
+"""The same of one that jumps."""
 CHANGED = "What changed, in the order of the recordings above"
 NAMES_SAID = 4
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?")
@@ -29,24 +41,36 @@ NOTES_SAID = 8
 """Notes of which a fleet's report has the text; the JSON has all."""
 
 
-def fleet_report(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause]) -> str:
+def fleet_report(fleet: Fleet) -> str:
     """A line a recording, then common causes with their spread, the odd ones out, and what changed."""
-    lines = [f"{name}: {each.verdict}: {told(each)}" for name, each in results.items()]
-    lines += ["", *(_cause_line(each, len(results)) for each in causes)] if causes else []
-    numbers = fleet_numbers(results)
-    if numbers:
+    results = fleet.results
+    lines = [f"{name}{whose(fleet, name)}: {each.verdict}: {told(each)}" for name, each in results.items()]
+    lines += ["", *(_cause_line(each, fleet) for each in fleet.causes)] if fleet.causes else []
+    if fleet.numbers:
         lines += ["", "Measured on the way (median, spread of one):"]
-        lines += [_number_line(each, len(results)) for each in numbers]
-    changes = change_lines(results, causes)
+        lines += [_number_line(each, len(results)) for each in fleet.numbers]
+    changes = change_lines(fleet)
     if changes:
         lines += ["", f"{CHANGED}:", *(f"  {each}" for each in changes)]
-    elif 1 < len(results) < FEWEST and causes:
-        lines += ["", f"What changed and when is looked for in {FEWEST} recordings and more."]
+    elif len(results) > 1 and fleet.causes and most_of_one(fleet) < FEWEST:
+        of_one = " of one robot" if len(fleet.names) > 1 else ""
+        lines += ["", f"What changed and when is looked for in {FEWEST} recordings{of_one} and more."]
     notes = note_lines(results)
     lines += ["", *(f"Note: {each}" for each in notes[:NOTES_SAID])] if notes else []
     if len(notes) > NOTES_SAID:
         lines.append(f"and {len(notes) - NOTES_SAID} notes more: --json writes them all")
     return "\n".join(lines)
+
+
+def whose(fleet: Fleet, name: str) -> str:
+    """The robot of a recording in brackets, where there are several and its name does not say it."""
+    robot = fleet.robots[name]
+    return "" if len(fleet.names) == 1 or robot in name.split("/") else f" ({robot})"
+
+
+def most_of_one(fleet: Fleet) -> int:
+    """How many recordings there are of the robot that has most."""
+    return max(Counter(fleet.robots.values()).values())
 
 
 def told(diagnosis: Diagnosis) -> str:
@@ -91,57 +115,78 @@ def _shortened(names: Sequence[str]) -> str:
     return ", ".join(names[:NAMES_SAID]) + more
 
 
-def change_lines(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause]) -> list[str]:
-    """A line for everything that jumps or creeps in the order of the recordings."""
-    every: list[FleetCause | FleetNumber] = [*causes, *fleet_numbers(results)]
-    names = list(results)
+def change_lines(fleet: Fleet) -> list[str]:
+    """A line for everything that jumps or creeps in the order of a robot's recordings."""
     return [
-        _change_line(_one_of(each), each.unit, each.change, WORN.get(each.name.partition("@")[0]), names)
-        for each in every
-        if each.change
+        (f"{course.robot}: " if len(fleet.names) > 1 else "") + _course_line(each, course)
+        for each, course in fleet.courses
     ]
 
 
-def _one_of(each: FleetCause | FleetNumber) -> str:
-    """Its name, with those of what may be it: what changes is known then, and not which of them it is."""
+def _course_line(each: FleetCause | FleetNumber, course: Course) -> str:
+    """Its name, with those of what may be it, since what changes is known then, and not which of them it is;
+    then how it goes, and what may be behind it."""
     rivals = each.rivals if isinstance(each, FleetCause) else ()
-    return f"{each.name} (or {', '.join(rivals)})" if rivals else each.name
+    name = f"{each.name} (or {', '.join(rivals)})" if rivals else each.name
+    first, *others = course.pieces
+    goes = f"creeps from {first.start:.4g} to {first.end:.4g}" if first.creeps else ""
+    for piece in others:
+        begin = f"{goes}, jumps" if first.creeps and piece is others[0] else f"{goes}, and"
+        goes = begin if goes else f"jumps from {first.end:.4g}"
+        goes += f" to {piece.start:.4g} with {course.recordings[piece.first]}"
+        goes += f" and creeps to {piece.end:.4g}" if piece.creeps else ""
+    if not others:
+        goes += " over the recordings"
+    unit = f" ({each.unit})" if each.unit else ""
+    kinds = [CREPT] * first.creeps + [JUMPED] * bool(others)
+    id_ = each.name.partition("@")[0]
+    behind = "; ".join(dict.fromkeys(it[id_] for it in kinds if id_ in it))
+    return f"{name}{unit} {goes}{f' ({behind}?)' if behind else ''}"
 
 
-def _cause_line(each: FleetCause, count: int) -> str:
-    if each.common:
-        kind = "common"
-    elif len(each.recordings) <= max(1, count // 5):
-        kind = "only " + ", ".join(each.recordings)
-    else:
-        kind = "some: " + ", ".join(each.recordings)
+def _cause_line(each: FleetCause, fleet: Fleet) -> str:
+    count = len(fleet.results)
     low, high = (f"{end(each.values):.4g}" for end in (min, max))
     size = low if low == high else f"{low} to {high}"
-    odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
+    odd = far_text(each)
     unit = f" {each.unit}" if each.unit else ""
     alike = f"; not told from {', '.join(each.rivals)}" if each.rivals else ""
     share = f"{100 * each.share:.0f} %"
     if each.telling < count:
         share += f" of {each.telling} that can tell"
-    return f"{each.name}: {share} ({kind}), {size}{unit}{odd}{alike}"
+    odd = f"; far from the others: {odd}" if odd else ""
+    return f"{each.name}: {share} ({_kind(each, fleet)}), {size}{unit}{odd}{alike}"
+
+
+def _kind(each: FleetCause, fleet: Fleet) -> str:
+    """Whether a cause is common, one robot's, or of single recordings."""
+    if each.common:
+        return "common" if each.of_robots < 2 else f"common to {len(each.robots)} of {each.of_robots} robots"
+    apart = len(fleet.names) > 1 and 0 < len(each.robots) < len(each.recordings)
+    if apart and all(fleet.robots[name] in each.robots for name in each.recordings):
+        return f"only robot {each.robots[0]}" if len(each.robots) == 1 else f"robots {', '.join(each.robots)}"
+    few = len(each.recordings) <= max(1, len(fleet.results) // 5)
+    return ("only " if few else "some: ") + ", ".join(each.recordings)
 
 
 def _number_line(each: FleetNumber, count: int) -> str:
-    odd = f"; far from the others: {', '.join(each.outliers)}" if each.outliers else ""
+    far = far_text(each)
+    odd = f"; far from the others: {far}" if far else ""
     part = "" if len(each.recordings) == count else f"; in {len(each.recordings)} of {count}"
-    return f"  {each.name:28s} {usual_text(each):>10s} +- {each.spread:.2g} {each.unit}{part}{odd}"
+    return f"  {each.name:28s} {usual_text(each):>10s} +- {each.series.spread:.2g} {each.unit}{part}{odd}"
+
+
+def far_text(each: FleetCause | FleetNumber) -> str:
+    """The recordings and robots whose number is far from the others'."""
+    return ", ".join(each.series.outliers)
 
 
 def usual_text(each: FleetNumber) -> str:
-    """The median; of a number that changed the one before and the one after, of which it is neither."""
-    if each.change is None:
+    """The median; of a number that changed where it began and where it ended, of which it is neither; of
+    several robots between which it is."""
+    levels, courses = each.series.levels, each.series.courses
+    if len(levels) > 1:
+        return f"{min(levels.values()):.4g} to {max(levels.values()):.4g}"
+    if not courses:
         return f"{each.median:.4g}"
-    return f"{each.change.before:.4g} -> {each.change.after:.4g}"
-
-
-def _change_line(name: str, unit: str, change: Change, why: str | None, recordings: Sequence[str]) -> str:
-    behind = f" ({why}?)" if why else ""
-    pair = f"{change.before:.4g} to {change.after:.4g} {unit}".strip()
-    if change.form is Form.STEP:
-        return f"{name} jumps from {pair} with {recordings[change.first]}{behind}"
-    return f"{name} creeps from {pair} over the recordings{behind}"
+    return f"{courses[0].pieces[0].start:.4g} -> {courses[0].pieces[-1].end:.4g}"

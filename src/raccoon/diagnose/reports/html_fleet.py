@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from raccoon.core.files import write_atomically
-from raccoon.diagnose.fleet import FleetCause, fleet_numbers
-from raccoon.diagnose.reports.fleet_text import change_lines, note_lines, told, usual_text
+from raccoon.diagnose.fleet.summary import Fleet
+from raccoon.diagnose.reports.fleet_text import change_lines, note_lines, told, usual_text, whose
 from raccoon.diagnose.reports.html import template
 from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
 from raccoon.diagnose.result import CauseResult, Diagnosis
@@ -19,22 +20,17 @@ from raccoon.diagnose.result import CauseResult, Diagnosis
 MOST_PANELS = 8
 
 
-def save_fleet_html(
-    results: Mapping[str, Diagnosis],
-    causes: Sequence[FleetCause],
-    path: str | Path,
-    failed: Mapping[str, str] | None = None,
-) -> None:
+def save_fleet_html(fleet: Fleet, path: str | Path, failed: Mapping[str, str] | None = None) -> None:
     """Write the report, atomically. failed: why a recording has no diagnosis. Raises ConfigError where
     jinja2 or matplotlib is not installed."""
     page = template("fleet.html").render(
-        results={name: _row(each) for name, each in results.items()},
-        causes=causes,
-        numbers=[(each, usual_text(each)) for each in fleet_numbers(results)],
-        notes=note_lines(results),
-        changes=change_lines(results, causes),
-        headline=_headline(results, causes),
-        picture=png(fleet_figure(results, causes)) if causes else None,
+        results={f"{name}{whose(fleet, name)}": _row(each) for name, each in fleet.results.items()},
+        causes=fleet.causes,
+        numbers=[(each, usual_text(each)) for each in fleet.numbers],
+        notes=note_lines(fleet.results),
+        changes=change_lines(fleet),
+        headline=_headline(fleet),
+        picture=png(fleet_figure(fleet)) if fleet.causes else None,
         failed=failed or {},
     )
     write_atomically(Path(path), page)
@@ -54,35 +50,47 @@ def _short(cause: CauseResult) -> str:
     return f"{first.value:.3g} {first.unit}".strip()
 
 
-def _headline(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause]) -> str:
-    common = [each.name for each in causes if each.common]
-    own = [each for each in causes if not each.common]
-    parts = [f"Common to most: {', '.join(common)}." if common else "No cause is common to most."]
+def _headline(fleet: Fleet) -> str:
+    common = [each.name for each in fleet.causes if each.common]
+    own = [each for each in fleet.causes if not each.common]
+    whom = "robots" if len(fleet.names) > 1 else "recordings"
+    parts = [
+        f"Common to most {whom}: {', '.join(common)}." if common else f"No cause is common to most {whom}."
+    ]
     if own:
-        parts.append(f"{len(own)} more in some recordings only.")
-    broken = sum(bool(each.sensor_faults) for each in results.values())
+        parts.append(f"{len(own)} more in some {whom} only.")
+    broken = sum(bool(each.sensor_faults) for each in fleet.results.values())
     if broken:
         parts.append(f"{broken} with a faulty sensor.")
     return " ".join(parts)
 
 
-def fleet_figure(results: Mapping[str, Diagnosis], causes: Sequence[FleetCause]) -> Any:
-    """A panel a cause: its value with twice its deviation, by recording in their order."""
+def fleet_figure(fleet: Fleet) -> Any:
+    """A panel a cause: its value with twice its deviation, by recording in their order, and the line of what
+    changes."""
     from matplotlib.figure import Figure
 
-    shown = list(causes)[:MOST_PANELS]
-    names = list(results)
+    shown = fleet.causes[:MOST_PANELS]
+    names = list(fleet.results)
     figure = Figure(figsize=(8.5, 1.5 * len(shown) + 0.9), layout="constrained")
     panels = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True))
     for axes, cause in zip(panels, shown, strict=True):
         rows = [names.index(each) for each in cause.recordings]
-        colors = [BEFORE if each in cause.outliers else AFTER for each in cause.recordings]
+        odd = {each for each in names if {each, f"robot {fleet.robots[each]}"} & {*cause.series.outliers}}
+        colors = [BEFORE if each in odd else AFTER for each in cause.recordings]
         stds = [2.0 * each for each in cause.stds]
+        for course in cause.series.courses:
+            for piece in course.pieces:
+                ends = [names.index(course.recordings[each]) for each in (piece.first, piece.last)]
+                axes.plot(ends, (piece.start, piece.end), color=AFTER, linewidth=1.0, alpha=0.6, zorder=0)
         axes.errorbar(rows, cause.values, stds, fmt="none", ecolor="0.6", elinewidth=1.2, zorder=1)
         axes.scatter(rows, cause.values, 22, color=colors, zorder=2)
         axes.axhline(cause.nominal, color="0.6", linewidth=0.8, linestyle="--")
         axes.set_title(f"{cause.name}{f', {cause.unit}' if cause.unit else ''}", fontsize=9, loc="left")
         axes.set_xlim(-0.5, len(names) - 0.5)
+        for before, after in pairwise(range(len(names))):
+            if fleet.robots[names[before]] != fleet.robots[names[after]]:
+                axes.axvline(before + 0.5, color="0.85", linewidth=0.8, zorder=0)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
     panels[-1].set_xticks(range(len(names)), [_label(each) for each in names], rotation=90, fontsize=8)

@@ -11,7 +11,7 @@ import pytest
 from blind.generator import make
 from blind.tophats import tophat
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.fleet import common_causes, fleet_numbers
+from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.fleet_text import fleet_report, note_lines
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
@@ -36,20 +36,21 @@ def drive() -> Diagnosis:
 
 
 def test_a_tophat_that_changed_is_said_with_when(changed: dict[str, Diagnosis]) -> None:
-    (gain,) = causes = common_causes(changed)
-    assert gain.change is not None
-    assert (gain.change.before, gain.change.after) == pytest.approx((1.0, 0.9), abs=0.003)
-    text = fleet_report(changed, causes)
+    fleet = fleet_of(changed)
+    ((before, after),) = (each.pieces for each in fleet.causes[0].series.courses)
+    assert (before.end, after.start) == pytest.approx((1.0, 0.9), abs=0.003)
+    text = fleet_report(fleet)
     assert re.search(r"tophat\.gain@2 jumps from 1 to [\d.]+ with t5\.csv", text)
-    assert re.search(r"analog\.2 over white jumps from 12[67]\d to 114\d counts with t5\.csv", text)
+    assert re.search(r"analog\.2 over white \(counts\) jumps from 12[67]\d to 114\d with t5\.csv", text)
     assert "in the order of the recordings above" in text
 
 
 def test_a_number_that_jumped_is_not_said_to_be_between(changed: dict[str, Diagnosis]) -> None:
     """1206 +- 94 counts were measured in no recording: 1270 before, 1143 after, a few counts each."""
-    white = next(each for each in fleet_numbers(changed) if each.name.endswith("white"))
-    assert white.spread < 6.0
-    assert re.search(r"analog\.2 over white +12[67]\d -> 114\d \+- ", fleet_report(changed, []))
+    fleet = fleet_of(changed)
+    white = next(each for each in fleet.numbers if each.name.endswith("white"))
+    assert white.series.spread < 6.0
+    assert re.search(r"analog\.2 over white +12[67]\d -> 114\d \+- ", fleet_report(fleet))
 
 
 def test_recordings_speak_of_what_they_are_of(drive: Diagnosis, tmp_path: Path) -> None:
@@ -57,20 +58,20 @@ def test_recordings_speak_of_what_they_are_of(drive: Diagnosis, tmp_path: Path) 
     weak = of_tophat(14, 0.9)
     moved = {name.replace("2", "3"): each for name, each in tophat(15, seconds=10.0).items()}
     other = diagnose_recording(moved, ROBOT)
-    fleet = {"drive": drive, "sound": of_tophat(13), "weak": weak, "port 3": other}
-    (gain,) = causes = common_causes(fleet)
+    fleet = fleet_of({"drive": drive, "sound": of_tophat(13), "weak": weak, "port 3": other})
+    (gain,) = fleet.causes
     assert (gain.name, gain.share, gain.telling) == ("tophat.gain@2", 0.5, 2)
-    assert "tophat.gain@2: 50 % of 2 that can tell (only weak), 0.9" in fleet_report(fleet, causes)
-    save_fleet_html(fleet, causes, tmp_path / "fleet.html")
+    assert "tophat.gain@2: 50 % of 2 that can tell (only weak), 0.9" in fleet_report(fleet)
+    save_fleet_html(fleet, tmp_path / "fleet.html")
     assert '<td class="number">1 of 2</td>' in (tmp_path / "fleet.html").read_text()
-    (gain,) = common_causes({"drive": drive, "weak": weak})
+    (gain,) = fleet_of({"drive": drive, "weak": weak}).causes
     assert not gain.common  # one of one
 
 
 def test_a_real_drive_speaks_of_every_cause_of_drives(drive: Diagnosis) -> None:
     hidden = replace(of_tophat(14, 0.9).causes[0], id="imu.gyro_scale", where=None)
     with_cause = replace(drive, causes=(hidden,), verdict=Verdict.EXPLAINED)
-    (found,) = common_causes({"one": drive, "two": with_cause})
+    (found,) = fleet_of({"one": drive, "two": with_cause}).causes
     assert (found.share, found.telling) == (0.5, 2)
 
 
@@ -83,7 +84,7 @@ def test_a_recording_that_cannot_tell_says_why(drive: Diagnosis) -> None:
     fleet["lost"] = replace(
         drive, verdict=Verdict.UNKNOWN, unexplained=replace(drive.unexplained, depends_on=("time",))
     )
-    text = fleet_report(fleet, [])
+    text = fleet_report(fleet_of(fleet))
     assert "drive: adequate: -\n" in text
     assert "still: not_identifiable: the commands never change" in text
     assert "less: not_identifiable: motor.0.duty, motor.1.duty, truth.x is missing" in text
@@ -92,8 +93,8 @@ def test_a_recording_that_cannot_tell_says_why(drive: Diagnosis) -> None:
 
 def test_few_recordings_say_that_no_change_is_looked_for(changed: dict[str, Diagnosis]) -> None:
     few = {name: changed[name] for name in ("t1.csv", "t5.csv", "t6.csv")}
-    assert "looked for in 5 recordings and more" in fleet_report(few, common_causes(few))
-    assert "looked for in" not in fleet_report(changed, common_causes(changed))
+    assert "looked for in 5 recordings and more" in fleet_report(fleet_of(few))
+    assert "looked for in" not in fleet_report(fleet_of(changed))
 
 
 def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
@@ -103,4 +104,4 @@ def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
         "from 0.5 s on (run0; with other numbers: run1, run2, run3, run4 and 2 more)",
     ]
     many = {"one": replace(drive, notes=tuple(f"note {chr(97 + i)}" for i in range(12)))}
-    assert "and 4 notes more: --json writes them all" in fleet_report(many, [])
+    assert "and 4 notes more: --json writes them all" in fleet_report(fleet_of(many))

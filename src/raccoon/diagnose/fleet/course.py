@@ -1,0 +1,227 @@
+"""A number over many recordings in their order: did it stay, jump (a new part) or creep (an ageing one)?
+
+It is taken to be steady in pieces, or to creep at one rate in all of them. Pieces and rate are added while
+they are far clearer than chance among all that were tried.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import fdtri, stdtrit
+
+Array = NDArray[np.float64]
+
+FEWEST = 5
+LEAST_SIDE = 2
+MOST_JUMPS = 3
+LEAST_FREEDOM = 3
+"""Numbers that must be left over, from which the scatter is learnt."""
+CLEAR_STEP = 6.0
+"""Deviations of the difference of the two means. The best of all places is taken, so it must be more than the
+usual 3."""
+CLEAR_TREND = 5.0
+CHANCE = 0.005
+"""Share of steady series that may seem to jump, and as many to creep, or to do two things at once. A
+deviation that is learnt from five numbers is often far too small, so they must be further apart than the
+deviations above."""
+FEWEST_BESIDE_ODD = 7
+"""Numbers from which one that is far from all others may be left out."""
+CLEAR_BESIDE_ODD = 10.0
+"""Deviations by which the others must then jump. Of 11 kinds of steady series, 1000 each, none was said to
+change that was not before."""
+ODD = 6.0
+"""Spreads that such a number is at least away from both sides."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """A part of a series between two jumps. first, last: rows of the series; start, end: what the number is
+    at these, the same where it is steady."""
+
+    first: int
+    last: int
+    start: float
+    end: float
+
+    @property
+    def creeps(self) -> bool:
+        """Whether it changes from recording to recording."""
+        return self.start != self.end
+
+
+def course_of(values: Sequence[float], stds: Sequence[float]) -> tuple[Piece, ...]:
+    """The pieces of a series, none where it stays within its spread. NaN values are left out, and a std that
+    is NaN is not known."""
+    series, known_stds = np.asarray(values, float), np.asarray(stds, float)
+    known = np.flatnonzero(np.isfinite(series))
+    if len(known) < FEWEST:
+        return ()
+    y, s = series[known], np.nan_to_num(known_stds[known])
+    form = _grown(y, s)
+    if form == STEADY:
+        return _beside_odd(known, y, s)
+    return _pieces(form, known, y)
+
+
+def usual(rows: NDArray[np.intp], values: Array, known: NDArray[np.intp], course: Sequence[Piece]) -> Array:
+    """What each value (of a row of the series) would be without its scatter: the median of its piece, or
+    where that creeps its line. known: rows of the series that have a value."""
+    found = np.full(len(values), np.median(values))
+    for piece in course:
+        inside = (rows >= piece.first) & (rows <= piece.last)
+        if piece.creeps:
+            ends = np.searchsorted(known, (piece.first, piece.last))
+            share = (np.searchsorted(known, rows[inside]) - ends[0]) / max(ends[1] - ends[0], 1)
+            found[inside] = piece.start + (piece.end - piece.start) * share
+        elif inside.any():
+            found[inside] = np.median(values[inside])
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """How a series goes: whether it creeps, and the places of the first numbers after each jump."""
+
+    creeps: bool = False
+    jumps: tuple[int, ...] = ()
+
+    @property
+    def numbers(self) -> int:
+        """How many it has beside the level."""
+        return self.creeps + len(self.jumps)
+
+    def bounds(self, count: int) -> Iterator[tuple[int, int]]:
+        """Begin and end of each piece of a series of so many."""
+        return pairwise((0, *self.jumps, count))
+
+    def without(self) -> Iterator[tuple[_Form, float]]:
+        """Each form that has one of its numbers less, and by how many deviations that one must be clear."""
+        if self.creeps:
+            yield _Form(False, self.jumps), CLEAR_TREND
+        for each in self.jumps:
+            yield _Form(self.creeps, tuple(it for it in self.jumps if it != each)), CLEAR_STEP
+
+    def more(self, count: int, add: int) -> Iterator[_Form]:
+        """The forms with so many numbers more, in a series of `count`."""
+        free = [at for at in range(1, count) if at not in self.jumps]
+        for creeps in {self.creeps, True}:
+            jumps = add - (creeps and not self.creeps)
+            for places in combinations(free, jumps) if jumps + len(self.jumps) <= MOST_JUMPS else ():
+                form = _Form(creeps, tuple(sorted((*self.jumps, *places))))
+                if all(end - begin >= LEAST_SIDE for begin, end in form.bounds(count)):
+                    yield form
+
+
+STEADY = _Form()
+
+
+def _grown(y: Array, s: Array) -> _Form:
+    """The form of a series: one number after the other, two together where none is clear alone."""
+    form, sums = STEADY, _sums(y)
+    while True:
+        for add in (1, 2):
+            better = _better(form, add, sums, s)
+            if better is not None:
+                form = better
+                break
+        else:
+            return form
+
+
+def _better(form: _Form, add: int, sums: Array, s: Array) -> _Form | None:
+    """What leaves least with so many numbers more, each of them clear beside all others; None where there is
+    none that chance would not give."""
+    if len(s) - 1 - form.numbers - add < LEAST_FREEDOM:
+        return None
+    before = _left(form, sums)
+    every = {each: _left(each, sums) for each in form.more(len(s), add)}
+    clear = [each for each in every if _is_clear(each, every[each], sums, s)]
+    if not clear:
+        return None
+    best = min(clear, key=every.__getitem__)
+    spread, freedom = _spread(every[best], s, best.numbers)
+    ways = sum(each.creeps == best.creeps for each in every)
+    gained = max(before - every[best], 0.0) / (add * max(spread**2, 1e-300))
+    return best if gained >= _by_chance(freedom, add, ways) else None
+
+
+def _is_clear(form: _Form, left: float, sums: Array, s: Array) -> bool:
+    spread, _ = _spread(left, s, form.numbers)
+    return all(
+        _left(less, sums) - left >= (clear * max(spread, 1e-300)) ** 2 for less, clear in form.without()
+    )
+
+
+def _sums(y: Array) -> Array:
+    """Sums of 1, x, y, x x, x y and y y before each place, to fit any piece at once. Shape (6, count + 1)."""
+    x, z = np.arange(len(y)) - 0.5 * (len(y) - 1), y - y.mean()
+    rows = np.array([np.ones(len(y)), x, z, x * x, x * z, z * z])
+    return np.concatenate((np.zeros((6, 1)), np.cumsum(rows, axis=1)), axis=1)
+
+
+def _left(form: _Form, sums: Array) -> float:
+    """The sum of squares that a form leaves of a series."""
+    _, rest, drop = _line(form, sums)
+    return max(rest - drop, 0.0)
+
+
+def _line(form: _Form, sums: Array) -> tuple[float, float, float]:
+    """(rate, squares that the levels leave, what the rate takes of them): least squares, levels first."""
+    xx = xy = yy = 0.0
+    for begin, end in form.bounds(sums.shape[1] - 1):
+        n, x, y, x2, xy2, y2 = (sums[:, end] - sums[:, begin]).tolist()
+        xx, xy, yy = xx + x2 - x * x / n, xy + xy2 - x * y / n, yy + y2 - y * y / n
+    return (xy / xx, yy, xy * xy / xx) if form.creeps else (0.0, yy, 0.0)
+
+
+def _pieces(form: _Form, known: NDArray[np.intp], y: Array) -> tuple[Piece, ...]:
+    rate = _line(form, _sums(y))[0]
+    found = []
+    for begin, end in form.bounds(len(y)):
+        middle, half = float(y[begin:end].mean()), 0.5 * rate * (end - 1 - begin)
+        found.append(Piece(int(known[begin]), int(known[end - 1]), middle - half, middle + half))
+    return tuple(found)
+
+
+def _beside_odd(known: NDArray[np.intp], y: Array, s: Array) -> tuple[Piece, ...]:
+    """A jump that one number hides which is far from both of its sides, as a run with something else wrong
+    is."""
+    best: tuple[float, tuple[Piece, ...]] = 0.0, ()
+    for odd in range(len(y) if len(y) >= FEWEST_BESIDE_ODD else 0):
+        others = np.delete(np.arange(len(y)), odd)
+        sums = _sums(y[others])
+        forms = [_Form(False, (at,)) for at in range(LEAST_SIDE, len(others) - LEAST_SIDE + 1)]
+        form = min(forms, key=lambda each: _left(each, sums))
+        spread, freedom = _spread(_left(form, sums), s[others], 1)
+        gained = (_left(STEADY, sums) - _left(form, sums)) / max(spread**2, 1e-300)
+        least = max(CLEAR_BESIDE_ODD**2, _by_chance(freedom, 1, len(y) * len(forms)))
+        pieces = _pieces(form, known[others], y[others])
+        away = min(abs(float(y[odd]) - each.start) for each in pieces)
+        if gained >= max(least, best[0]) and away >= ODD * spread:
+            best = gained, pieces
+    return best[1]
+
+
+def _spread(left: float, s: Array, numbers: int) -> tuple[float, float]:
+    """The deviation of one number by the squares that a level and so many fitted numbers leave and by its
+    own, and the degrees of freedom with which it is known: what a diagnosis says of its numbers counts as
+    known (Satterthwaite 1946)."""
+    more = len(s) - 1 - numbers
+    scatter, own = left / more, float((s**2).mean())
+    whole = scatter + own
+    return math.sqrt(whole), more * (whole / scatter) ** 2 if scatter > 0.0 else math.inf
+
+
+def _by_chance(freedom: float, numbers: int, ways: int) -> float:
+    """The gain for each of so many numbers, in squared deviations, that the best of so many ways has in a
+    steady series with `CHANCE`: Student's t squared of one, Fisher's F of two."""
+    chance = CHANCE / (ways * numbers)
+    if numbers == 1:
+        return float(stdtrit(min(freedom, 1e6), 1.0 - 0.5 * chance)) ** 2
+    return float(fdtri(numbers, min(freedom, 1e6), 1.0 - chance))

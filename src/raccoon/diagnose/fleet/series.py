@@ -1,0 +1,118 @@
+"""One number over the recordings of one or many robots: how each one's goes, what is far from the others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fleet.course import Piece, course_of, usual
+from raccoon.diagnose.result import ParameterResult
+
+Array = NDArray[np.float64]
+
+FAR = 4.0
+SPREAD = 1.4826
+"""Standard deviation of normal numbers over their median distance from the middle."""
+FEWEST_FOR_OUTLIERS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """How a number goes over the recordings of a robot. pieces: their rows count `recordings`, all of the
+    robot's."""
+
+    robot: str
+    recordings: tuple[str, ...]
+    pieces: tuple[Piece, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A number in the recordings that have it. courses: of the robots whose number changes. levels: the
+    middle of each robot's. spread: of one number around what is usual where it is. outliers: recordings, and
+    robots ("robot NAME"), whose number is far from the others'."""
+
+    courses: tuple[Course, ...]
+    levels: Mapping[str, float]
+    spread: float
+    outliers: tuple[str, ...]
+
+
+def series_of(
+    found: Mapping[str, ParameterResult],
+    robots: Mapping[str, str],
+    silent: frozenset[str] | None = None,
+) -> Series:
+    """found: the number, by recording. robots: the robot of each recording of the fleet, in their order.
+    silent: recordings that cannot tell the number; any other without it has the nominal one of its robot.
+    None where no recording without it says anything."""
+    courses, levels = [], {}
+    off: dict[str, float] = {}
+    for robot in dict.fromkeys(robots[each] for each in found):
+        own = [each for each in robots if robots[each] == robot]
+        rows = [row for row, each in enumerate(own) if each in found]
+        values = np.array([found[own[row]].value for row in rows])
+        series, stds = _series(own, found, silent)
+        pieces = course_of(series.tolist(), stds.tolist())
+        if pieces:
+            courses.append(Course(robot, tuple(own), pieces))
+        known = np.flatnonzero(np.isfinite(series))
+        left = values - usual(np.array(rows), values, known, pieces)
+        off |= {own[row]: float(each) for row, each in zip(rows, left, strict=True)}
+        levels[robot] = float(np.median(values))
+    stds = np.array([found[each].std for each in off])
+    alone = len(levels) == len(found) > 1  # of as many robots: each is compared with the others
+    if alone:
+        middle = float(np.median([*levels.values()]))
+        off = {each: found[each].value - middle for each in off}
+    left = np.array([*off.values()])
+    spread = SPREAD * float(np.median(np.abs(left)))
+    far = np.abs(left) > FAR * np.hypot(spread, np.nan_to_num(stds))
+    outliers = [each for each, odd in zip(off, far, strict=True) if odd and len(found) > 1]
+    if not alone:
+        outliers += [f"robot {each}" for each in _odd_robots(found, robots, levels)]
+    if (
+        spread == 0.0 and np.isfinite(stds).any()
+    ):  # most are equal to the last digit, which says nothing of one
+        spread = float(np.nanmedian(stds))
+    return Series(tuple(courses), levels, spread, tuple(outliers))
+
+
+def _series(
+    own: Sequence[str], found: Mapping[str, ParameterResult], silent: frozenset[str] | None
+) -> tuple[Array, Array]:
+    """Value and deviation in each of a robot's recordings, NaN where it is not known."""
+    nominal = next(found[each].nominal for each in own if each in found)
+
+    def value(name: str) -> float:
+        if name in found:
+            return found[name].value
+        return nominal if silent is not None and name not in silent else float("nan")
+
+    values = np.array([value(each) for each in own])
+    return values, np.array([found[each].std if each in found else float("nan") for each in own])
+
+
+def _odd_robots(
+    found: Mapping[str, ParameterResult], robots: Mapping[str, str], levels: Mapping[str, float]
+) -> list[str]:
+    """Robots whose number is far from that of the other robots; none of fewer than four."""
+    if len(levels) < FEWEST_FOR_OUTLIERS:
+        return []
+    left = np.array([*levels.values()])
+    left = left - np.median(left)
+    spread = SPREAD * float(np.median(np.abs(left)))
+    own = np.array([_deviation([found[name] for name in found if robots[name] == each]) for each in levels])
+    far = np.abs(left) > FAR * np.hypot(spread, own)
+    return [each for each, odd in zip(levels, far, strict=True) if odd]
+
+
+def _deviation(numbers: Sequence[ParameterResult]) -> float:
+    """Of a robot's middle: what its recordings say of theirs, and not less than they scatter."""
+    values = np.array([each.value for each in numbers])
+    said = float(np.nan_to_num(np.array([each.std for each in numbers])).mean())
+    return max(said, float(values.std())) / math.sqrt(len(values))

@@ -1,0 +1,188 @@
+"""Many recordings side by side: what is common, what is one robot's or recording's, what changed and when."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass
+from statistics import median
+from typing import Any, TypeVar
+
+from raccoon.diagnose.fleet.course import Piece
+from raccoon.diagnose.fleet.series import FEWEST_FOR_OUTLIERS, Course, Series, series_of
+from raccoon.diagnose.fleet.telling import is_silent
+from raccoon.diagnose.result import Diagnosis, ParameterResult
+
+COMMON_SHARE = 0.6
+Job = TypeVar("Job")
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True, slots=True)
+class FleetCause:
+    """A cause over many recordings. share: of the recordings that can tell, those that name it. values,
+    stds: its first parameter in each, in the order of `recordings`, which name it in `unit`. series: how it
+    goes over all of them, one that does not name the cause counting as nominal, one that cannot tell not at
+    all. rivals: what at least half of the recordings that name it do not tell it from. telling: how many can
+    tell. robots: those of which most recordings that can tell name it. of_robots: how many have one that can
+    tell."""
+
+    name: str
+    share: float
+    recordings: tuple[str, ...]
+    values: tuple[float, ...]
+    stds: tuple[float, ...]
+    nominal: float
+    unit: str
+    series: Series
+    rivals: tuple[str, ...]
+    telling: int
+    robots: tuple[str, ...]
+    of_robots: int
+
+    @property
+    def common(self) -> bool:
+        """Whether most robots have it, or of one robot most recordings, and more than one."""
+        if self.of_robots > 1:
+            return 1 < len(self.robots) >= COMMON_SHARE * self.of_robots
+        return self.share >= COMMON_SHARE and len(self.recordings) > 1
+
+
+@dataclass(frozen=True, slots=True)
+class FleetNumber:
+    """A number that was identified in many recordings without being a cause, such as each motor's K_E.
+    recordings: those that have it. median: of all."""
+
+    name: str
+    unit: str
+    median: float
+    series: Series
+    recordings: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """Diagnoses by recording, and what they say together. robots: whose each recording is; all of them are of
+    one where nothing else is known. causes: most widespread first."""
+
+    results: Mapping[str, Diagnosis]
+    robots: Mapping[str, str]
+    causes: tuple[FleetCause, ...]
+    numbers: tuple[FleetNumber, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its robots, in the order in which they come."""
+        return tuple(dict.fromkeys(self.robots.values()))
+
+    @property
+    def courses(self) -> list[tuple[FleetCause | FleetNumber, Course]]:
+        """What changes, and how, robot by robot."""
+        every: list[FleetCause | FleetNumber] = [*self.causes, *self.numbers]
+        return [(each, course) for each in every for course in each.series.courses]
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain types for JSON: every diagnosis, then what is common, odd and changed."""
+        return {
+            "recordings": {name: each.to_dict() for name, each in self.results.items()},
+            "robots": {each: [it for it, own in self.robots.items() if own == each] for each in self.names},
+            "causes": [{**_plain(each), "common": each.common} for each in self.causes],
+            "numbers": [_plain(each) for each in self.numbers],
+        }
+
+
+def diagnose_all(
+    work: Callable[[Job], Found], jobs: Sequence[Job], executor: Executor | None = None
+) -> list[Found]:
+    """`work` for every job, in their order, on any concurrent.futures executor (it stays open) or here."""
+    if executor is None:
+        return [work(each) for each in jobs]
+    return list(executor.map(work, jobs))
+
+
+def fleet_of(results: Mapping[str, Diagnosis], robots: Mapping[str, str] | None = None) -> Fleet:
+    """All recordings together, in their order. robots: the name of each one's robot, where there are
+    several."""
+    whose = {name: "" if robots is None else robots[name] for name in results}
+    names = dict.fromkeys(cause.name for each in results.values() for cause in each.causes)
+    causes = sorted((_cause(name, results, whose) for name in names), key=lambda each: -each.share)
+    return Fleet(results, whose, tuple(causes), tuple(_numbers(results, whose)))
+
+
+def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> FleetCause:
+    found: dict[str, ParameterResult] = {}
+    for recording, diagnosis in results.items():
+        for cause in diagnosis.causes:
+            if cause.name == name:
+                found[recording] = next(iter(cause.parameters.values()))
+    silent = frozenset(key for key, each in results.items() if is_silent(name, each)) - found.keys()
+    having = [robots[each] for each in found]
+    able = [robots[each] for each in results if each not in silent]
+    # Where a current is missing a friction is in volts: it counts, and is not compared.
+    alike = _of_usual_unit(found)
+    first = next(iter(alike.values()))
+    return FleetCause(
+        name,
+        len(found) / len(able),
+        tuple(alike),
+        tuple(each.value for each in alike.values()),
+        tuple(each.std for each in alike.values()),
+        first.nominal,
+        first.unit,
+        series_of(alike, robots, silent | (found.keys() - alike.keys())),
+        _rivals(name, results),
+        len(able),
+        tuple(
+            each for each in dict.fromkeys(having) if having.count(each) >= COMMON_SHARE * able.count(each)
+        ),
+        len(set(able)),
+    )
+
+
+def _of_usual_unit(found: Mapping[str, ParameterResult]) -> dict[str, ParameterResult]:
+    units = [each.unit for each in found.values()]
+    usual = max(units, key=units.count)
+    return {key: each for key, each in found.items() if each.unit == usual}
+
+
+def _rivals(name: str, results: Mapping[str, Diagnosis]) -> tuple[str, ...]:
+    """What at least half of the recordings that name a cause do not tell it from."""
+    own = [each.confounded_with for found in results.values() for each in found.causes if each.name == name]
+    every = dict.fromkeys(rival for each in own for rival in each)
+    return tuple(rival for rival in every if 2 * sum(rival in each for each in own) >= len(own))
+
+
+def _numbers(results: Mapping[str, Diagnosis], robots: Mapping[str, str]) -> list[FleetNumber]:
+    """What was identified in at least `FEWEST_FOR_OUTLIERS` recordings."""
+    names = dict.fromkeys(name for each in results.values() for name in each.identified)
+    numbers = []
+    for name in names:
+        found = _of_usual_unit(
+            {key: each.identified[name] for key, each in results.items() if name in each.identified}
+        )
+        if len(found) < FEWEST_FOR_OUTLIERS:
+            continue
+        middle = median(each.value for each in found.values())
+        unit = next(iter(found.values())).unit
+        numbers.append(FleetNumber(name, unit, middle, series_of(found, robots), tuple(found)))
+    return numbers
+
+
+def _plain(each: FleetCause | FleetNumber) -> dict[str, Any]:
+    """With the parts of its series as its own, and the names of recordings for their rows."""
+    table = asdict(each)
+    series = table.pop("series")
+    courses = [_course(course) for course in each.series.courses]
+    return {**table, **series, "courses": courses}
+
+
+def _course(course: Course) -> dict[str, Any]:
+    def piece(each: Piece) -> dict[str, Any]:
+        return {
+            "first": course.recordings[each.first],
+            "last": course.recordings[each.last],
+            "start": each.start,
+            "end": each.end,
+        }
+
+    return {"robot": course.robot, "pieces": [piece(each) for each in course.pieces]}

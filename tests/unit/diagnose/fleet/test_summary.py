@@ -1,0 +1,306 @@
+from __future__ import annotations
+
+import json
+import re
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fleet.summary import FleetCause, FleetNumber, diagnose_all, fleet_of
+from raccoon.diagnose.reports.fleet_text import fleet_report
+from raccoon.diagnose.reports.html_fleet import save_fleet_html
+from raccoon.diagnose.result import (
+    CauseResult,
+    Diagnosis,
+    Gain,
+    ParameterResult,
+    Rejected,
+    SensorFault,
+    Unexplained,
+    Verdict,
+)
+
+JUDGED = tuple(
+    Rejected(each, "explains nothing that is left")
+    for each in ("battery.discharge", "motor.heating", "friction.viscous", "drive.inertia", "bemf.offset")
+)
+
+
+def cause(id_: str, value: float, where: str | None = None, unit: str = "ohm") -> CauseResult:
+    numbers = {"resistance": ParameterResult(value, 0.004, unit, 0.05)}
+    return CauseResult(id_, where, 1, numbers, Gain(3.0, 1.0, 0.8), 0.99, (), "It sags: charge it.")
+
+
+def diagnosis(*causes: CauseResult, back_emf: float = 1.08, broken: bool = False) -> Diagnosis:
+    return Diagnosis(
+        Verdict.EXPLAINED if causes else Verdict.ADEQUATE,
+        (),
+        causes,
+        JUDGED,
+        Unexplained(0.0),
+        (),
+        0.1,
+        identified={"motor.0.back_emf": ParameterResult(back_emf, 0.003, "V s/rad", float("nan"))},
+        sensor_faults=(SensorFault("motor.1.current", "dead", "it is dead"),) if broken else (),
+    )
+
+
+def jumps(each: FleetCause | FleetNumber) -> list[int]:
+    """The first recording after each jump of a number that is steady between them."""
+    (course,) = each.series.courses
+    assert not any(piece.creeps for piece in course.pieces)
+    return [piece.first for piece in course.pieces[1:]]
+
+
+@pytest.fixture
+def weeks() -> dict[str, Diagnosis]:
+    """Ten weeks of one robot: a battery that ages, a motor replaced before week 6, a slope once."""
+    rng = np.random.default_rng(1)
+    found = {}
+    for week in range(10):
+        causes = [cause("battery.internal_resistance", 0.06 + 0.012 * week + 0.002 * rng.standard_normal())]
+        if week == 3:
+            causes.append(cause("drive.slope", 0.02))
+        motor = (1.02 if week >= 6 else 1.08) + 0.003 * rng.standard_normal()
+        found[f"week-{week}.csv"] = diagnosis(*causes, back_emf=motor, broken=week == 8)
+    return found
+
+
+def test_a_recording_that_cannot_tell_speaks_neither_for_a_cause_nor_against_it() -> None:
+    battery = cause("battery.internal_resistance", 0.1)
+    silent = replace(diagnosis(), verdict=Verdict.NOT_IDENTIFIABLE)
+    weeks = {f"{week}.csv": diagnosis(battery) if week < 7 else silent for week in range(14)}
+    (found,) = fleet_of(weeks).causes
+    assert found.share == 1.0
+    assert found.series.courses == ()
+
+
+def test_what_creeps_what_jumps_and_what_was_once(weeks: dict[str, Diagnosis]) -> None:
+    fleet = fleet_of(weeks)
+    causes = {each.name: each for each in fleet.causes}
+    battery = causes["battery.internal_resistance"]
+    assert battery.common
+    ((aged,),) = (each.pieces for each in battery.series.courses)
+    assert aged.creeps
+    assert aged.end == pytest.approx(0.168, abs=0.01)
+    assert causes["drive.slope"].recordings == ("week-3.csv",)
+    assert not causes["drive.slope"].common
+    (motor,) = fleet.numbers
+    assert jumps(motor) == [6]
+    text = fleet_report(fleet)
+    assert "battery.internal_resistance (ohm) creeps from 0.06" in text
+    assert "motor.0.back_emf (V s/rad) jumps from 1.08" in text
+    assert "with week-6.csv" in text
+    assert "motor.1.current: dead" in text
+
+
+def test_one_robot_of_many_is_far_from_the_others() -> None:
+    fleet = {f"robot-{i}.csv": diagnosis(back_emf=1.08 + 0.002 * (i % 3) - 0.15 * (i == 4)) for i in range(8)}
+    (motor,) = fleet_of(fleet).numbers
+    assert motor.series.outliers == ("robot-4.csv",)
+    assert motor.series.courses == ()
+
+
+def test_numbers_in_other_units_count_and_are_not_compared() -> None:
+    fleet = {str(i): diagnosis(cause("friction.coulomb", 0.008, "left", "N m")) for i in range(4)}
+    fleet["volts"] = diagnosis(cause("friction.coulomb", 0.3, "left", "V"))
+    (friction,) = fleet_of(fleet).causes
+    assert friction.share == 1.0
+    assert friction.unit == "N m"
+    assert max(friction.values) < 0.01
+
+
+def test_any_executor_keeps_the_order() -> None:
+    with ThreadPoolExecutor(3) as pool:
+        assert diagnose_all(lambda each: each * 2, list(range(20)), pool) == [2 * each for each in range(20)]
+    assert diagnose_all(str, [1, 2]) == ["1", "2"]
+
+
+def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_path: Path) -> None:
+    save_fleet_html(fleet_of(weeks), tmp_path / "fleet.html", {"bad.csv": "it is <empty>"})
+    page = (tmp_path / "fleet.html").read_text()
+    assert "data:image/png;base64," in page
+    assert "it is &lt;empty&gt;" in page
+    assert "creeps from" in page
+    table = json.loads(json.dumps(fleet_of(weeks).to_dict()))
+    assert set(table) == {"recordings", "robots", "causes", "numbers"}
+    assert table["robots"] == {"": list(weeks)}
+    ((piece,),) = (each["pieces"] for each in table["causes"][0]["courses"])
+    assert (piece["first"], piece["last"]) == ("week-0.csv", "week-9.csv")
+    assert piece["start"] < piece["end"]
+
+
+def test_the_fewer_before_a_change_are_not_odd_ones_out() -> None:
+    values = [1.001, 1.003, 1.002, 1.064, 1.060, 1.062, 1.061, 1.063]
+    fleet = {f"run{i}": diagnosis(cause("bemf.scale", each), back_emf=each) for i, each in enumerate(values)}
+    found = fleet_of(fleet)
+    assert [jumps(each) for each, _ in found.courses] == [[3], [3]]
+    assert not any(each.series.outliers for each, _ in found.courses)
+    fleet["run1"] = diagnosis(cause("bemf.scale", 1.3), back_emf=1.003)
+    assert "run1" in fleet_of(fleet).causes[0].series.outliers
+
+
+def test_one_that_does_not_creep_with_the_others_is_far_from_them() -> None:
+    values = [0.06 + 0.02 * week for week in range(12)]
+    values[4] += 0.05
+    fleet = {
+        f"week{i}": diagnosis(cause("battery.internal_resistance", each)) for i, each in enumerate(values)
+    }
+    (battery,) = fleet_of(fleet).causes
+    ((aged,),) = (each.pieces for each in battery.series.courses)
+    assert aged.creeps
+    assert battery.series.outliers == ("week4",)
+
+
+def test_equal_numbers_have_the_deviation_of_one() -> None:
+    fleet = {str(i): diagnosis(back_emf=1.08) for i in range(5)}
+    (motor,) = fleet_of(fleet).numbers
+    assert motor.series.spread == 0.003
+    assert "1.08 +- 0.003" in fleet_report(fleet_of(fleet))
+
+
+def test_a_jump_is_seen_beside_one_odd_recording() -> None:
+    """A motor that was replaced, and a run with something else wrong that hides it: nearly 30 spreads off."""
+    rng = np.random.default_rng(7)
+    values = 1.0 + 0.04 * (np.arange(10) >= 6) + 0.002 * rng.standard_normal(10)
+    values[2] -= 0.06
+    fleet = {f"run{i}": diagnosis(back_emf=float(each)) for i, each in enumerate(values)}
+    (motor,) = fleet_of(fleet).numbers
+    assert jumps(motor) == [6]
+    assert motor.series.courses[0].pieces[0].end == pytest.approx(1.0, abs=0.003)
+    assert motor.series.outliers == ("run2",)
+
+
+@pytest.mark.parametrize(
+    "silent",
+    [
+        Rejected("battery.internal_resistance", "not identifiable: battery.voltage is missing"),
+        Rejected("battery.*", "not identifiable: motor.0.duty is missing"),
+        Rejected("battery.internal_resistance", "not visible in this recording: too slow"),
+        replace(cause("drive.slope", 0.02), confounded_with=("battery.internal_resistance",)),
+    ],
+)
+def test_a_recording_that_cannot_tell_does_not_speak_against_a_cause(silent: Rejected | CauseResult) -> None:
+    """A battery that every recording shows which has its voltage is common, and did not come and go."""
+    battery = cause("battery.internal_resistance", 0.12)
+    other = replace(diagnosis(), rejected=(silent,)) if isinstance(silent, Rejected) else diagnosis(silent)
+    fleet = {f"run{i}": other if i in (0, 1, 4, 5, 7) else diagnosis(battery) for i in range(8)}
+    found = next(each for each in fleet_of(fleet).causes if each.name == "battery.internal_resistance")
+    assert found.share == 1.0
+    assert found.series.courses == ()
+
+
+def test_what_only_one_side_cannot_tell_speaks_of_the_other() -> None:
+    reason = "not identifiable at the left: motor.0.bemf is missing; at the right: it is as assumed"
+    half = replace(diagnosis(), rejected=(Rejected("bemf.scale", reason),))
+    (found,) = fleet_of({"one": diagnosis(cause("bemf.scale", 1.05, "right")), "two": half}).causes
+    assert found.share == 0.5
+    (found,) = fleet_of({"one": diagnosis(cause("bemf.scale", 1.05, "left")), "two": half}).causes
+    assert found.share == 1.0
+
+
+def test_what_most_recordings_do_not_tell_a_cause_from_is_said_with_it(tmp_path: Path) -> None:
+    """A left motor that is 6 % weak, named in three runs as a right one that is strong, or the left."""
+    named = cause("motor.back_emf_constant", 1.06, "right", "")
+    unsure = replace(named, confounded_with=("motor.back_emf_constant@left", "drive.track_width"))
+    other = replace(named, confounded_with=("motor.back_emf_constant@left",))
+    fleet = {f"run{i}": diagnosis() for i in range(5)}
+    fleet |= {"run5": diagnosis(unsure), "run6": diagnosis(other), "run7": diagnosis(named)}
+    (found,) = fleet_of(fleet).causes
+    assert found.rivals == ("motor.back_emf_constant@left",)
+    text = fleet_report(fleet_of(fleet))
+    assert "1.06; not told from motor.back_emf_constant@left" in text
+    assert (
+        "motor.back_emf_constant@right (or motor.back_emf_constant@left) jumps from 0.05 to 1.06 with run5"
+        in text
+    )
+    save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
+    assert "<td>motor.back_emf_constant@left</td>" in (tmp_path / "fleet.html").read_text()
+
+
+def of_robots(**numbers: list[float]) -> tuple[dict[str, Diagnosis], dict[str, str]]:
+    """A week's drives of each robot and whose they are. numbers: K_E of each; below 1.05 it is named."""
+    found, robots = {}, {}
+    for robot, values in numbers.items():
+        for day, value in enumerate(values):
+            weak = [cause("motor.back_emf_constant", value, "left", "")] if value < 1.05 else []
+            found[f"{robot}/day{day}.csv"] = diagnosis(*weak, back_emf=value)
+            robots[f"{robot}/day{day}.csv"] = robot
+    return found, robots
+
+
+def test_another_robot_is_no_motor_that_was_replaced() -> None:
+    """Of five drives of one robot and then five of another K_E was said to jump with the sixth."""
+    spread = 0.002 * np.random.default_rng(2).standard_normal((2, 5))
+    fleet = fleet_of(*of_robots(red=[*(1.08 + spread[0])], blue=[*(1.02 + spread[1])]))
+    (motor,) = fleet.numbers
+    assert motor.series.courses == ()
+    assert motor.series.outliers == ()
+    assert motor.series.spread < 0.005
+    assert motor.series.levels == pytest.approx({"red": 1.08, "blue": 1.02}, abs=0.004)
+    (weak,) = fleet.causes
+    assert (weak.robots, weak.of_robots, weak.common) == (("blue",), 2, False)
+    text = fleet_report(fleet)
+    assert "motor.back_emf_constant@left: 50 % (only robot blue), 1.0" in text
+    assert re.search(r"motor\.0\.back_emf +1\.0[12]\d* to 1\.0[78]\d* \+- 0\.00", text)
+
+
+def test_a_motor_is_replaced_in_the_robot_that_has_it(tmp_path: Path) -> None:
+    spread = 0.002 * np.random.default_rng(3).standard_normal((2, 6))
+    blue = np.where(np.arange(6) < 3, 1.08, 1.02) + spread[1]
+    fleet = fleet_of(*of_robots(red=[*(1.08 + spread[0])], blue=[*blue]))
+    (motor,) = fleet.numbers
+    assert [each.robot for each in motor.series.courses] == ["blue"]
+    text = fleet_report(fleet)
+    jump = r"  blue: motor\.0\.back_emf \(V s/rad\) jumps from 1\.0[78]\d* to 1\.0[12]\d* with blue/day3\.csv"
+    assert re.search(jump, text)
+    assert "red: " not in text
+    save_fleet_html(fleet, tmp_path / "fleet.html")
+    assert "blue: motor.0.back_emf" in (tmp_path / "fleet.html").read_text()
+    courses = fleet.to_dict()["numbers"][0]["courses"]
+    assert [(each["robot"], each["pieces"][1]["first"]) for each in courses] == [("blue", "blue/day3.csv")]
+
+
+def test_one_robot_of_several_is_far_from_the_other_robots() -> None:
+    rng = np.random.default_rng(4)
+    levels = {"a": 1.08, "b": 1.081, "c": 1.079, "d": 0.9, "e": 1.082}
+    drives = {name: [*(each + 0.002 * rng.standard_normal(3))] for name, each in levels.items()}
+    (motor,) = fleet_of(*of_robots(**drives)).numbers
+    assert motor.series.outliers == ("robot d",)
+
+
+def test_what_most_robots_have_is_common_however_many_recordings_each_has() -> None:
+    fleet = fleet_of(*of_robots(red=[1.01] * 2, blue=[1.02] * 2, green=[1.08] * 9))
+    (weak,) = fleet.causes
+    assert weak.share < 0.4
+    assert weak.common
+    assert "(common to 2 of 3 robots)" in fleet_report(fleet)
+
+
+def test_a_battery_that_aged_and_was_replaced_is_said_with_when() -> None:
+    """It was neither a jump nor creeping, and nothing was said."""
+    rng = np.random.default_rng(5)
+    values = 0.06 + 0.014 * (np.arange(12) % 6) + 0.003 * rng.standard_normal(12)
+    drives = [diagnosis(cause("battery.internal_resistance", float(each))) for each in values]
+    text = fleet_report(fleet_of({f"w{week}": each for week, each in enumerate(drives)}))
+    assert re.search(
+        r"battery\.internal_resistance \(ohm\) creeps from 0\.0[56]\d* to 0\.1[23]\d*, jumps to 0\.0[56]\d* "
+        r"with w6 and creeps to 0\.1[23]\d* \(a battery ages; another battery, or its contacts\?\)",
+        text,
+    )
+
+
+def test_a_recording_that_names_nothing_has_the_number_of_its_own_robot() -> None:
+    """What robot.toml says of K_E differs between robots: that of the first was taken for all."""
+    mine = cause("motor.back_emf_constant", 0.8, "left", "")
+    other = replace(mine, parameters={"factor": replace(mine.parameters["resistance"], nominal=0.9)})
+    found = {f"red/{day}": diagnosis(mine) for day in range(6)}
+    found |= {f"blue/{day}": diagnosis(other) if day > 2 else diagnosis() for day in range(6)}
+    (weak,) = fleet_of(found, {name: name.split("/")[0] for name in found}).causes
+    (course,) = weak.series.courses
+    before, after = course.pieces
+    assert course.robot == "blue"
+    assert (before.end, after.start) == pytest.approx((0.9, 0.8))
