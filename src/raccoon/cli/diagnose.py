@@ -52,7 +52,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--scheduler", help="address of a Dask scheduler (default: one of its own)")
     parser.add_argument("--json", type=Path, help="write the diagnosis as JSON")
     parser.add_argument("--html", type=Path, help="write a report with pictures")
-    parser.add_argument("--save-model", type=Path, help="write the extended simulation model")
+    parser.add_argument(
+        "--save-model",
+        type=Path,
+        help="write the extended simulation model; of many recordings what they have in common",
+    )
 
 
 class OfAll(argparse.Action):
@@ -83,7 +87,8 @@ def _recording(text: str) -> Path:
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose_files import recordings
-    from raccoon.cli.diagnose_many import diagnose_job, job_of, pooled, run_fleet
+    from raccoon.cli.diagnose_many import pooled, run_fleet
+    from raccoon.cli.diagnose_one import diagnose_job, job_of
     from raccoon.cli.doing import diagnosis_shown
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
     from raccoon.core.errors import ConfigError, TraceError
@@ -108,11 +113,6 @@ def run(args: argparse.Namespace) -> int:
         return 0
     together = pooled(args, paths)
     if together is None:
-        if args.save_model is not None:
-            raise ConfigError(
-                f"--save-model {args.save_model}: each of the {len(paths)} recordings is diagnosed on its "
-                "own; a model is made from one recording: name one"
-            )
         return run_fleet(args, paths)
     _write(args, together, f"{len(paths)} runs")
     return 0

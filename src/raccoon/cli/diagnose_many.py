@@ -8,119 +8,22 @@ import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.cli.diagnose_one import Answer, Job, diagnose_or_reason, job_of, robot_of
+
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
+    from raccoon.diagnose.fleet.model import Foreseen
     from raccoon.diagnose.fleet.summary import Fleet
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sweep.execute import Crew
-    from raccoon.trace.loading import Run
     from raccoon.trace.recording import Column
 
     Columns = Mapping[str, Column]
-
-
-@dataclass(frozen=True, slots=True)
-class Job:
-    """One recording and what it is compared with. Can be pickled."""
-
-    path: Path
-    robot: Path | None
-    model: Path | None
-    holdout: Path | None
-    truth_free: bool
-    causes: Path | None = None
-    port: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What was found in a recording, the name of its robot and the robot.toml that it was compared with."""
-
-    diagnosis: Diagnosis
-    robot: str
-    file: Path | None
-
-
-def diagnose_job(job: Job) -> Answer:
-    """Load and diagnose one recording. Raises as `diagnose_recording`."""
-    from raccoon.core.errors import HoldoutError, TraceError
-    from raccoon.diagnose.own import load_own
-    from raccoon.diagnose.recordings.kinds import diagnose_recording
-    from raccoon.trace.loading import load_run
-
-    loaded = load_run(job.path)
-    start = None
-    if job.model is not None:
-        from raccoon.sim.effects.parameters import Parameters
-
-        start = Parameters.from_model_file(job.model)
-    recording = loaded.recording
-    own = () if job.causes is None else load_own(job.causes)
-    holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
-    try:
-        robot, file, told = robot_of(loaded, job.robot)
-        found = diagnose_recording(
-            recording.columns,
-            robot if start is None else start.robot,
-            holdout=holdout,
-            model=start,
-            truth_free=job.truth_free,
-            device=recording.device,
-            problems=(*recording.problems, *(told if start is None else ())),
-            own=own,
-            port=job.port or _port_written(file),
-        )
-        return Answer(found, robot.name, file)
-    except HoldoutError as error:
-        raise TraceError(f"--holdout {job.holdout}: {error}") from None
-    except TraceError as error:  # that of several files it is this one
-        raise TraceError(f"{job.path}: {error}") from None
-
-
-def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tuple[str, ...]]:
-    """The robot of a run, the robot.toml that it is of, and a note where nobody said which it is.
-
-    Raises ConfigError, and TraceError for a recording without samples.
-    """
-    from raccoon.core.config import load_robot
-    from raccoon.diagnose.recordings.kinds import Kind, kind_of
-    from raccoon.trace.loading import robot_near
-
-    if named is not None:
-        return load_robot(named), named, ()
-    if run.robot is not None:
-        return run.robot, None, ()
-    robot, near, which = robot_near(run)
-    if near is None and kind_of(run.recording.columns, robot) not in (Kind.DRIVE, Kind.GEOMETRY):
-        return robot, None, ()
-    said = f"the recording does not say its robot: compared with {which} (--robot names another)"
-    return robot, near, (said,)
-
-
-def _port_written(robot: Path | None) -> str | None:
-    """controller.port where a robot.toml has the line, None where it leaves the default."""
-    from raccoon.core.config import parse_toml
-
-    if robot is None:
-        return None
-    controller = parse_toml(robot.read_bytes()).get("controller", {})
-    port = controller.get("port") if isinstance(controller, dict) else None
-    return port if isinstance(port, str) else None
-
-
-def diagnose_or_reason(job: Job) -> Answer | str:
-    """The diagnosis, or why there is none: one bad file does not spoil a fleet."""
-    from raccoon.core.errors import RaccoonError
-
-    try:
-        return diagnose_job(job)
-    except (RaccoonError, OSError) as error:
-        return str(error)
 
 
 def _numbered(jobs: Sequence[Job], number: int) -> Answer | str:
@@ -181,10 +84,12 @@ def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
     from raccoon.cli.diagnose_files import robot_names, short_names
+    from raccoon.cli.diagnose_model import common_of, save_common
     from raccoon.diagnose.fleet.summary import fleet_of
     from raccoon.diagnose.reports.fleet_text import fleet_report
 
-    found = dict(zip(short_names(paths), _all(args, [job_of(args, path) for path in paths]), strict=True))
+    jobs = {name: job_of(args, path) for name, path in zip(short_names(paths), paths, strict=True)}
+    found = dict(zip(jobs, _all(args, list(jobs.values())), strict=True))
     answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
     failed = {
         name: each.removeprefix(f"{path}: ")
@@ -195,37 +100,39 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     fleet = fleet_of(
         {name: each.diagnosis for name, each in answers.items()}, dict(zip(answers, robots, strict=True))
     )
+    common = None
+    if args.save_model is not None and answers:
+        common = common_of(fleet, jobs, partial(_all, args))
+    seen = {} if common is None else common.foreseen
     try:  # files first: see the report of one recording
         if answers:
-            _save(args, fleet, failed)
+            _save(args, fleet, seen, failed)
+        if common is not None and common.model is not None:
+            save_common(args.save_model, common.model, fleet)
     finally:
         for name, reason in failed.items():
             print(f"{name}: no diagnosis: {reason}")
         if answers:
-            print(fleet_report(fleet))
+            print(fleet_report(fleet, seen))
+    if common is not None and common.model is None:
+        print(f"{args.save_model}: not written: {common.reason}")
     return 0 if answers else 2
 
 
-def _save(args: argparse.Namespace, fleet: Fleet, failed: Mapping[str, str]) -> None:
+def _save(
+    args: argparse.Namespace, fleet: Fleet, seen: Mapping[str, Foreseen], failed: Mapping[str, str]
+) -> None:
     from raccoon.core.files import write_atomically
 
     if args.json is not None:
         table = {**fleet.to_dict(), "failed": failed}
+        if seen:
+            table["foreseen"] = {name: asdict(each) for name, each in seen.items()}
         write_atomically(args.json, json.dumps(_finite(table), indent=1, allow_nan=False) + "\n")
     if args.html is not None:
         from raccoon.diagnose.reports.html_fleet import save_fleet_html
 
-        save_fleet_html(fleet, args.html, failed)
-
-
-def job_of(args: argparse.Namespace, path: Path) -> Job:
-    """What a worker needs for one recording. Raises ConfigError for several files to judge on."""
-    from raccoon.core.errors import ConfigError
-
-    if len(args.holdout) > 1:
-        raise ConfigError(f"--holdout: {len(args.holdout)} files: one recording is judged on one other")
-    other = args.holdout[0] if args.holdout else None
-    return Job(path, args.robot, args.model, other, args.truth_free, args.causes, args.port)
+        save_fleet_html(fleet, args.html, failed, seen)
 
 
 def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Answer | str]:

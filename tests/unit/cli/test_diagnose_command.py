@@ -197,14 +197,6 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(
     assert f"{tmp_path / 'out.json'}: nothing can be written there" in capsys.readouterr().err
 
 
-def test_many_recordings_give_no_model(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
-    model = tmp_path / "model.toml"
-    assert main(["diagnose", *map(str, paths), "--save-model", str(model)]) == 2
-    assert f"--save-model {model}: each of the 2 recordings" in capsys.readouterr().err
-    assert not model.exists()
-
-
 def test_a_count_of_workers_is_not_negative(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diagnose", str(tmp_path / "never-read.csv"), "--workers", "-3"]) == 2
     assert "--workers -3: allowed are whole numbers from 0" in capsys.readouterr().err

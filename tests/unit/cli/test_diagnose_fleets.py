@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ import pytest
 from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose_files import recordings, robot_names, short_names
-from raccoon.cli.diagnose_many import robot_of
+from raccoon.cli.diagnose_one import robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
 from unit.diagnose.axes import motor
 
@@ -141,3 +143,47 @@ def test_one_robot_toml_is_not_that_of_two_robots(capsys: pytest.CaptureFixture[
     assert "--robot blue.toml: it is given twice; recordings of several robots are a folder each" in (
         capsys.readouterr().err
     )
+
+
+def test_many_recordings_give_the_model_that_they_have_in_common(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, model, table, page = (
+        tmp_path / each for each in ("robot.toml", "model.toml", "out.json", "out.html")
+    )
+    robot.write_text("[tophat.left]\nanalog = 2\n")
+    for day, factor in enumerate((0.9, 0.91, 0.9, 1.0)):
+        written(tmp_path / f"{day}.csv", tophat(70 + day, factor=factor, seconds=6.0))
+    results = ["--save-model", str(model), "--json", str(table), "--html", str(page)]
+    assert main(["diagnose", str(tmp_path), *results]) == 0
+    found = Parameters.from_model_file(model)
+    assert found.value("tophat.gain", "factor", "2") == pytest.approx(0.9, abs=0.006)
+    assert found.origins[("tophat.gain", "2")].source == "named in 3 of 4 recordings"
+    assert found.provenance.recording == "4 recordings, 0.csv to 3.csv"
+    foreseen = json.loads(table.read_text())["foreseen"]
+    for name in ("0.csv", "1.csv", "2.csv"):
+        assert foreseen[name]["after"] < 0.3 * foreseen[name]["before"]
+    assert foreseen["0.csv"]["still"] == []
+    assert foreseen["3.csv"]["still"] == ["tophat.gain@2"]  # the one that is sound
+    assert re.search(r"  0\.csv: [\d.]+ -> [\d.]+: nothing\n", capsys.readouterr().out)
+    assert "model of the others" in page.read_text()
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_a_model_is_of_one_robot(tmp_path: Path, capsys: pytest.CaptureFixture[str], several: bool) -> None:
+    for place in ("red", "blue"):
+        (tmp_path / place).mkdir()
+        if several:
+            (tmp_path / place / "robot.toml").write_text("[tophat.left]\nanalog = 2\n")
+            written(tmp_path / place / "run.csv", tophat(70, factor=0.9, seconds=4.0))
+        else:
+            written(tmp_path / place / "run.csv", motor(5, 0.008))
+    model = tmp_path / "model.toml"
+    assert main(["diagnose", str(tmp_path), "--save-model", str(model)]) == 0
+    why = (
+        "the recordings are of 2 robots, blue, red"
+        if several
+        else "this kind of recording gives no model of a robot"
+    )
+    assert f"{model}: not written: {why}\n" in capsys.readouterr().out
+    assert not model.exists()

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from itertools import chain
 
 from raccoon.diagnose.fleet.course import FEWEST
+from raccoon.diagnose.fleet.model import Foreseen
 from raccoon.diagnose.fleet.series import Course
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
 from raccoon.diagnose.fleet.telling import CANNOT_TELL
@@ -41,8 +42,9 @@ NOTES_SAID = 8
 """Notes of which a fleet's report has the text; the JSON has all."""
 
 
-def fleet_report(fleet: Fleet) -> str:
-    """A line a recording, then common causes with their spread, the odd ones out, and what changed."""
+def fleet_report(fleet: Fleet, seen: Mapping[str, Foreseen] | None = None) -> str:
+    """A line a recording, then common causes with their spread, the odd ones out, and what changed. seen:
+    each recording with the model of the others, where one was made."""
     results = fleet.results
     lines = [f"{name}{whose(fleet, name)}: {each.verdict}: {told(each)}" for name, each in results.items()]
     lines += ["", *(_cause_line(each, fleet) for each in fleet.causes)] if fleet.causes else []
@@ -55,11 +57,24 @@ def fleet_report(fleet: Fleet) -> str:
     elif len(results) > 1 and fleet.causes and most_of_one(fleet) < FEWEST:
         of_one = " of one robot" if len(fleet.names) > 1 else ""
         lines += ["", f"What changed and when is looked for in {FEWEST} recordings{of_one} and more."]
+    if seen:
+        lines += ["", FORESEEN_TITLE, *(f"  {name}: {foreseen_text(each)}" for name, each in seen.items())]
     notes = note_lines(results)
     lines += ["", *(f"Note: {each}" for each in notes[:NOTES_SAID])] if notes else []
     if len(notes) > NOTES_SAID:
         lines.append(f"and {len(notes) - NOTES_SAID} notes more: --json writes them all")
     return "\n".join(lines)
+
+
+FORESEEN_TITLE = (
+    "With the model that the other recordings have in common (error on unseen data in units of the noise, "
+    "robot.toml's -> that model's, and what is still wrong):"
+)
+
+
+def foreseen_text(each: Foreseen) -> str:
+    """Both errors, and what is left."""
+    return f"{each.before:.2f} -> {each.after:.2f}: {', '.join(each.still) or 'nothing'}"
 
 
 def whose(fleet: Fleet, name: str) -> str:
@@ -155,10 +170,18 @@ def _cause_line(each: FleetCause, fleet: Fleet) -> str:
     if each.telling < count:
         share += f" of {each.telling} that can tell"
     odd = f"; far from the others: {odd}" if odd else ""
-    return f"{each.name}: {share} ({_kind(each, fleet)}), {size}{unit}{odd}{alike}"
+    line = f"{each.name}: {share} ({kind_text(each, fleet)}), {size}{unit}{odd}{alike}"
+    return f"{line}\n  {in_words(each, fleet)}"
 
 
-def _kind(each: FleetCause, fleet: Fleet) -> str:
+def in_words(each: FleetCause, fleet: Fleet) -> str:
+    """What a cause means and what to do about it, as the recording has it whose number is in the middle."""
+    middle = sorted(zip(each.values, each.recordings, strict=True))[(len(each.values) - 1) // 2][1]
+    said = next(it.explanation for it in fleet.results[middle].causes if it.name == each.name)
+    return f"{middle}: {said}" if len(each.recordings) > 1 else said
+
+
+def kind_text(each: FleetCause, fleet: Fleet) -> str:
     """Whether a cause is common, one robot's, or of single recordings."""
     if each.common:
         return "common" if each.of_robots < 2 else f"common to {len(each.robots)} of {each.of_robots} robots"

@@ -11,27 +11,44 @@ from typing import Any
 import numpy as np
 
 from raccoon.core.files import write_atomically
+from raccoon.diagnose.fleet.model import Foreseen
 from raccoon.diagnose.fleet.summary import Fleet
-from raccoon.diagnose.reports.fleet_text import change_lines, note_lines, told, usual_text, whose
+from raccoon.diagnose.reports.fleet_text import (
+    change_lines,
+    in_words,
+    kind_text,
+    note_lines,
+    told,
+    usual_text,
+    whose,
+)
 from raccoon.diagnose.reports.html import template
 from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_PANELS = 8
+OWN_SAID = 3
+"""Causes that are not common of which the headline says whose they are."""
 
 
-def save_fleet_html(fleet: Fleet, path: str | Path, failed: Mapping[str, str] | None = None) -> None:
-    """Write the report, atomically. failed: why a recording has no diagnosis. Raises ConfigError where
-    jinja2 or matplotlib is not installed."""
+def save_fleet_html(
+    fleet: Fleet,
+    path: str | Path,
+    failed: Mapping[str, str] | None = None,
+    seen: Mapping[str, Foreseen] | None = None,
+) -> None:
+    """Write the report, atomically. failed: why a recording has no diagnosis. seen: each recording with the
+    model of the others. Raises ConfigError where jinja2 or matplotlib is not installed."""
     page = template("fleet.html").render(
         results={f"{name}{whose(fleet, name)}": _row(each) for name, each in fleet.results.items()},
-        causes=fleet.causes,
+        causes=[(each, kind_text(each, fleet), in_words(each, fleet)) for each in fleet.causes],
         numbers=[(each, usual_text(each)) for each in fleet.numbers],
         notes=note_lines(fleet.results),
         changes=change_lines(fleet),
         headline=_headline(fleet),
         picture=png(fleet_figure(fleet)) if fleet.causes else None,
         failed=failed or {},
+        seen=seen or {},
     )
     write_atomically(Path(path), page)
 
@@ -57,8 +74,9 @@ def _headline(fleet: Fleet) -> str:
     parts = [
         f"Common to most {whom}: {', '.join(common)}." if common else f"No cause is common to most {whom}."
     ]
-    if own:
-        parts.append(f"{len(own)} more in some {whom} only.")
+    parts += [f"{each.name}: {kind_text(each, fleet)}." for each in own[:OWN_SAID]]
+    if len(own) > OWN_SAID:
+        parts.append(f"{len(own) - OWN_SAID} more in some {whom} only.")
     broken = sum(bool(each.sensor_faults) for each in fleet.results.values())
     if broken:
         parts.append(f"{broken} with a faulty sensor.")

@@ -1,0 +1,120 @@
+"""`raccoon diagnose` of one recording: what it is compared with, and what was found. Runs in any process."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from raccoon.core.config import RobotConfig
+    from raccoon.diagnose.result import Diagnosis
+    from raccoon.sim.effects.parameters import Parameters
+    from raccoon.trace.loading import Run
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One recording and what it is compared with. Can be pickled."""
+
+    path: Path
+    robot: Path | None
+    model: Path | Parameters | None
+    holdout: Path | None
+    truth_free: bool
+    causes: Path | None = None
+    port: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What was found in a recording, the name of its robot and the robot.toml that it was compared with."""
+
+    diagnosis: Diagnosis
+    robot: str
+    file: Path | None
+
+
+def diagnose_job(job: Job) -> Answer:
+    """Load and diagnose one recording. Raises as `diagnose_recording`."""
+    from raccoon.core.errors import HoldoutError, TraceError
+    from raccoon.diagnose.own import load_own
+    from raccoon.diagnose.recordings.kinds import diagnose_recording
+    from raccoon.sim.effects.parameters import Parameters
+    from raccoon.trace.loading import load_run
+
+    loaded = load_run(job.path)
+    start = Parameters.from_model_file(job.model) if isinstance(job.model, Path) else job.model
+    recording = loaded.recording
+    own = () if job.causes is None else load_own(job.causes)
+    holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
+    try:
+        robot, file, told = robot_of(loaded, job.robot)
+        found = diagnose_recording(
+            recording.columns,
+            robot if start is None else start.robot,
+            holdout=holdout,
+            model=start,
+            truth_free=job.truth_free,
+            device=recording.device,
+            problems=(*recording.problems, *(told if start is None else ())),
+            own=own,
+            port=job.port or _port_written(file),
+        )
+        return Answer(found, robot.name, file)
+    except HoldoutError as error:
+        raise TraceError(f"--holdout {job.holdout}: {error}") from None
+    except TraceError as error:  # that of several files it is this one
+        raise TraceError(f"{job.path}: {error}") from None
+
+
+def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tuple[str, ...]]:
+    """The robot of a run, the robot.toml that it is of, and a note where nobody said which it is.
+
+    Raises ConfigError, and TraceError for a recording without samples.
+    """
+    from raccoon.core.config import load_robot
+    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.trace.loading import robot_near
+
+    if named is not None:
+        return load_robot(named), named, ()
+    if run.robot is not None:
+        return run.robot, None, ()
+    robot, near, which = robot_near(run)
+    if near is None and kind_of(run.recording.columns, robot) not in (Kind.DRIVE, Kind.GEOMETRY):
+        return robot, None, ()
+    said = f"the recording does not say its robot: compared with {which} (--robot names another)"
+    return robot, near, (said,)
+
+
+def _port_written(robot: Path | None) -> str | None:
+    """controller.port where a robot.toml has the line, None where it leaves the default."""
+    from raccoon.core.config import parse_toml
+
+    if robot is None:
+        return None
+    controller = parse_toml(robot.read_bytes()).get("controller", {})
+    port = controller.get("port") if isinstance(controller, dict) else None
+    return port if isinstance(port, str) else None
+
+
+def diagnose_or_reason(job: Job) -> Answer | str:
+    """The diagnosis, or why there is none: one bad file does not spoil a fleet."""
+    from raccoon.core.errors import RaccoonError
+
+    try:
+        return diagnose_job(job)
+    except (RaccoonError, OSError) as error:
+        return str(error)
+
+
+def job_of(args: argparse.Namespace, path: Path) -> Job:
+    """What a worker needs for one recording. Raises ConfigError for several files to judge on."""
+    from raccoon.core.errors import ConfigError
+
+    if len(args.holdout) > 1:
+        raise ConfigError(f"--holdout: {len(args.holdout)} files: one recording is judged on one other")
+    other = args.holdout[0] if args.holdout else None
+    return Job(path, args.robot, args.model, other, args.truth_free, args.causes, args.port)
