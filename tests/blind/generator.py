@@ -102,10 +102,12 @@ def make(
     noise: Noise | None = None,
     imu_rate: float | None = None,
     encoders: bool = False,
+    robot: int | None = None,
 ) -> Blind:
     """Draw one robot and one drive and record it. drive: a name in `drives`, or duty (n, 2) at 200 Hz.
 
-    encoders: whether the wheels are read by these, so that no motor need coast for a back-EMF.
+    encoders: whether the wheels are read by these, so that no motor need coast for a back-EMF. robot: seed of
+    the robot itself, for several drives of one; without it each is another.
     """
     rng = np.random.default_rng(seed)
     noise = Noise() if noise is None else noise
@@ -116,10 +118,10 @@ def make(
     cycles = np.concatenate([[0.0], np.cumsum(CYCLE + np.clip(rng.normal(0, 1e-4, n - 1), -4e-4, 4e-4))])
     cycles -= cycles[len(lead)]
     levels = np.exp(0.25 * rng.standard_normal(5))
-    base = _base(rng)
-    robot = _applied(base, hidden)
+    base = _base(rng if robot is None else np.random.default_rng(robot))
+    whole = _applied(base, hidden)
     state = simulate(
-        parameters(robot),
+        parameters(whole),
         cycles,
         duty,
         _ou(rng, n, noise.torque * levels[0], 0.15),
@@ -134,9 +136,9 @@ def make(
         columns = _by_encoders(columns, cycles, state)
     moved = _Moved(*(float(each) for each in state[len(lead), 8:11]))
     seen = (replace(each, values=moved.values(each), plant=moved.plant(each.plant)) for each in hidden)
-    length = robot.get("patch_length", 1.0)
-    on = robot.get("patch", 0.0) * (state[len(lead) :, 6] % (3.0 * length) < length)
-    return Blind(columns, tuple(seen), moved.plant(robot), seed, float((on > 0.0).mean()))
+    length = whole.get("patch_length", 1.0)
+    on = whole.get("patch", 0.0) * (state[len(lead) :, 6] % (3.0 * length) < length)
+    return Blind(columns, tuple(seen), moved.plant(whole), seed, float((on > 0.0).mean()))
 
 
 @dataclass(frozen=True)

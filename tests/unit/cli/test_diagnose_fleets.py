@@ -165,7 +165,7 @@ def test_many_recordings_give_the_model_that_they_have_in_common(
         assert foreseen[name]["after"] < 0.3 * foreseen[name]["before"]
     assert foreseen["0.csv"]["still"] == []
     assert foreseen["3.csv"]["still"] == ["tophat.gain@2"]  # the one that is sound
-    assert re.search(r"  0\.csv: [\d.]+ -> [\d.]+: nothing\n", capsys.readouterr().out)
+    assert re.search(r"  0\.csv: [\d.]+ -> [\d.]+ \([\d.]+\): nothing\n", capsys.readouterr().out)
     assert "model of the others" in page.read_text()
 
 

@@ -31,11 +31,12 @@ NAMED = "named in {} of {} recordings"
 @dataclass(frozen=True, slots=True)
 class Foreseen:
     """A recording with the model of the others. before, after: error of robot.toml's simulation and of that
-    model on data that no fit had seen, root mean square over the channels in units of their noise. still:
-    what is wrong with that model there."""
+    model on data that no fit had seen, root mean square over the channels in units of their noise. own: the
+    same with the model of this recording itself. still: what is wrong with the others' model there."""
 
     before: float
     after: float
+    own: float
     still: tuple[str, ...]
 
 
@@ -43,13 +44,15 @@ def foreseen(first: Diagnosis, again: Diagnosis) -> Foreseen:
     """first: of a recording from robot.toml; again: of the same from the model of the others."""
     floors = {each.name: each.noise_floor for each in first.channels if each.noise_floor > 0.0}
 
-    def size(diagnosis: Diagnosis) -> float:
-        parts = [each.rmse_before / floors[each.name] for each in diagnosis.channels if each.name in floors]
+    def size(errors: Mapping[str, float]) -> float:
+        parts = [error / floors[name] for name, error in errors.items() if name in floors]
         return float(np.sqrt(np.mean(np.square(parts)))) if parts else math.nan
 
+    before, after = ({each.name: each.rmse_before for each in it.channels} for it in (first, again))
+    own = {each.name: each.rmse_after for each in first.channels}
     still = [each.name for each in again.causes if not each.little]
     still += [f"something that depends on {each}" for each in again.unexplained.depends_on]
-    return Foreseen(size(first), size(again), tuple(still))
+    return Foreseen(size(before), size(after), size(own), tuple(still))
 
 
 def common_model(fleet: Fleet, of: str | None = None) -> Parameters | None:

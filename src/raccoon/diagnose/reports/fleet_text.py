@@ -67,14 +67,14 @@ def fleet_report(fleet: Fleet, seen: Mapping[str, Foreseen] | None = None) -> st
 
 
 FORESEEN_TITLE = (
-    "With the model that the other recordings have in common (error on unseen data in units of the noise, "
-    "robot.toml's -> that model's, and what is still wrong):"
+    "With the model that the other recordings have in common (error on unseen data in units of the noise: "
+    "robot.toml's -> that model's, that of its own; and what is still wrong):"
 )
 
 
 def foreseen_text(each: Foreseen) -> str:
-    """Both errors, and what is left."""
-    return f"{each.before:.2f} -> {each.after:.2f}: {', '.join(each.still) or 'nothing'}"
+    """The errors, and what is left."""
+    return f"{each.before:.2f} -> {each.after:.2f} ({each.own:.2f}): {', '.join(each.still) or 'nothing'}"
 
 
 def whose(fleet: Fleet, name: str) -> str:

@@ -132,4 +132,4 @@ def test_inertias_are_those_of_all() -> None:
 
 def test_what_a_model_foresees_is_said_in_units_of_the_noise() -> None:
     first, again = drive(rmse=3.0, motor=0.94), drive(rmse=1.2, slope=0.03)
-    assert foreseen(first, again) == Foreseen(3.0, 1.2, ("drive.slope",))
+    assert foreseen(first, again) == Foreseen(3.0, 1.2, 1.0, ("drive.slope",))
