@@ -3,7 +3,8 @@
 The independent plant as one robot over some days, one drive a day: nothing is wrong; something is all the
 time; a battery ages; a motor is replaced; a battery ages, is replaced and ages again; something is wrong on
 one day. Each fleet also gives the model that the days have in common, which must foresee each day from the
-others. Seeds are fresh in every run, and printed, unless one is given. Exit status 1 where something is missed.
+others. Seeds are fresh in every run, and printed, unless one is given. Exit status 1 where something is
+missed.
 """
 
 from __future__ import annotations
