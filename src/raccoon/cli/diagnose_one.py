@@ -62,7 +62,7 @@ def diagnose_job(job: Job) -> Answer:
             own=own,
             port=job.port or _port_written(file),
         )
-        return Answer(found, robot.name, file)
+        return Answer(found, loaded.whose or robot.name, file)
     except HoldoutError as error:
         raise TraceError(f"--holdout {job.holdout}: {error}") from None
     except TraceError as error:  # that of several files it is this one

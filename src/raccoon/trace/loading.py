@@ -26,7 +26,8 @@ TRACE_ENDINGS = (".jsonl", ".jsonl.gz")
 class Run:
     """One recorded run. robot: as the recording describes it, None where it does not.
 
-    trace: the raw words, where the recording is a trace. path: the file.
+    trace: the raw words, where the recording is a trace. path: the file. whose: name of the robot, where the
+    kind of file has one for each.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Run:
     robot: RobotConfig | None = None
     trace: Trace | None = None
     path: Path | None = None
+    whose: str = ""
 
 
 def load_runs(path: str | Path) -> list[Run]:
@@ -125,7 +127,7 @@ def _load_csv(path: Path) -> Run:
     if names == motor_steps.HEADER:
         return Run(path.name, motor_steps.read_motor_steps(path))
     if names == fleet_steps.HEADER:
-        return Run(path.name, fleet_steps.read_fleet_steps(path))
+        return Run(path.name, fleet_steps.read_fleet_steps(path), whose=path.stem)
     metadata = path.with_name(optiodom.METADATA)
     if "t" not in names and metadata.exists():
         robot = optiodom.read_robot(metadata)

@@ -9,6 +9,7 @@ from raccoon.trace.columns import inputs_of
 from raccoon.trace.foreign.fleet_steps import read_fleet_steps
 from raccoon.trace.foreign.motor_steps import FILTER_SHARE, read_motor_steps
 from raccoon.trace.foreign.optiodom import read_robot, read_run, read_session
+from raccoon.trace.loading import load_run
 
 METADATA = "type,diff,\nngear,43.7,\nencRes,64,\nLi,0.2,\nDi,0.085,0.083\n"
 RUN = "0,0,0,3.1,0,0\n0.05,0.01,0,3.14,10,12\n0.1,0.02,0,-3.1,-4,5\n"
@@ -134,6 +135,13 @@ def test_fleet_steps_have_the_columns_of_the_format(tmp_path: Path) -> None:
     assert recording.problems == []
     with pytest.raises(ValueError, match="wheel_radius is 0"):
         read_fleet_steps(path, wheel_radius=0.0)
+
+
+def test_fleet_steps_are_a_file_for_each_robot(tmp_path: Path) -> None:
+    """Four of 22 robots that come one after the other were said to be one whose friction jumped."""
+    path = tmp_path / "robot-07.csv"
+    path.write_text(FLEET + "0.001,2,-2,0.5,-0.4,0.03,-0.06,11.4\n0.002,2,-2,0.5,-0.4,0.03,-0.06,11.3\n")
+    assert load_run(path).whose == "robot-07"
 
 
 def test_fleet_steps_report_dead_sensors_and_spikes(tmp_path: Path) -> None:

@@ -80,7 +80,7 @@ def foreseen_text(each: Foreseen) -> str:
 def whose(fleet: Fleet, name: str) -> str:
     """The robot of a recording in brackets, where there are several and its name does not say it."""
     robot = fleet.robots[name]
-    return "" if len(fleet.names) == 1 or robot in name.split("/") else f" ({robot})"
+    return "" if len(fleet.names) == 1 or robot in name else f" ({robot})"
 
 
 def most_of_one(fleet: Fleet) -> int:
@@ -206,9 +206,9 @@ def far_text(each: FleetCause | FleetNumber) -> str:
 
 def usual_text(each: FleetNumber) -> str:
     """The median; of a number that changed where it began and where it ended, of which it is neither; of
-    several robots between which it is."""
+    several robots with some each the lowest and the highest of theirs."""
     levels, courses = each.series.levels, each.series.courses
-    if len(levels) > 1:
+    if 1 < len(levels) < len(each.recordings):
         return f"{min(levels.values()):.4g} to {max(levels.values()):.4g}"
     if not courses:
         return f"{each.median:.4g}"
