@@ -85,16 +85,19 @@ def series_of(
 def _series(
     own: Sequence[str], found: Mapping[str, ParameterResult], silent: frozenset[str] | None
 ) -> tuple[Array, Array]:
-    """Value and deviation in each of a robot's recordings, NaN where it is not known."""
-    nominal = next(found[each].nominal for each in own if each in found)
+    """Value and deviation in each of a robot's recordings, NaN where it is not known. One that names nothing
+    does not know it better than those that do."""
+    having = [found[each] for each in own if each in found]
+    nominal = having[0].nominal
+    usual = float(np.median(np.nan_to_num(np.array([each.std for each in having]))))
 
-    def value(name: str) -> float:
+    def number(name: str) -> tuple[float, float]:
         if name in found:
-            return found[name].value
-        return nominal if silent is not None and name not in silent else float("nan")
+            return found[name].value, found[name].std
+        return (nominal, usual) if silent is not None and name not in silent else (float("nan"), float("nan"))
 
-    values = np.array([value(each) for each in own])
-    return values, np.array([found[each].std if each in found else float("nan") for each in own])
+    values, stds = zip(*map(number, own), strict=True)
+    return np.array(values), np.array(stds)
 
 
 def _odd_robots(
