@@ -153,7 +153,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
             Parameters.from_robot(config), robot=config, seed=seed, rate_hz=config.controller.rate_hz
         )
     if kind in ("wombat", "wombat-raccoon"):
-        from raccoon.hal.wombat.link import SPI_DEVICE
+        from raccoon.hal.wombat.link.spi import SPI_DEVICE
         from raccoon.hal.wombat.port import open_wombat
 
         controller = config.controller

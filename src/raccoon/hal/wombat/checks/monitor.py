@@ -9,9 +9,16 @@ from dataclasses import dataclass
 
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, MOTOR_PORTS, Fault, Inputs, Words
-from raccoon.hal.wombat.counters import Bemf
-from raccoon.hal.wombat.dialect import Dialect, Reading
-from raccoon.hal.wombat.health import BatteryWatch, ImuWatch, LifeWatch, Liveness, MotorWatch, RestWatch
+from raccoon.hal.wombat.checks.health import (
+    BatteryWatch,
+    ImuWatch,
+    LifeWatch,
+    Liveness,
+    MotorWatch,
+    RestWatch,
+)
+from raccoon.hal.wombat.firmware.counters import Bemf
+from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
 
 NOTHING: Words = (None,) * 4
 BEMF_AT_REST = 15.0

@@ -7,12 +7,13 @@ import struct
 from collections.abc import Sequence
 
 from raccoon.core.readings import Device, Fault, Inputs, Outputs, Words
-from raccoon.hal.wombat import stock, stock_command
-from raccoon.hal.wombat.counters import Bemf, Counts, StockBemf, near_zero
-from raccoon.hal.wombat.devices import STOCK_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK, stock_device
-from raccoon.hal.wombat.dialect import LARGEST_BEMF, Reading
-from raccoon.hal.wombat.link import Link
-from raccoon.hal.wombat.stock import Registers
+from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
+from raccoon.hal.wombat.firmware.devices import STOCK_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK, stock_device
+from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, Reading
+from raccoon.hal.wombat.firmware.stock import commands, wire
+from raccoon.hal.wombat.firmware.stock.bemf import StockBemf
+from raccoon.hal.wombat.firmware.stock.wire import Registers
+from raccoon.hal.wombat.link.pipe import Link
 
 LARGEST_AFTER_BOOT = 50_000
 """Counts that a counter may hold when a restart is noticed."""
@@ -28,7 +29,7 @@ class StockDialect:
     """Registers, read-back and a canary; back-EMF comes out of the counters."""
 
     name = "stock"
-    length = stock.LENGTH
+    length = wire.LENGTH
     first_analog = 6
     fastest_counter = LARGEST_BEMF * STOCK_BEMF_RATE_HZ
 
@@ -47,26 +48,26 @@ class StockDialect:
 
     def command(self, outputs: Outputs) -> bytes:
         self._sequence += 1
-        return stock_command.encode(outputs, self._sequence)
+        return commands.encode(outputs, self._sequence)
 
     def stop(self) -> bytes:
         self._sequence += 1
-        return stock_command.frame(stock_command.stop(), self._sequence)
+        return commands.frame(commands.stop(), self._sequence)
 
     def hold(self, _outputs: Outputs) -> bytes:
         # Registers keep what nobody writes, and a lost canary must stay lost until the port has seen it.
-        return stock_command.frame(stock_command.motors_off())
+        return commands.frame(commands.motors_off())
 
     def aligned(self, reply: bytes) -> bool:
-        return reply.startswith(stock.MAGIC)
+        return reply.startswith(wire.MAGIC)
 
     def foreign(self, reply: bytes) -> str | None:
-        if reply[0] == stock.START and reply[1] == 0 and reply[2] != stock.FIRMWARE_VERSION:
-            return f"the stock firmware answers with version {reply[2]}; known is {stock.FIRMWARE_VERSION}"
+        if reply[0] == wire.START and reply[1] == 0 and reply[2] != wire.FIRMWARE_VERSION:
+            return f"the stock firmware answers with version {reply[2]}; known is {wire.FIRMWARE_VERSION}"
         return None
 
     def realign(self, link: Link, reply: bytes) -> bool:
-        index = stock.shift(reply)
+        index = wire.shift(reply)
         if index is None:
             return False
         if index > 0:
@@ -74,35 +75,35 @@ class StockDialect:
         return True
 
     def read(self, reply: bytes) -> Reading:
-        registers = stock.decode(reply)
+        registers = wire.decode(reply)
         return Reading(reply, registers.words, registers.position, registers.battery)
 
     def life(self, reply: bytes) -> bytes:
         # The counters count: with a dead IMU and quiet analog ports nothing else changes.
-        sensors = reply[stock.ADC_0 : stock.ADC_PE] + reply[stock.ADC_PE + 1 : stock.MOT_MODES]
-        return sensors + reply[stock.BATTERY : stock.BUTTONS]
+        sensors = reply[wire.ADC_0 : wire.ADC_PE] + reply[wire.ADC_PE + 1 : wire.MOT_MODES]
+        return sensors + reply[wire.BATTERY : wire.BUTTONS]
 
     def imu_words(self, reply: bytes) -> bytes:
-        return reply[stock.ACCEL : stock.MOT_POS]
+        return reply[wire.ACCEL : wire.MOT_POS]
 
     def restarted(self, reply: bytes, before: bytes) -> bool:
         # Only a whole frame bears witness: one of zeros, or one that breaks off, has no canary and no counts.
-        if reply[1:3] != stock.MAGIC[1:] or reply[stock.SERVO] == 0:
+        if reply[1:3] != wire.MAGIC[1:] or reply[wire.SERVO] == 0:
             return False
         # The transfer engine starts before the registers are filled: one old byte, then a good frame.
-        canary_lost = before[stock.ADC_PE] & ~reply[stock.ADC_PE] & stock_command.CANARY != 0
+        canary_lost = before[wire.ADC_PE] & ~reply[wire.ADC_PE] & commands.CANARY != 0
         if not (canary_lost or reply[0] == 0):
             return False
         # One damaged byte is no restart: the counters must have started anew, too.
-        return near_zero(struct.unpack_from(">4i", reply, stock.MOT_POS), LARGEST_AFTER_BOOT)
+        return near_zero(struct.unpack_from(">4i", reply, wire.MOT_POS), LARGEST_AFTER_BOOT)
 
     def obeys(self, reply: bytes, sent: bytes) -> bool:
-        if sent[3] != len(stock_command.IMAGE):
+        if sent[3] != len(commands.IMAGE):
             return True
-        return stock_command.holds(reply, sent)
+        return commands.holds(reply, sent)
 
     def stopped(self, reply: bytes) -> bool:
-        return reply[stock.MOT_MODES] == 0 and reply[stock.MOT_DIRS] == 0
+        return reply[wire.MOT_MODES] == 0 and reply[wire.MOT_DIRS] == 0
 
     def bemf(self, _reading: Reading, differences: Counts, seconds: float) -> Bemf | None:
         self._bemf.update(differences, seconds)
@@ -146,7 +147,7 @@ class StockDialect:
         imu: bool,
         analog: bool,
     ) -> Inputs:
-        return stock.inputs(
+        return wire.inputs(
             Registers(reading.words),
             time,
             device=self.device,

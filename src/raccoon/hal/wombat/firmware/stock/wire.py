@@ -3,7 +3,7 @@
 Down: byte i is register i, big-endian, no stop byte, no checksum. Up: 'J', version 4, a sequence number, the
 number of pairs, the pairs, and 'S' in byte 88; a frame without those marks is ignored, so zeros only read.
 Motor ports 2 and 3 are wired to the channels 3 and 2: the swap happens here and nowhere else. What goes up is
-made in `stock_command`.
+made in `commands.py`.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import struct
 
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import NO_ANALOG, Device, Fault, Inputs, Words, quick_inputs
-from raccoon.hal.wombat.bits import FLAGS, PORTS
-from raccoon.hal.wombat.devices import STOCK, STOCK_COUNTS_PER_TICK
+from raccoon.hal.wombat.firmware.bits import FLAGS, PORTS
+from raccoon.hal.wombat.firmware.devices import STOCK, STOCK_COUNTS_PER_TICK
 
 LENGTH = 89
 START = 0x4A
@@ -115,12 +115,12 @@ class Registers:
 
     @property
     def modes(self) -> tuple[int, ...]:
-        """Mode of each motor (`stock_command.Mode`)."""
+        """Mode of each motor (`commands.Mode`)."""
         return self._pairs(self.words[26])
 
     @property
     def directions(self) -> tuple[int, ...]:
-        """Direction of each motor (`stock_command.Direction`)."""
+        """Direction of each motor (`commands.Direction`)."""
         return self._pairs(self.words[27])
 
     @property

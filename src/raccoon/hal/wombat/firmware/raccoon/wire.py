@@ -1,8 +1,8 @@
 """What the Wombat's RaccoonOS firmware sends: one packed little-endian struct, alike in versions 17 and 21.
 
 168 bytes carry data, the rest of the frame is padding; byte 0 is the version. There is no start mark, no
-checksum and no sequence number. What goes up is made in `raccoon_command`. Units of the wire (deg/s,
-clockwise degrees, g) and the polarity of the motors end here.
+checksum and no sequence number. What goes up is made in `commands.py`. Units of the wire (deg/s, clockwise
+degrees, g) and the polarity of the motors end here.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any
 
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import NO_ANALOG, Device, Fault, Inputs, Vector, Words, quick_inputs
-from raccoon.hal.wombat.bits import FLAGS, PORTS
-from raccoon.hal.wombat.devices import GRAVITY, RACCOON_17, RACCOON_21
+from raccoon.hal.wombat.firmware.bits import FLAGS, PORTS
+from raccoon.hal.wombat.firmware.devices import GRAVITY, RACCOON_17, RACCOON_21
 
 FRAME_LENGTH: Mapping[int, int] = {17: 248, 21: 277}
 """Bytes of a frame, both ways, for each version this library speaks."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from raccoon.core.clock import Clock
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Fault, Words
-from raccoon.hal.wombat.counters import Bemf, Counters, Counts
-from raccoon.hal.wombat.dialect import Dialect, Reading
-from raccoon.hal.wombat.link import Link
+from raccoon.hal.wombat.firmware.counters import Bemf, Counters, Counts
+from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
+from raccoon.hal.wombat.link.pipe import Link
 
 PATIENCE_SECONDS = 0.5
 """A link that carries nothing usable for longer is lost."""

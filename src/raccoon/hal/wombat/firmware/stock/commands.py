@@ -12,8 +12,8 @@ from operator import itemgetter
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import MOTOR_PORTS, SERVO_PORTS, STOP, Outputs
-from raccoon.hal.wombat import stock
-from raccoon.hal.wombat.stock import CHANNEL, LENGTH
+from raccoon.hal.wombat.firmware.stock import wire
+from raccoon.hal.wombat.firmware.stock.wire import CHANNEL, LENGTH
 
 PROTOCOL_VERSION = 4
 END = 0x53
@@ -61,14 +61,14 @@ def frame(pairs: Iterable[Pair], sequence: int = 0) -> bytes:
     """
     body = bytearray()
     for register, value in pairs:
-        if not 3 <= register < stock.REGISTERS:
-            raise ConfigError(f"register {register}: allowed are 3 to {stock.REGISTERS - 1}")
+        if not 3 <= register < wire.REGISTERS:
+            raise ConfigError(f"register {register}: allowed are 3 to {wire.REGISTERS - 1}")
         if not 0 <= value <= 255:
             raise ConfigError(f"value {value} for register {register}: allowed are 0 to 255")
         body += bytes((register, value))
     if len(body) > 2 * MAX_PAIRS:
         raise ConfigError(f"{len(body) // 2} pairs in one frame: {MAX_PAIRS} fit")
-    return _close(bytes((stock.START, PROTOCOL_VERSION, sequence & 255, len(body) // 2)) + body)
+    return _close(bytes((wire.START, PROTOCOL_VERSION, sequence & 255, len(body) // 2)) + body)
 
 
 def _close(start: bytes) -> bytes:
@@ -92,24 +92,24 @@ def speed_goal(port: int, counts: int) -> list[Pair]:
         raise ConfigError(
             f"speed of motor {port} is {counts} counts: allowed are {-MAX_SPEED} to {MAX_SPEED}"
         )
-    return wide(stock.SPEED_GOAL + 2 * CHANNEL[port], counts)
+    return wide(wire.SPEED_GOAL + 2 * CHANNEL[port], counts)
 
 
 def position_goal(port: int, ticks: int) -> list[Pair]:
     """Goal of a motor's position control, in ticks of 250 counts."""
-    return wide(stock.POS_GOAL + 4 * CHANNEL[port], ticks * 250, 4)
+    return wide(wire.POS_GOAL + 4 * CHANNEL[port], ticks * 250, 4)
 
 
 def duty_register(port: int, pwm: int) -> list[Pair]:
     """Share of the full voltage, 0 to 400."""
     if not 0 <= pwm <= FULL_PWM:
         raise ConfigError(f"PWM of motor {port} is {pwm}: allowed are 0 to {FULL_PWM}")
-    return wide(stock.PWM + 2 * CHANNEL[port], pwm)
+    return wide(wire.PWM + 2 * CHANNEL[port], pwm)
 
 
 def clear_position(port: int) -> list[Pair]:
     """Set a motor's counter to 0. The port never relies on it: the firmware may lose the write."""
-    return wide(stock.MOT_POS + 4 * CHANNEL[port], 0, 4)
+    return wide(wire.MOT_POS + 4 * CHANNEL[port], 0, 4)
 
 
 def two_bits(of_port: Iterable[int]) -> int:
@@ -119,47 +119,47 @@ def two_bits(of_port: Iterable[int]) -> int:
 
 def modes(of_port: Iterable[int]) -> list[Pair]:
     """The mode of every motor port."""
-    return [(stock.MOT_MODES, two_bits(of_port))]
+    return [(wire.MOT_MODES, two_bits(of_port))]
 
 
 def directions(of_port: Iterable[int]) -> list[Pair]:
     """The direction of every motor port."""
-    return [(stock.MOT_DIRS, two_bits(of_port))]
+    return [(wire.MOT_DIRS, two_bits(of_port))]
 
 
 def canary() -> list[Pair]:
     """The mark that a restart wipes out."""
-    return [(stock.ADC_PE, CANARY)]
+    return [(wire.ADC_PE, CANARY)]
 
 
 def motors_off() -> list[Pair]:
     """Every motor without current; servos are left as they are."""
-    pairs = [(stock.MOT_MODES, 0), (stock.MOT_DIRS, 0)]
-    return [*pairs, *((stock.PWM + offset, 0) for offset in range(2 * MOTOR_PORTS))]
+    pairs = [(wire.MOT_MODES, 0), (wire.MOT_DIRS, 0)]
+    return [*pairs, *((wire.PWM + offset, 0) for offset in range(2 * MOTOR_PORTS))]
 
 
 def stop(allstop: int = SERVOS_OFF) -> list[Pair]:
     """Everything off; `LATCHED_STOP` keeps the motors stopped until the register is written again."""
-    return [*motors_off(), (stock.ALLSTOP, allstop)]
+    return [*motors_off(), (wire.ALLSTOP, allstop)]
 
 
 # The command image: these registers, in this order, in every frame.
 IMAGE = (
-    stock.ADC_PE,
-    *range(stock.PWM, stock.PWM + 2 * MOTOR_PORTS),
-    *range(stock.SERVO, stock.SERVO + 2 * SERVO_PORTS),
-    stock.MOT_DIRS,
-    stock.MOT_MODES,
-    stock.ALLSTOP,
+    wire.ADC_PE,
+    *range(wire.PWM, wire.PWM + 2 * MOTOR_PORTS),
+    *range(wire.SERVO, wire.SERVO + 2 * SERVO_PORTS),
+    wire.MOT_DIRS,
+    wire.MOT_MODES,
+    wire.ALLSTOP,
 )
 _HEADS = tuple(
-    bytes((stock.START, PROTOCOL_VERSION, n, len(IMAGE), stock.ADC_PE, CANARY | n & 0x3F)) for n in range(256)
+    bytes((wire.START, PROTOCOL_VERSION, n, len(IMAGE), wire.ADC_PE, CANARY | n & 0x3F)) for n in range(256)
 )
 _TAIL = bytes(LENGTH - 4 - 2 * len(IMAGE) - 1) + bytes((END,))
 
 
 def _pwm_bytes(port: int, level: int) -> bytes:
-    register = stock.PWM + 2 * CHANNEL[port]
+    register = wire.PWM + 2 * CHANNEL[port]
     return bytes((register, level >> 8, register + 1, level & 255))
 
 
@@ -175,13 +175,13 @@ def _drives(port: int, brake: bool) -> tuple[tuple[bytes, int], ...]:
 
 # By port, brake and level.
 _D0, _D1, _D2, _D3 = (tuple(_drives(port, brake) for brake in (False, True)) for port in range(MOTOR_PORTS))
-_SERVO_BOOT = bytes(sum((sum(wide(stock.SERVO + 2 * n, SERVO_BOOT_US), ()) for n in range(SERVO_PORTS)), ()))
+_SERVO_BOOT = bytes(sum((sum(wide(wire.SERVO + 2 * n, SERVO_BOOT_US), ()) for n in range(SERVO_PORTS)), ()))
 _registers = itemgetter(*IMAGE)
 _VALUES = slice(5, 4 + 2 * len(IMAGE), 2)
 
 
 def _end(directions: int, servos_off: int) -> bytes:
-    return bytes((stock.MOT_DIRS, directions, stock.MOT_MODES, 0, stock.ALLSTOP, servos_off)) + _TAIL
+    return bytes((wire.MOT_DIRS, directions, wire.MOT_MODES, 0, wire.ALLSTOP, servos_off)) + _TAIL
 
 
 _ENDS = tuple(_SERVO_BOOT + _end(directions, SERVOS_OFF) for directions in range(256))
@@ -209,7 +209,7 @@ def _servos(pulses: tuple[int | None, ...], directions: int) -> bytes:
     for port, pulse in enumerate(pulses):
         if pulse is None:
             off |= 0x10 << port
-        for pair in wide(stock.SERVO + 2 * port, SERVO_BOOT_US if pulse is None else pulse):
+        for pair in wide(wire.SERVO + 2 * port, SERVO_BOOT_US if pulse is None else pulse):
             data += bytes(pair)
     return bytes(data) + _end(directions, off)
 

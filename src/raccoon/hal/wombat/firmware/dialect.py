@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any, Protocol
 
 from raccoon.core.readings import Device, Fault, Inputs, Outputs, Words
-from raccoon.hal.wombat.counters import Bemf, Counts
-from raccoon.hal.wombat.link import Link
+from raccoon.hal.wombat.firmware.counters import Bemf, Counts
+from raccoon.hal.wombat.link.pipe import Link
 
 LARGEST_BEMF = 2000.0
 """Counts that no motor on this board exceeds: 6.6 V induced."""

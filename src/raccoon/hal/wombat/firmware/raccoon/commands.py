@@ -13,8 +13,8 @@ from enum import IntEnum, IntFlag
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import STOP, Outputs
-from raccoon.hal.wombat.devices import RACCOON_POLARITY
-from raccoon.hal.wombat.raccoon import FRAME_LENGTH
+from raccoon.hal.wombat.firmware.devices import RACCOON_POLARITY
+from raccoon.hal.wombat.firmware.raccoon.wire import FRAME_LENGTH
 
 FULL_PWM = 400
 

@@ -1,8 +1,6 @@
-"""The byte pipe to the co-processor: what a port needs of it, and the real SPI bus."""
+"""The SPI bus that the co-processor hangs on."""
 
 from __future__ import annotations
-
-from typing import Protocol
 
 from raccoon.core.errors import HardwareError
 from raccoon.core.extras import install
@@ -13,26 +11,6 @@ SPEED_HZ = 16_000_000
 GAP_US = 50
 """The co-processor needs a pause after each frame."""
 NO_WOMBAT = 'on a computer that is no Wombat, write port = "sim" under [controller] in robot.toml'
-
-
-class Link(Protocol):
-    """Full-duplex transfers: as many bytes come back as go out."""
-
-    def transfer(self, frame: bytes) -> bytes:
-        """Clock the frame out and return what came in meanwhile. Raises HardwareError where that fails."""
-        ...
-
-    def close(self) -> None:
-        """Let go of the device. May be called twice."""
-        ...
-
-
-class ResetLine(Protocol):
-    """The wire that restarts the co-processor: the last resort when it no longer listens."""
-
-    def pulse(self) -> None:
-        """Hold the line low for a moment. Raises HardwareError where that fails."""
-        ...
 
 
 class SpiLink:
@@ -50,7 +28,7 @@ class SpiLink:
                 f"the package spidev is missing: {install('wombat')}, or apt install python3-spidev;"
                 f" {NO_WOMBAT}"
             ) from error
-        from raccoon.hal.wombat.lock import BusLock  # Linux alone; the emulator runs anywhere
+        from raccoon.hal.wombat.link.lock import BusLock  # Linux alone; the emulator runs anywhere
 
         self._device = device
         self._speed_hz = speed_hz

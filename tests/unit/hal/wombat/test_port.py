@@ -13,9 +13,9 @@ from bench_robot import K_E, BenchRobot
 from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import STOP, Fault, Inputs, Outputs
+from raccoon.hal.supervise.supervisor import Supervisor
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort, open_wombat
-from raccoon.hal.wombat.supervisor import Supervisor
 
 FIRMWARES: list[Firmware] = ["stock", 17, 21]
 FORWARD = Outputs(duty=(0.6, 0.6, 0.0, 0.0))
@@ -487,7 +487,7 @@ def test_a_port_that_cannot_be_made_leaves_nothing_open(
             raise HardwareError("the bus has gone")
 
     guard = Deaf()
-    monkeypatch.setattr("raccoon.hal.wombat.supervisor.Supervisor", lambda *_given, **_more: guard)
+    monkeypatch.setattr("raccoon.hal.supervise.supervisor.Supervisor", lambda *_given, **_more: guard)
     with (tmp_path / "lock").open("w") as file:
         bus = OnTheBus("stock", file)
         monkeypatch.setattr("raccoon.hal.wombat.port.SpiLink", lambda _: bus)

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from raccoon.core.errors import HardwareError
-from raccoon.hal.wombat.socket_link import SocketLink
-from raccoon.hal.wombat.stock_command import frame, stop
-from raccoon.hal.wombat.supervisor import Supervisor
+from raccoon.hal.supervise.supervisor import Supervisor
+from raccoon.hal.wombat.firmware.stock.commands import frame, stop
+from raccoon.hal.wombat.link.unix import SocketLink
 from supervised import SupervisedBench
 
 
@@ -91,7 +91,7 @@ def test_a_supervisor_that_does_not_start_is_an_error(
     interpreter.write_text(f"#!/bin/sh\n{script}\n")
     interpreter.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(interpreter))
-    monkeypatch.setattr("raccoon.hal.wombat.supervisor.START_SECONDS", 0.05)
+    monkeypatch.setattr("raccoon.hal.supervise.supervisor.START_SECONDS", 0.05)
     with pytest.raises(HardwareError, match="the supervisor process did not start"):
         Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
 

@@ -14,13 +14,16 @@ from bench_robot import BenchRobot
 from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import Outputs
-from raccoon.hal.wombat import raccoon, raccoon_command, stock, stock_command
-from raccoon.hal.wombat.devices import STOCK
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
 from raccoon.hal.wombat.emulator.board import IMU_POLE, _LowPass
 from raccoon.hal.wombat.emulator.raccoon_chip import RaccoonChip
-from raccoon.hal.wombat.raccoon_command import Command, Kinematics, Mode, MotorPid, Shutdown, Update
-from raccoon.hal.wombat.stock_command import READ, frame
+from raccoon.hal.wombat.firmware.devices import STOCK
+from raccoon.hal.wombat.firmware.raccoon import commands as raccoon_commands
+from raccoon.hal.wombat.firmware.raccoon import wire as raccoon
+from raccoon.hal.wombat.firmware.raccoon.commands import Command, Kinematics, Mode, MotorPid, Shutdown, Update
+from raccoon.hal.wombat.firmware.stock import commands as stock_commands
+from raccoon.hal.wombat.firmware.stock import wire as stock
+from raccoon.hal.wombat.firmware.stock.commands import READ, frame
 
 
 class ConstantPlant:
@@ -82,14 +85,14 @@ def test_boot_registers() -> None:
 
 def test_the_reply_is_from_before_the_command() -> None:
     chip = Chip(ConstantPlant())
-    assert stock.decode(chip.ask(frame(stock_command.canary()))).canary == 0
+    assert stock.decode(chip.ask(frame(stock_commands.canary()))).canary == 0
     assert chip.registers().canary == 0x40
 
 
 @pytest.mark.parametrize("damaged", [0, 1, 88])
 def test_a_frame_without_its_marks_is_ignored(damaged: int) -> None:
     chip = Chip(ConstantPlant())
-    bad = bytearray(frame(stock_command.canary()))
+    bad = bytearray(frame(stock_commands.canary()))
     bad[damaged] ^= 1
     chip.ask(bytes(bad))
     assert chip.registers().canary == 0
@@ -97,7 +100,7 @@ def test_a_frame_without_its_marks_is_ignored(damaged: int) -> None:
 
 def test_goals_and_gains_are_written_but_never_shown() -> None:
     chip = Chip(ConstantPlant())
-    chip.ask(frame([(89, 7), *stock_command.position_goal(0, 3000)]))
+    chip.ask(frame([(89, 7), *stock_commands.position_goal(0, 3000)]))
     assert len(chip.ask()) == 89
     assert chip.emulator.chip.registers[89] == 7  # type: ignore[attr-defined]
 
@@ -149,7 +152,7 @@ def test_motors_are_unpowered_while_they_are_measured(firmware: Firmware, share:
     chip = Chip(ConstantPlant(), firmware)
     outputs = Outputs(duty=(1.0, 0.0, 0.0, 0.0))
     command = (
-        stock_command.encode(outputs) if firmware == "stock" else raccoon_command.encode(outputs, firmware)
+        stock_commands.encode(outputs) if firmware == "stock" else raccoon_commands.encode(outputs, firmware)
     )
     chip.ask(command)
     chip.wait(0.1)
@@ -161,19 +164,19 @@ def test_motors_are_unpowered_while_they_are_measured(firmware: Firmware, share:
 def test_stock_speed_control_holds_a_speed_and_shows_its_duty() -> None:
     robot = BenchRobot()
     chip = Chip(robot)
-    chip.ask(frame([*stock_command.speed_goal(2, -900), *stock_command.modes((0, 0, 1, 0))]))
+    chip.ask(frame([*stock_commands.speed_goal(2, -900), *stock_commands.modes((0, 0, 1, 0))]))
     chip.wait(2.0)
     assert 1.08 * robot.speeds[2] / 0.0032959 == pytest.approx(-900, rel=0.02)
     registers = chip.registers()
-    assert registers.directions[2] == stock_command.Direction.REVERSE
+    assert registers.directions[2] == stock_commands.Direction.REVERSE
     assert 150 < registers.pwm[2] < 350
 
 
 def test_a_move_ends_shorted_and_done() -> None:
     robot = BenchRobot()
     chip = Chip(robot)
-    move = [*stock_command.position_goal(0, 800), *stock_command.speed_goal(0, 900)]
-    chip.ask(frame([*move, *stock_command.modes((2, 0, 0, 0))]))
+    move = [*stock_commands.position_goal(0, 800), *stock_commands.speed_goal(0, 900)]
+    chip.ask(frame([*move, *stock_commands.modes((2, 0, 0, 0))]))
     chip.wait(2.0)
     registers = chip.registers()
     assert registers.done[0]
@@ -184,9 +187,9 @@ def test_a_move_ends_shorted_and_done() -> None:
 def test_a_move_whose_mode_comes_first_does_nothing() -> None:
     chip = Chip(BenchRobot())
     chip.ask(frame([(stock.POS_GOAL + n, 0xFF) for n in range(4)]))  # an old goal of -1
-    chip.ask(frame(stock_command.modes((2, 0, 0, 0))))
+    chip.ask(frame(stock_commands.modes((2, 0, 0, 0))))
     chip.wait(0.05)
-    chip.ask(frame([*stock_command.position_goal(0, 800), *stock_command.speed_goal(0, 900)]))
+    chip.ask(frame([*stock_commands.position_goal(0, 800), *stock_commands.speed_goal(0, 900)]))
     chip.wait(1.0)
     assert chip.registers().done[0]
     assert chip.registers().position[0] == 0
@@ -194,10 +197,10 @@ def test_a_move_whose_mode_comes_first_does_nothing() -> None:
 
 def test_allstop_is_stronger_than_any_command() -> None:
     chip = Chip(ConstantPlant())
-    chip.ask(stock_command.encode(Outputs(duty=(1.0, 1.0, 0.0, 0.0))))
+    chip.ask(stock_commands.encode(Outputs(duty=(1.0, 1.0, 0.0, 0.0))))
     chip.wait(0.02)
     running_before = chip.emulator.motors_running
-    chip.ask(frame([(stock.ALLSTOP, stock_command.LATCHED_STOP)]))
+    chip.ask(frame([(stock.ALLSTOP, stock_commands.LATCHED_STOP)]))
     chip.wait(0.02)
     assert (running_before, chip.emulator.motors_running) == (True, False)
     assert list(chip.registers().pwm) == [0, 0, 0, 0]
@@ -207,7 +210,7 @@ def test_clearing_a_counter() -> None:
     chip = Chip(ConstantPlant((0.0, 0.0, 0.0, 500.0)))
     chip.wait(0.5)
     assert chip.registers().position[3] > 10_000
-    chip.ask(frame(stock_command.clear_position(3)))
+    chip.ask(frame(stock_commands.clear_position(3)))
     assert chip.registers().position[3] == 0
 
 
@@ -247,7 +250,7 @@ def test_raccoon_controllers(firmware: int) -> None:
         goals=(0, goal, 0, 0),
     )
     for _ in range(40):
-        chip.ask(raccoon_command.encode_command(command, firmware))
+        chip.ask(raccoon_commands.encode_command(command, firmware))
         chip.wait(0.1)
     assert 1.08 * robot.speeds[0] / 0.0032959 == pytest.approx(-900, rel=0.02)
     assert chip.telemetry().done[1]
@@ -266,7 +269,7 @@ def test_one_shot_updates() -> None:
         kinematics=offset,
         pid=pid,
     )
-    chip.ask(raccoon_command.encode_command(command, 21))
+    chip.ask(raccoon_commands.encode_command(command, 21))
     chip.wait(0.1)
     telemetry = chip.telemetry()
     assert telemetry.position[0] > 200
@@ -284,9 +287,9 @@ def test_chassis_mode_needs_kinematics() -> None:
     forward = [1 / radius, 0.0, -half_track / radius, 1 / radius, 0.0, half_track / radius, *([0.0] * 6)]
     # In the wire's polarity both wheels of this robot are mounted the other way round.
     matrix = Kinematics(forward=tuple(-each for each in forward), ticks_to_rad=(0.00305,) * 4)
-    chip.ask(raccoon_command.encode_command(Command(updates=Update.KINEMATICS, kinematics=matrix), 21))
+    chip.ask(raccoon_commands.encode_command(Command(updates=Update.KINEMATICS, kinematics=matrix), 21))
     command = Command(modes=(Mode.CHASSIS,) * 4, chassis_velocity=(0.1, 0.0, 0.5))
-    chip.ask(raccoon_command.encode_command(command, 21))
+    chip.ask(raccoon_commands.encode_command(command, 21))
     chip.wait(2.0)
     assert robot.turn_rate == pytest.approx(0.5, rel=0.05)
     assert 0.5 * sum(robot.speeds[:2]) * radius == pytest.approx(0.1, rel=0.05)
@@ -294,7 +297,7 @@ def test_chassis_mode_needs_kinematics() -> None:
 
 def test_a_wrong_version_does_not_protect_the_motors() -> None:
     chip = Chip(BenchRobot(), 17)
-    wrong = bytearray(raccoon_command.encode(Outputs(duty=(0.5, 0.0, 0.0, 0.0)), 17))
+    wrong = bytearray(raccoon_commands.encode(Outputs(duty=(0.5, 0.0, 0.0, 0.0)), 17))
     wrong[0] = 16
     chip.ask(bytes(wrong))
     chip.wait(0.05)
@@ -303,10 +306,10 @@ def test_a_wrong_version_does_not_protect_the_motors() -> None:
 
 def test_shutdown_stops_motors_and_counters() -> None:
     chip = Chip(BenchRobot(), 17)
-    running = raccoon_command.encode(Outputs(duty=(0.5, 0.0, 0.0, 0.0)), 17)
+    running = raccoon_commands.encode(Outputs(duty=(0.5, 0.0, 0.0, 0.0)), 17)
     chip.ask(running)
     chip.wait(0.3)
-    chip.ask(raccoon_command.encode_command(Command(shutdown=Shutdown.MOTORS), 17))
+    chip.ask(raccoon_commands.encode_command(Command(shutdown=Shutdown.MOTORS), 17))
     chip.wait(0.05)
     assert not chip.emulator.motors_running
 
@@ -314,7 +317,7 @@ def test_shutdown_stops_motors_and_counters() -> None:
 def test_heading_on_the_wire_is_clockwise() -> None:
     robot = BenchRobot()
     chip = Chip(robot, 17)
-    chip.ask(raccoon_command.encode(Outputs(duty=(-0.3, 0.3, 0.0, 0.0)), 17))
+    chip.ask(raccoon_commands.encode(Outputs(duty=(-0.3, 0.3, 0.0, 0.0)), 17))
     chip.wait(1.0)
     reply = chip.ask()
     (wire_deg,) = struct.unpack_from("<f", reply, 136)
@@ -326,7 +329,7 @@ def test_heading_on_the_wire_is_clockwise() -> None:
 def test_a_restart_silences_the_link_and_forgets_everything() -> None:
     chip = Chip(ConstantPlant((500.0,) * 4))
     chip.wait(0.5)
-    chip.ask(stock_command.encode(Outputs(duty=(1.0, 0.0, 0.0, 0.0))))
+    chip.ask(stock_commands.encode(Outputs(duty=(1.0, 0.0, 0.0, 0.0))))
     chip.wait(0.02)
     chip.emulator.pulse()
     assert chip.ask() == bytes(89)
@@ -418,7 +421,9 @@ def test_it_works_on_after_an_interruption_at_any_line(firmware: Firmware) -> No
     chip = Chip(robot, firmware)
     outputs = Outputs((0.5, 0.5, 0.0, 0.0))
     drive = (
-        stock_command.encode(outputs, 0) if firmware == "stock" else raccoon_command.encode(outputs, firmware)
+        stock_commands.encode(outputs, 0)
+        if firmware == "stock"
+        else raccoon_commands.encode(outputs, firmware)
     )
 
     def transfer() -> None:

@@ -6,12 +6,13 @@ import struct
 from collections.abc import Sequence
 
 from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs, Outputs, Words
-from raccoon.hal.wombat import raccoon, raccoon_command
-from raccoon.hal.wombat.counters import Bemf, CounterRate, Counts, near_zero
-from raccoon.hal.wombat.devices import RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY, raccoon_device
-from raccoon.hal.wombat.dialect import LARGEST_BEMF, Reading
-from raccoon.hal.wombat.link import Link
-from raccoon.hal.wombat.raccoon import Telemetry
+from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
+from raccoon.hal.wombat.firmware.devices import RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY, raccoon_device
+from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, Reading
+from raccoon.hal.wombat.firmware.raccoon import commands, wire
+from raccoon.hal.wombat.firmware.raccoon.rate import CounterRate
+from raccoon.hal.wombat.firmware.raccoon.wire import Telemetry
+from raccoon.hal.wombat.link.pipe import Link
 
 NEWEST_IN_THE_WILD = 32
 """First bytes up to here are taken for a version of RaccoonOS."""
@@ -31,11 +32,11 @@ class RaccoonDialect:
     def __init__(self, version: int, bemf_rate_hz: float = RACCOON_BEMF_RATE_HZ) -> None:
         self.name = f"RaccoonOS {version}"
         self.version = version
-        self.length = raccoon.FRAME_LENGTH[version]
+        self.length = wire.FRAME_LENGTH[version]
         self.device: Device = raccoon_device(version, bemf_rate_hz)
         self.expected_rate_hz: float | None = None if version >= 21 else bemf_rate_hz
         self.fastest_counter = LARGEST_BEMF / self.device.position_counts_seconds
-        self._padding = bytes(self.length - raccoon.DATA_LENGTH)
+        self._padding = bytes(self.length - wire.DATA_LENGTH)
         self._rate = CounterRate()
         self._missing = [0.0] * MOTOR_PORTS
         self._still = [0] * MOTOR_PORTS
@@ -47,15 +48,15 @@ class RaccoonDialect:
         return RaccoonDialect(self.version, bemf_rate_hz)
 
     def command(self, outputs: Outputs) -> bytes:
-        return raccoon_command.encode(outputs, self.version)
+        return commands.encode(outputs, self.version)
 
     def stop(self) -> bytes:
-        return raccoon_command.stop(self.version)
+        return commands.stop(self.version)
 
     def hold(self, outputs: Outputs) -> bytes:
         # Every frame says where the servos go. The motors are off by their modes: a shutdown would stop the
         # counters, too, and lose the way on which the robot rolls out.
-        return raccoon_command.encode(Outputs(servo_us=outputs.servo_us), self.version)
+        return commands.encode(Outputs(servo_us=outputs.servo_us), self.version)
 
     def aligned(self, reply: bytes) -> bool:
         return reply[0] == self.version and reply.endswith(self._padding)
@@ -67,7 +68,7 @@ class RaccoonDialect:
 
     def realign(self, link: Link, _reply: bytes) -> bool:
         stream = link.transfer(bytes(3 * self.length))
-        index = raccoon.shift(stream, self.version)
+        index = wire.shift(stream, self.version)
         if index is None:
             return False
         if index > 0:
@@ -75,7 +76,7 @@ class RaccoonDialect:
         return True
 
     def read(self, reply: bytes) -> Reading:
-        words = raccoon.decode(reply, self.version).words
+        words = wire.decode(reply, self.version).words
         position = [RACCOON_POLARITY * int(count) for count in words[6:10]]
         return Reading(reply, words, position, words[17])
 
@@ -143,7 +144,7 @@ class RaccoonDialect:
         imu: bool,
         analog: bool,
     ) -> Inputs:
-        return raccoon.inputs(
+        return wire.inputs(
             Telemetry(reading.words),
             time,
             device=self.device,
