@@ -24,7 +24,7 @@ from raccoon.hal.wombat.firmware.stock import commands as stock_commands
 from raccoon.hal.wombat.firmware.stock import wire as stock
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.robot.motions.motions import straight, turn
+from raccoon.robot.motions.goals import straight, turn
 from raccoon.robot.opening import open_robot
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.parameters import Parameters

@@ -40,7 +40,7 @@ ROBOT_PROGRAM = (
     PROGRAM.partition("for cycle in")[0]
     + """
 from raccoon.core.config import RobotConfig
-from raccoon.robot.motions.motions import straight
+from raccoon.robot.motions.goals import straight
 from raccoon.robot.opening import open_robot
 
 with open_robot(RobotConfig(), port=port) as robot:

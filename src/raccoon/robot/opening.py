@@ -171,7 +171,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
         return open_create(config.controller.device or SERIAL_PORT)
     if kind in ("emulator", "emulator-raccoon"):
         from raccoon.robot.emulated import open_emulated
-        from raccoon.sim.world.world import World
+        from raccoon.sim.world.table import World
 
         return open_emulated(config, "stock" if kind == "emulator" else 21, seed=seed, world=World.default())
     raise ConfigError(f"controller.port = {kind!r}: there is no such port")

@@ -21,7 +21,7 @@ from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Wall, World
+from raccoon.sim.world.table import Wall, World
 from raccoon.trace.columns import recording_of
 from raccoon.trace.format import read_trace
 from raccoon.trace.record import RecordingPort

@@ -17,7 +17,7 @@ from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 ROBOT = RobotConfig(tophats={"front_left": TophatConfig(analog=0), "front_right": TophatConfig(analog=1)})
 

@@ -19,7 +19,7 @@ from raccoon.sim.effects.physical import plant_numbers
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.contact import DAMPING, STIFFNESS, WALL_FRICTION, Contact
-from raccoon.sim.world.world import Box, Ramp, Thing, Wall, World, walls_around
+from raccoon.sim.world.table import Box, Ramp, Thing, Wall, World, walls_around
 
 ROBOT = RobotConfig()
 MODEL = ROBOT.model

@@ -161,7 +161,7 @@ class World:
 
     @classmethod
     def from_file(cls, path: str | Path) -> World:
-        """Read a table file (see `sim.table_file`). Raises ConfigError, FileNotFoundError."""
+        """Read a table file (see `sim.world.table_file`). Raises ConfigError, FileNotFoundError."""
         from raccoon.sim.world.table_file import load_world
 
         return load_world(path)

@@ -12,7 +12,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.tophats import Tophat, darkness
 from raccoon.sim.world.collision import Obstacles
-from raccoon.sim.world.world import Box, Line, Ramp, Thing, Wall, World, walls_around
+from raccoon.sim.world.table import Box, Line, Ramp, Thing, Wall, World, walls_around
 
 PARAMETERS = Parameters.from_robot(
     RobotConfig(tophats={"front": TophatConfig(analog=0, forward=0.1, left=0.02)})
