@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from raccoon.core.readings import GRAVITY
 from raccoon.core.sections import BodyConfig
-from raccoon.model.imu import GRAVITY
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.world.collision import Obstacles, Pose, Touch
 from raccoon.sim.world.table import World

@@ -11,9 +11,8 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import BodyConfig, FrictionModel, RobotConfig
-from raccoon.core.readings import Inputs, Outputs, Truth
+from raccoon.core.readings import GRAVITY, Inputs, Outputs, Truth
 from raccoon.core.schema import Measured
-from raccoon.model.imu import GRAVITY
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import plant_numbers
 from raccoon.sim.plant.quantities import Plant, State

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, MOTOR_PORTS, Vector
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, GRAVITY, MOTOR_PORTS, Vector
 
 
 class Liveness:
@@ -119,7 +119,7 @@ class ImuWatch:
     OFFENCES, FORGIVEN = 3.0, 0.2
 
     def __init__(self) -> None:
-        self._gravity = 9.80665
+        self._gravity = GRAVITY
         self._until = -math.inf
         self._rest_failed = False
         self._wrong = False

@@ -6,12 +6,12 @@ import math
 import struct
 from collections.abc import Callable
 
-from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS
+from raccoon.core.readings import ANALOG_PORTS, GRAVITY, MOTOR_PORTS, SERVO_PORTS
 from raccoon.hal.wombat.emulator.board import ANALOG_NOISE, Board
 from raccoon.hal.wombat.emulator.faults import Faults
 from raccoon.hal.wombat.emulator.plant import Drive
 from raccoon.hal.wombat.emulator.raccoon_motors import RaccoonMotors
-from raccoon.hal.wombat.firmware.devices import GRAVITY, RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY
+from raccoon.hal.wombat.firmware.devices import RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY
 from raccoon.hal.wombat.firmware.raccoon.commands import ServoMode, Shutdown
 from raccoon.hal.wombat.firmware.raccoon.wire import BUTTON, DATA_LENGTH, FRAME_LENGTH
 

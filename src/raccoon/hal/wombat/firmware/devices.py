@@ -37,6 +37,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.readings import (
     BATTERY_VOLTS_PER_COUNT,
     BEMF_VOLTS_PER_COUNT,
+    GRAVITY,
     RACCOON_COASTS,
     STOCK_COASTS,
     Device,
@@ -59,8 +60,6 @@ RACCOON_RANGE = 2000.0
 
 RACCOON_BEMF_RATE_HZ = 181.0
 """Updates a second and motor of RaccoonOS: 200 by design; four motors' counters measured 175 to 187."""
-
-GRAVITY = 9.80665
 
 
 def stock_device(bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> Device:

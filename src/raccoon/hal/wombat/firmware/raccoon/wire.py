@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from raccoon.core.errors import HardwareError
-from raccoon.core.readings import NO_ANALOG, Device, Fault, Inputs, Vector, Words, quick_inputs
+from raccoon.core.readings import GRAVITY, NO_ANALOG, Device, Fault, Inputs, Vector, Words, quick_inputs
 from raccoon.hal.wombat.firmware.bits import FLAGS, PORTS
-from raccoon.hal.wombat.firmware.devices import GRAVITY, RACCOON_17, RACCOON_21
+from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21
 
 FRAME_LENGTH: Mapping[int, int] = {17: 248, 21: 277}
 """Bytes of a frame, both ways, for each version this library speaks."""
