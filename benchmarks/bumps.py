@@ -40,7 +40,7 @@ from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import open_emulated
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Box, Ramp, Thing, Wall, World
+from raccoon.sim.world.table import Box, Ramp, Thing, Wall, World
 
 CONFIG = RobotConfig()
 SPEEDS = 0.05, 0.10, 0.15, 0.20, 0.30

@@ -17,7 +17,10 @@ import timeit
 from collections.abc import Callable
 
 from raccoon.core.readings import Outputs
-from raccoon.hal.wombat import raccoon, raccoon_command, stock, stock_command
+from raccoon.hal.wombat.firmware.raccoon import commands as raccoon_commands
+from raccoon.hal.wombat.firmware.raccoon import wire as raccoon
+from raccoon.hal.wombat.firmware.stock import commands as stock_commands
+from raccoon.hal.wombat.firmware.stock import wire as stock
 
 LIMIT_US = 40.0
 LIMIT_RATIO = 2.0
@@ -25,7 +28,7 @@ BATCHES, BATCH = 300, 200
 OUTPUTS = Outputs(duty=(0.37, -0.52, 0.0, 0.0), brake=(True, True, False, False))
 STOCK_REPLY = stock.MAGIC + bytes(range(86))
 STOCK_FIELDS = ">B5H6HB9h4i4B4h4H4HHB"
-STOCK_COMMAND_FIELDS = f"{4 + 2 * len(stock_command.IMAGE)}B"
+STOCK_COMMAND_FIELDS = f"{4 + 2 * len(stock_commands.IMAGE)}B"
 RACCOON_FIELDS = "<BI4i4iB6hhH3fb3fb3fb3fb3fb4fbff6f"
 RACCOON_COMMAND_FIELDS = {17: "<BIBH4i4iBB4H5f12f9b9b12f4f12f", 21: "<BIBH4i3f4iBB4H5f12f9b9b12f4f4f12fB"}
 
@@ -50,14 +53,14 @@ def raccoon_reply(version: int) -> bytes:
 
 def stock_calls() -> tuple[Call, Call, Call, Call]:
     """Encode, decode, decode without the IMU, and the floor."""
-    command = stock_command.encode(OUTPUTS)
+    command = stock_commands.encode(OUTPUTS)
 
     def bare() -> None:
         struct.unpack(STOCK_FIELDS, STOCK_REPLY)
         struct.unpack_from(STOCK_COMMAND_FIELDS, command)
 
     return (
-        lambda: stock_command.encode(OUTPUTS, 7),
+        lambda: stock_commands.encode(OUTPUTS, 7),
         lambda: stock.inputs(stock.decode(STOCK_REPLY), 1.0),
         lambda: stock.inputs(stock.decode(STOCK_REPLY), 1.0, imu=False),
         bare,
@@ -66,7 +69,7 @@ def stock_calls() -> tuple[Call, Call, Call, Call]:
 
 def raccoon_calls(version: int) -> tuple[Call, Call, Call, Call]:
     """The same of one RaccoonOS version."""
-    reply, command = raccoon_reply(version), raccoon_command.encode(OUTPUTS, version)
+    reply, command = raccoon_reply(version), raccoon_commands.encode(OUTPUTS, version)
     fields = RACCOON_COMMAND_FIELDS[version]
 
     def bare() -> None:
@@ -74,7 +77,7 @@ def raccoon_calls(version: int) -> tuple[Call, Call, Call, Call]:
         struct.unpack(fields, command)
 
     return (
-        lambda: raccoon_command.encode(OUTPUTS, version),
+        lambda: raccoon_commands.encode(OUTPUTS, version),
         lambda: raccoon.inputs(raccoon.decode(reply, version), 1.0),
         lambda: raccoon.inputs(raccoon.decode(reply, version), 1.0, imu=False),
         bare,

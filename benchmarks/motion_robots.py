@@ -22,7 +22,7 @@ from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 BATTERIES = (6.1, 6.6, 7.0)
 TAPE_STD = 0.001

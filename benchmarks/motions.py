@@ -28,7 +28,7 @@ from motion_robots import BATTERIES, Case, Error, calibrated, parameters_of, run
 from motion_steps import SETTLE_LIMIT, STEP_BATTERIES, step_response, worst_margins
 from raccoon.core.config import RobotConfig
 from raccoon.robot.actions.actions import Action, repeat, seq
-from raccoon.robot.motions.motions import straight, turn
+from raccoon.robot.motions.goals import straight, turn
 
 DEADBAND = 0.10
 # The same 10 % of 6.6 V as a torque: 0.66 V / 1.8 ohm * 1.08 N m/A, less the Coulomb friction that is there.

@@ -31,7 +31,7 @@ from raccoon.model.drive import arc_end
 from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 DATA = Path(os.environ.get("RACCOON_SHARED_DATA", Path(__file__).parents[2] / "shared" / "data"))
 DEGREES_AN_HOUR = math.radians(1.0) / 3600.0

@@ -31,7 +31,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import Lanes, rollout
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 if TYPE_CHECKING:
     from peer_robots import MujocoRobot, WpilibRobot

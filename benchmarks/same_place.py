@@ -18,7 +18,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from contract.test_same_place import FIRMWARES, Mission, end_of, long_mission, short_mission
-from raccoon.robot.motions.motions import straight, turn
+from raccoon.robot.motions.goals import straight, turn
 from raccoon.robot.robot import Robot
 
 LIMIT_MM = 2.0

@@ -26,7 +26,8 @@ from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.estimate.tophat import calibrate
-from raccoon.hal.wombat import stock, stock_command
+from raccoon.hal.wombat.firmware.stock import commands as stock_commands
+from raccoon.hal.wombat.firmware.stock import wire as stock
 from raccoon.model.paper import TOPHAT_READINGS
 from raccoon.model.reflectance import drive_over_line
 from raccoon.robot.parts.drive import Drive
@@ -57,7 +58,7 @@ class FramePort:
 
     def write(self, outputs: Outputs) -> None:
         """Encode one command."""
-        self.sent = stock_command.encode(outputs, self._count)
+        self.sent = stock_commands.encode(outputs, self._count)
 
     def close(self) -> None:
         """Nothing to switch off."""
@@ -150,7 +151,7 @@ def parts(ticks: int, clock: Clock) -> dict[str, tuple[float, float]]:
         "estimate: tophat": lambda i: sensor.update(ready[i]),
         "decide: motion": decide,
         "control: wheel loops": control,
-        "encode": lambda i: stock_command.encode(command, i),
+        "encode": lambda i: stock_commands.encode(command, i),
     }
     return {name: timed(call, ticks, clock) for name, call in calls.items()}
 

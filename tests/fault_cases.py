@@ -15,15 +15,16 @@ from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.errors import HardwareError, MotionTimeout
 from raccoon.core.readings import Fault, Inputs, Outputs, Status
-from raccoon.hal.wombat import stock, stock_command
-from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21
-from raccoon.hal.wombat.devices import STOCK as STOCK_DEVICE
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.emulator.raccoon_chip import RaccoonChip
 from raccoon.hal.wombat.emulator.stock_chip import StockChip
+from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21
+from raccoon.hal.wombat.firmware.devices import STOCK as STOCK_DEVICE
+from raccoon.hal.wombat.firmware.stock import commands as stock_commands
+from raccoon.hal.wombat.firmware.stock import wire as stock
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.robot.motions.motions import straight, turn
+from raccoon.robot.motions.goals import straight, turn
 from raccoon.robot.opening import open_robot
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.parameters import Parameters
@@ -285,8 +286,8 @@ def _second_owner(bench: Bench) -> None:
     length = bench.port.dialect.length
     theirs = bytes(length)
     if bench.firmware == "stock":
-        theirs = stock_command.frame(
-            [*stock_command.duty_register(0, 123), *stock_command.directions((2, 1, 0, 0))]
+        theirs = stock_commands.frame(
+            [*stock_commands.duty_register(0, 123), *stock_commands.directions((2, 1, 0, 0))]
         )
 
     def contested(frame: bytes) -> bytes:

@@ -13,7 +13,7 @@ from raccoon.core.readings import SIMULATOR, Truth
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 # Both motors are calibrated, as before a match: motions are tested here, not the learning of scales.
 SCALE = Measured(SIMULATOR.bemf_volts / RobotConfig().model.left.back_emf_constant.value, 1e-6)

@@ -14,7 +14,7 @@ from bench_robot import BenchRobot
 from children import heeding
 from raccoon.core.clock import SteppedClock
 from raccoon.hal.wombat.emulator import Emulator, Firmware, Plant
-from raccoon.hal.wombat.socket_link import serve_one
+from raccoon.hal.wombat.link.unix import serve_one
 
 PROGRAM = """
 import sys
@@ -22,8 +22,8 @@ from raccoon.core.readings import Outputs
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.hal.wombat.probe import probe
 from raccoon.core.clock import RealClock
-from raccoon.hal.wombat.socket_link import SocketLink
-from raccoon.hal.wombat.supervisor import Supervisor
+from raccoon.hal.wombat.link.unix import SocketLink
+from raccoon.hal.supervise.supervisor import Supervisor
 
 link = SocketLink(sys.argv[1])
 dialect = probe(link, RealClock())
@@ -40,7 +40,7 @@ ROBOT_PROGRAM = (
     PROGRAM.partition("for cycle in")[0]
     + """
 from raccoon.core.config import RobotConfig
-from raccoon.robot.motions.motions import straight
+from raccoon.robot.motions.goals import straight
 from raccoon.robot.opening import open_robot
 
 with open_robot(RobotConfig(), port=port) as robot:

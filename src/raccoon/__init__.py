@@ -67,8 +67,8 @@ if TYPE_CHECKING:
     from raccoon.robot.match import MatchReport, mission, run_match, timed, wait_for_light
     from raccoon.robot.motions.driving import drive, motors
     from raccoon.robot.motions.following import follow_line
+    from raccoon.robot.motions.goals import MotionResult, arc, pivot, straight, turn, turn_to
     from raccoon.robot.motions.lines import align_on_line, align_on_wall
-    from raccoon.robot.motions.motions import MotionResult, arc, pivot, straight, turn, turn_to
     from raccoon.robot.motions.paths import drive_to, follow_path
     from raccoon.robot.opening import open_robot, replay
     from raccoon.robot.parts.mechanisms import move, move_by, release, spin, zero
@@ -122,7 +122,7 @@ _HOMES = {
         "when",
     ),
     "raccoon.robot.motions.driving": ("drive", "motors"),
-    "raccoon.robot.motions.motions": (
+    "raccoon.robot.motions.goals": (
         "MotionResult",
         "arc",
         "pivot",

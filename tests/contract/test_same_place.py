@@ -11,7 +11,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
-from raccoon.robot.motions.motions import straight, turn
+from raccoon.robot.motions.goals import straight, turn
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.parameters import Parameters
 

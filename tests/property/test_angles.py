@@ -5,7 +5,7 @@ import math
 from hypothesis import given
 from hypothesis import strategies as st
 
-from raccoon.model.angles import difference, nearest_turn, wrapped
+from raccoon.model.angles import difference, wrapped
 
 ANGLES = st.floats(-1e6, 1e6)
 
@@ -22,13 +22,6 @@ def test_wrapped_angle_is_in_its_half_open_turn_and_the_same_direction(angle: fl
 def test_wrapping_twice_is_wrapping_once(angle: float) -> None:
     once = wrapped(angle)
     assert abs(difference(wrapped(once), once)) < 1e-9
-
-
-@given(ANGLES, ANGLES)
-def test_nearest_turn_is_within_half_a_turn_and_the_same_direction(angle: float, reference: float) -> None:
-    result = nearest_turn(angle, reference)
-    assert abs(result - reference) <= math.pi + 1e-9
-    assert abs(difference(result, angle)) < 1e-8
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))

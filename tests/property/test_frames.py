@@ -11,12 +11,22 @@ from hypothesis import strategies as st
 from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Outputs
-from raccoon.hal.wombat import raccoon, raccoon_command, stock, stock_command
-from raccoon.hal.wombat.dialect import Dialect
+from raccoon.hal.wombat.firmware.dialect import Dialect
+from raccoon.hal.wombat.firmware.raccoon import commands as raccoon_commands
+from raccoon.hal.wombat.firmware.raccoon import wire as raccoon
+from raccoon.hal.wombat.firmware.raccoon.commands import (
+    Command,
+    Kinematics,
+    Mode,
+    MotorPid,
+    ServoMode,
+    Update,
+)
+from raccoon.hal.wombat.firmware.raccoon.dialect import RaccoonDialect
+from raccoon.hal.wombat.firmware.stock import commands as stock_commands
+from raccoon.hal.wombat.firmware.stock import wire as stock
+from raccoon.hal.wombat.firmware.stock.dialect import StockDialect
 from raccoon.hal.wombat.port import WombatPort
-from raccoon.hal.wombat.raccoon_command import Command, Kinematics, Mode, MotorPid, ServoMode, Update
-from raccoon.hal.wombat.raccoon_dialect import RaccoonDialect
-from raccoon.hal.wombat.stock_dialect import StockDialect
 
 U8 = st.integers(0, 255)
 U16 = st.integers(0, 0xFFFF)
@@ -68,7 +78,7 @@ OUTPUTS = st.builds(
 
 @given(OUTPUTS, st.integers(0, 1000))
 def test_a_stock_command_says_what_was_asked(outputs: Outputs, sequence: int) -> None:
-    frame = stock_command.encode(outputs, sequence)
+    frame = stock_commands.encode(outputs, sequence)
     assert len(frame) == 89
     registers = bytearray(stock.REGISTERS)
     body = frame[4 : 4 + 2 * frame[3]]
@@ -86,7 +96,7 @@ def test_a_stock_command_says_what_was_asked(outputs: Outputs, sequence: int) ->
         assert abs((-pwm if direction == 2 else pwm) / 400 - duty) <= 0.5 / 400 + 1e-12
     for port, pulse in enumerate(outputs.servo_us):
         assert bool(registers[stock.ALLSTOP] >> 4 + port & 1) == (pulse is None)
-    assert stock_command.holds(bytes(registers), frame)
+    assert stock_commands.holds(bytes(registers), frame)
 
 
 TELEMETRY = st.tuples(
@@ -132,7 +142,7 @@ COMMANDS = st.builds(
 
 @given(COMMANDS)
 def test_every_field_of_a_raccoon_command_comes_back(command: Command) -> None:
-    frame = raccoon_command.encode_command(command, 17)
+    frame = raccoon_commands.encode_command(command, 17)
     words = struct.unpack("<BIBH4i4iBB4H5f12f9b9b12f4f12f", frame)
     assert words[1:3] == (command.updates, command.shutdown)
     assert [words[3] >> 3 * port & 7 for port in range(4)] == list(command.modes)
@@ -144,7 +154,7 @@ def test_every_field_of_a_raccoon_command_comes_back(command: Command) -> None:
     assert words[35:44] == command.gyro_orientation
     assert words[53:65] == command.kinematics.inverse
     assert words[69:81] == command.kinematics.forward
-    assert len(raccoon_command.encode_command(command, 21)) == 277
+    assert len(raccoon_commands.encode_command(command, 21)) == 277
 
 
 class DamagedLink:

@@ -12,7 +12,7 @@ import raccoon
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "motions.md").read_text("utf-8")
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-DRIVING = ("motions.motions", "motions.driving", "motions.paths", "motions.lines")
+DRIVING = ("motions.goals", "motions.driving", "motions.paths", "motions.lines")
 HOMES = (
     *DRIVING,
     "actions.actions",

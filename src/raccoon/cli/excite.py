@@ -151,7 +151,7 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
         from raccoon.sim.effects.model_file import load_model
         from raccoon.sim.effects.parameters import Parameters
         from raccoon.sim.port import SimPort
-        from raccoon.sim.world.world import World
+        from raccoon.sim.world.table import World
 
         driven = Parameters.from_robot(robot) if args.model is None else load_model(args.model)
         # The free space that was asked for: the usual table has a wall nearer than that.

@@ -224,6 +224,9 @@ class Outputs:
 STOP = Outputs()
 """All motors coast, all servos off."""
 
+GRAVITY = 9.80665
+"""m/s2: the standard g, in which accelerometers count."""
+
 # The Wombat's terminal voltage reaches a 12-bit, 3.3 V converter through 2.2 of 9.0 kOhm.
 BEMF_VOLTS_PER_COUNT = 3.3 / 4096 * 9.0 / 2.2
 # 100k / 10k divider in front of the same converter.
@@ -237,7 +240,7 @@ SIMULATOR = Device(
     bemf_volts=BEMF_VOLTS_PER_COUNT,
     position_counts_seconds=1.0,
     gyro_rad_s=3.141592653589793 / 180 / 16.4,
-    accel_m_s2=9.80665 / 8192,
+    accel_m_s2=GRAVITY / 8192,
     battery_volts=BATTERY_VOLTS_PER_COUNT,
 )
 """The simulated controller: RaccoonOS counters, the stock IMU registers. (The name of one whose chain is not

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.held import of_free_driving, with_free_driving
+from raccoon.diagnose.drives.held import not_free, of_free_driving, spans, with_free_driving
 from raccoon.diagnose.drives.loads import loads_told, with_loads
 from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
@@ -123,8 +123,10 @@ def diagnose(
 
 def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
-    check_units(driven_freely(log, robot), robot, native=firmware is not None and firmware.units)
-    log = with_free_driving(log, robot)
+    held = not_free(log, robot)
+    native = firmware is not None and firmware.units
+    check_units(driven_freely(log, robot, spans(held)), robot, native=native)
+    log = with_free_driving(log, held)
     free = with_stops(of_free_driving(with_what_turned(log, robot)))
     check_order(free)
     if firmware is not None:

@@ -24,10 +24,3 @@ def wrapped(angle: float) -> float:
 def difference(target: float, origin: float) -> float:
     """Shortest turn from `origin` to `target`, in [-pi, pi); counter-clockwise positive."""
     return wrapped(target - origin)
-
-
-def nearest_turn(angle: float, reference: float) -> float:
-    """`angle` plus whole turns, as near to `reference` as possible: makes an unwrapped heading of a
-    wrapped one.
-    """
-    return reference + difference(angle, reference)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 
-from raccoon.core.readings import Vector
+from raccoon.core.readings import GRAVITY, Vector
 
-GRAVITY = 9.80665  # m/s2
 WORD_LIMIT = 32767  # of a signed 16-bit register
 
 

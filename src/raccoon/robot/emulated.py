@@ -19,7 +19,7 @@ from raccoon.sim.plant.quantities import Plant
 from raccoon.sim.plant.stepped import Steps
 from raccoon.sim.tophats import Tophat
 from raccoon.sim.world.contact import NO_SLIP, Contact, placed
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 LONGEST_STEP = 0.0025
 """s; the plant's own step, see docs/simulator.md."""

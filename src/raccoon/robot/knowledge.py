@@ -21,7 +21,7 @@ from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.limits import check_port
-from raccoon.robot.motions.motions import PLAN_REACH, PLAN_REACH_HEADING
+from raccoon.robot.motions.goals import PLAN_REACH, PLAN_REACH_HEADING
 from raccoon.robot.parts.attachments import Attachments, named
 from raccoon.robot.parts.drive import Drive
 from raccoon.robot.parts.tophats import TophatSensor

@@ -153,7 +153,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
             Parameters.from_robot(config), robot=config, seed=seed, rate_hz=config.controller.rate_hz
         )
     if kind in ("wombat", "wombat-raccoon"):
-        from raccoon.hal.wombat.link import SPI_DEVICE
+        from raccoon.hal.wombat.link.spi import SPI_DEVICE
         from raccoon.hal.wombat.port import open_wombat
 
         controller = config.controller
@@ -171,7 +171,7 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
         return open_create(config.controller.device or SERIAL_PORT)
     if kind in ("emulator", "emulator-raccoon"):
         from raccoon.robot.emulated import open_emulated
-        from raccoon.sim.world.world import World
+        from raccoon.sim.world.table import World
 
         return open_emulated(config, "stock" if kind == "emulator" else 21, seed=seed, world=World.default())
     raise ConfigError(f"controller.port = {kind!r}: there is no such port")

@@ -28,7 +28,7 @@ from raccoon.sim.plant.quantities import State
 from raccoon.sim.robot import SimulatedRobot, bridges
 from raccoon.sim.tophats import Tophat
 from raccoon.sim.words import Converter, Imu, Scatter
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 
 class SimPort:

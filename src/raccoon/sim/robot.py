@@ -15,7 +15,7 @@ from raccoon.sim.plant.compiled import advance_one, given
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.world.collision import Pose
 from raccoon.sim.world.contact import NO_SLIP, Contact, placed
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 Noise = Sequence[Sequence[float]]
 UNSEEN = 1e-6

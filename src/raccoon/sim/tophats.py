@@ -7,7 +7,7 @@ import math
 from raccoon.core.config import TophatConfig
 from raccoon.model.reflectance import Optics, fit, spot_radius
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 GENERATION = "new"
 

@@ -13,7 +13,7 @@ from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.plant.quantities import State
 from raccoon.sim.tophats import Tophat
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 
 class Scatter:

@@ -16,7 +16,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 from raccoon.sweep.factors import LIGHT, Factor, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
@@ -191,7 +191,7 @@ def _quiet() -> Iterator[None]:
 
 def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
     from raccoon.sim.port import SimPort
-    from raccoon.sim.world.world import Box, Light
+    from raccoon.sim.world.table import Box, Light
 
     world = match.table
     if LIGHT in values:

@@ -19,10 +19,11 @@ from raccoon.diagnose.hypotheses.candidates import NO_CAUSE, drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import PRESLIDING, base_coordinates
 from raccoon.diagnose.reports.fleet_text import fleet_report
+from raccoon.diagnose.reports.manoeuvre_words import manoeuvre_for
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
+from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
-from raccoon.diagnose.rollout.variants import parameters_of
+from raccoon.diagnose.rollout.robots import parameters_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
 from raccoon.sim.effects.parameters import Parameters

@@ -75,7 +75,7 @@ def test_a_line_mends_only_what_lies_across_it() -> None:
     point = truth.x + ahead * c + 0.02 * -s, truth.y + ahead * s + 0.02 * c
     direction = truth.heading + math.pi / 2
     odometry.reset(truth.x + 0.03 * c, truth.y + 0.03 * s, truth.heading)
-    odometry._fusion.drive.widen((State.X, State.Y), 0.02)
+    odometry._steps.fusion.drive.widen((State.X, State.Y), 0.02)
     before = odometry.estimate
     assert odometry.observe_line(point, direction, sensor=(ahead, 0.02), std=0.003).accepted
 

@@ -5,14 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from raccoon.core.errors import CalibrationError, ConfigError, MotionTimeout
+from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import Status
 from raccoon.estimate.start_light import (
     StartLight,
     StartLightCalibration,
     StartLightReading,
     calibrate_start_light,
-    wait_for_light,
 )
 
 RATE = 200
@@ -90,14 +89,6 @@ def test_leaving_shadow_is_no_lamp() -> None:
     light = StartLight()
     readings = [800.0] * 200 + [3500.0] * 400 + [800.0] * 200
     assert first_fire(readings, light) is None
-
-
-def test_wait_returns_the_time_or_gives_up() -> None:
-    readings = iter([3000.0] * 200 + [200.0] * 40)
-    ticks = iter(range(1000))
-    assert wait_for_light(lambda: (next(ticks) / RATE, next(readings)), StartLight()) == pytest.approx(1.10)
-    with pytest.raises(MotionTimeout, match="no start light"):
-        wait_for_light(lambda: (next(ticks) / RATE, 3000.0), StartLight(), timeout=0.5)
 
 
 def test_lamp_without_effect_is_refused() -> None:

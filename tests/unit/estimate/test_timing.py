@@ -24,7 +24,7 @@ def driven(segments: list[Segment], errors: Errors) -> Odometry:
 @pytest.mark.parametrize("latency", [0.0, 0.01, 0.02])
 def test_a_late_gyro_is_found_out_in_turns(latency: float) -> None:
     odometry = driven([REST, TURN, REST, TURN, REST], Errors(imu_latency=latency))
-    flat = odometry._fusion.drive.flat
+    flat = odometry._steps.fusion.drive.flat
     delay, std = flat[State.GYRO_DELAY], math.sqrt(flat[variance_index(State.GYRO_DELAY)])
     assert delay == pytest.approx(latency, abs=0.003)
     assert std < 0.003
@@ -32,7 +32,7 @@ def test_a_late_gyro_is_found_out_in_turns(latency: float) -> None:
 
 def test_driving_straight_does_not_move_what_it_does_not_show() -> None:
     odometry = driven([REST, *([STRAIGHT] * 4)], Errors(scale=(1.02, 0.98)))
-    flat = odometry._fusion.drive.flat
+    flat = odometry._steps.fusion.drive.flat
     assert flat[State.BALANCE] == pytest.approx(-0.02, abs=0.002)
     assert flat[State.WAY] == pytest.approx(1.0, abs=0.01)
     assert math.sqrt(flat[variance_index(State.WAY)]) > 0.03

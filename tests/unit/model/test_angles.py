@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from raccoon.model.angles import difference, nearest_turn, wrapped
+from raccoon.model.angles import difference, wrapped
 
 
 @pytest.mark.parametrize(
@@ -22,10 +22,6 @@ def test_wrapped_lies_in_half_open_turn(angle: float, expected: float) -> None:
 def test_difference_takes_the_short_way_over_the_seam() -> None:
     assert difference(math.radians(-170), math.radians(170)) == pytest.approx(math.radians(20))
     assert difference(math.radians(170), math.radians(-170)) == pytest.approx(math.radians(-20))
-
-
-def test_nearest_turn_keeps_the_heading_unwrapped() -> None:
-    assert nearest_turn(0.1, 4 * math.pi - 0.2) == pytest.approx(4 * math.pi + 0.1)
 
 
 @pytest.mark.parametrize("angle", [math.nan, math.inf, -math.inf])

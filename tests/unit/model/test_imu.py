@@ -2,8 +2,8 @@
 
 import pytest
 
-from raccoon.core.readings import SIMULATOR
-from raccoon.model.imu import GRAVITY, gyro_reading, specific_force, word
+from raccoon.core.readings import GRAVITY, SIMULATOR
+from raccoon.model.imu import gyro_reading, specific_force, word
 
 
 def test_a_gyro_reads_scale_bias_and_drift() -> None:

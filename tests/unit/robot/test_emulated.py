@@ -29,7 +29,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.sim.world.world import Box, Line, Ramp, World
+from raccoon.sim.world.table import Box, Line, Ramp, World
 
 TOPHATS = RobotConfig(tophats={"left": TophatConfig(0, 0.10, 0.035), "right": TophatConfig(1, 0.10, -0.035)})
 

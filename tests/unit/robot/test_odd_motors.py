@@ -37,7 +37,7 @@ from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Line, Wall, World
+from raccoon.sim.world.table import Line, Wall, World
 from robots import CONFIG, run, simulated
 
 BARE = replace(CONFIG, motors={})

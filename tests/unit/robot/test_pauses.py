@@ -34,7 +34,7 @@ from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 from robots import CONFIG, simulated
 
 ARM = RobotConfig(motors=CONFIG.motors, tophats=CONFIG.tophats, mechanisms={"arm": MechanismConfig(motor=2)})

@@ -19,7 +19,7 @@ from raccoon import (
 )
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 
 def mission(robot: Robot) -> tuple[float, float, float]:

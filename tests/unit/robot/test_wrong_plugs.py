@@ -21,8 +21,8 @@ from raccoon.core.port import Port
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.emulated import open_emulated
-from raccoon.robot.motions.motions import MotionResult
-from raccoon.sim.world.world import World
+from raccoon.robot.motions.goals import MotionResult
+from raccoon.sim.world.table import World
 from robots import CONFIG, simulated
 
 TURNED = MotorConfig(inverted=True)

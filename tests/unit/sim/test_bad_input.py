@@ -17,7 +17,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
-from raccoon.sim.world.world import Box, Light, Line, Ramp, Thing, Wall
+from raccoon.sim.world.table import Box, Light, Line, Ramp, Thing, Wall
 
 TIME = (np.arange(40) * 0.005).astype(np.float64)
 ZERO, ONE = np.zeros(40), np.ones(40)

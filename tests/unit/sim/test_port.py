@@ -10,7 +10,7 @@ from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 
 def sim(config: RobotConfig | None = None, **options: Any) -> SimPort:

@@ -15,7 +15,7 @@ from raccoon.robot.opening import open_robot
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Thing, World
+from raccoon.sim.world.table import Thing, World
 from raccoon.sweep.factors import Factor, default_factors, fault_factors
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.match import Match, columns, crashed, nominal_end, play

@@ -16,7 +16,7 @@ from raccoon.core.errors import ConfigError, TraceError
 from raccoon.diagnose.drives.log import check_time
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import write_csv
 from raccoon.trace.format import read_trace

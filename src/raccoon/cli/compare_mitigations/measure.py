@@ -27,11 +27,11 @@ from raccoon.core.readings import Inputs, Outputs, Truth
 from raccoon.model.paper import COMPETITION_VOLTAGE
 from raccoon.robot.actions.actions import Action, repeat, seq, wait
 from raccoon.robot.calibration.wheels import calibrate_drive
-from raccoon.robot.motions.motions import straight, turn
+from raccoon.robot.motions.goals import straight, turn
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 from raccoon.sweep.workers import process_crew
 
 MANOEUVRES = ("30 cm", "1 m", "square 4 x 0.5 m", "turn 90")

@@ -17,7 +17,7 @@ from raccoon.sim.plant.quantities import State
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 RATE_HZ = 200.0
 IMU_RATE_HZ = 50.0

@@ -71,7 +71,7 @@ def simulated(trial: Trial, run: int) -> SimPort:
 def _port(voltage: float, resistance: float, left: PaperMotor, right: PaperMotor, seed: int) -> SimPort:
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.sim.port import SimPort
-    from raccoon.sim.world.world import World
+    from raccoon.sim.world.table import World
 
     config = configuration()
     parameters = (

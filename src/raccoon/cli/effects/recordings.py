@@ -15,7 +15,7 @@ from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 Floats = NDArray[np.float64]
 ROBOT = replace(RobotConfig(), tophats={"front": TophatConfig(analog=0)})

@@ -14,7 +14,7 @@ from raccoon.cli.sweep.report import print_report, print_row
 from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 from raccoon.sweep.execute import Crew
 from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
 from raccoon.sweep.match import Match, play, seed_of

@@ -33,7 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Draw one drive."""
     from raccoon.cli.view.drive import drive_of
-    from raccoon.sim.world.world import World
+    from raccoon.sim.world.table import World
 
     if args.what not in (None, "run"):
         raise ConfigError(f"{args.what} and {args.recording}: one recording is drawn at a time")

@@ -12,7 +12,7 @@ from raccoon.cli.outputs import save_figure
 from raccoon.cli.view.drive import Drive, Path2
 from raccoon.core.config import BodyConfig
 from raccoon.core.files import write_atomically
-from raccoon.sim.world.world import Box, World
+from raccoon.sim.world.table import Box, World
 
 FRAMES_A_SECOND = 10
 MOST_FRAMES = 600

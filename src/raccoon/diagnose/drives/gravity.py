@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.readings import GRAVITY
 from raccoon.diagnose.drives.sizes import FEWEST, nearest_unit
-from raccoon.model.imu import GRAVITY
 
 Columns = Mapping[str, NDArray[np.float64]]
 

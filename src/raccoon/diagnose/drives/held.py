@@ -77,16 +77,15 @@ _SAYS = {
 }
 
 
-def with_free_driving(log: Log, robot: RobotConfig) -> Log:
-    """The log with what was not driven freely among what is lost, and a note of it; the same log where there
-    is nothing of that kind.
+def with_free_driving(log: Log, found: Sequence[Stretch]) -> Log:
+    """The log with what was not driven freely, as `not_free` has it, among what is lost, and a note of it;
+    the same log where there is nothing of that kind.
 
     Raises TraceError where too little is left.
     """
-    found = not_free(log, robot)
     if not found:
         return log
-    held = tuple((each.start, each.end) for each in found)
+    held = spans(found)
     rows = np.minimum(np.searchsorted(log.time, [end for _, end in held]), len(log.time) - 1)
     until = [settled(log.time, log.duty, int(row)) for row in rows]
     lost = tuple(sorted((*log.lost, *((start, end) for (start, _), end in zip(held, until, strict=True)))))
@@ -103,8 +102,7 @@ def with_free_driving(log: Log, robot: RobotConfig) -> Log:
 def _told(why: str, stretches: Sequence[Stretch]) -> str:
     if not stretches:
         return ""
-    spans = [(each.start, each.end) for each in stretches]
-    return f"{when(spans)} {_SAYS[why]} Left out, since the simulated robot drives freely"
+    return f"{when(spans(stretches))} {_SAYS[why]} Left out, since the simulated robot drives freely"
 
 
 def of_free_driving(log: Log) -> Log:
@@ -122,7 +120,12 @@ def where_held(log: Log, robot: RobotConfig) -> tuple[tuple[float, float], ...]:
     """S, from and to, in which a robot did not drive freely; none where the time does not advance."""
     if len(log.time) < 2 or not bool((np.diff(log.time) > 0.0).all()):
         return ()
-    return tuple((each.start, each.end) for each in not_free(log, robot))
+    return spans(not_free(log, robot))
+
+
+def spans(found: Sequence[Stretch]) -> tuple[tuple[float, float], ...]:
+    """S, from and to, of each."""
+    return tuple((each.start, each.end) for each in found)
 
 
 def not_free(log: Log, robot: RobotConfig) -> tuple[Stretch, ...]:

@@ -50,13 +50,13 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
     return ""
 
 
-def driven_freely(log: Log, robot: RobotConfig) -> Log:
+def driven_freely(log: Log, robot: RobotConfig, held: tuple[tuple[float, float], ...] | None = None) -> Log:
     """What of a log tells its units: what was driven freely. It is all where a wheel never reads what a motor
-    can, which looks like a wall and is another unit."""
+    can, which looks like a wall and is another unit. held: `where_held`, where it is known already."""
     shares = (share_of(log, robot, side) for side in ("left", "right"))
     if any(each is not None and each < SHARE / FAR for each in shares):
         return log
-    return of_free_driving(replace(log, held=where_held(log, robot)))
+    return of_free_driving(replace(log, held=where_held(log, robot) if held is None else held))
 
 
 def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:

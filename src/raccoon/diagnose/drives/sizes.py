@@ -148,9 +148,13 @@ def turning(duty: Array) -> NDArray[np.bool_]:
 
 def steady(duty: Array) -> Array:
     """NaN where the command changed within the last 40 samples."""
+    return np.where(np.arange(len(duty)) - last_change(duty) >= 40, duty, np.nan)
+
+
+def last_change(duty: Array) -> NDArray[np.intp]:
+    """The row from which a command is what it is, for each row."""
     changed = np.abs(np.diff(duty, prepend=duty[0])) > 1e-9
-    last = np.maximum.accumulate(np.where(changed, np.arange(len(duty)), 0))
-    return np.where(np.arange(len(duty)) - last >= 40, duty, np.nan)
+    return np.maximum.accumulate(np.where(changed, np.arange(len(duty)), 0))
 
 
 def slope(x: Array, y: Array) -> float | None:

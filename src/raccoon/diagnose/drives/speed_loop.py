@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.sizes import last_change
 
 Array = NDArray[np.float64]
 
@@ -72,9 +73,7 @@ def speed_loop(log: Log, robot: RobotConfig) -> SpeedLoop | None:
 def _line(time: Array, duty: Array, speed: Array, volts: Array) -> tuple[float, float] | None:
     """Part of the command's voltage that a wheel keeps, and V that are taken off; None where its steady rows
     are too few, too much alike, or on no line."""
-    changed = np.abs(np.diff(duty, prepend=duty[0])) > 1e-9
-    since = time - np.maximum.accumulate(np.where(changed, time, time[0]))
-    asked = (since >= STEADY) & np.isfinite(speed) & (duty != 0.0)
+    asked = (time - time[last_change(duty)] >= STEADY) & np.isfinite(speed) & (duty != 0.0)
     asked &= np.abs(np.nan_to_num(speed)) > MOVES * volts
     if asked.sum() < LEAST:
         return None

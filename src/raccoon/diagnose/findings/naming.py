@@ -14,7 +14,8 @@ from raccoon.diagnose.findings.spread import Spread, number_in
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import FORMS, WIDTH_FACTOR, Cause
 from raccoon.diagnose.hypotheses.forms import form_error, least_error
-from raccoon.diagnose.reports.wording import explanation, manoeuvre_for
+from raccoon.diagnose.reports.manoeuvre_words import manoeuvre_for
+from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.rollout.firmware import firmware_of
-from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21, STOCK
+from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21, STOCK
 
 Columns = Mapping[str, NDArray[np.float64]]
 

@@ -26,10 +26,14 @@ from raccoon.diagnose.drives.sample_clock import (
 )
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.rollout.silence import ZONE
-from raccoon.hal.wombat.counters import StockBemf
-from raccoon.hal.wombat.devices import RACCOON_21_DEAD_ZONE, RACCOON_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK
-from raccoon.hal.wombat.dialect import LARGEST_BEMF
-from raccoon.hal.wombat.raccoon_command import FULL_PWM
+from raccoon.hal.wombat.firmware.devices import (
+    RACCOON_21_DEAD_ZONE,
+    RACCOON_BEMF_RATE_HZ,
+    STOCK_COUNTS_PER_TICK,
+)
+from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF
+from raccoon.hal.wombat.firmware.raccoon.commands import FULL_PWM
+from raccoon.hal.wombat.firmware.stock.bemf import StockBemf
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import SIDES, Parameters
 

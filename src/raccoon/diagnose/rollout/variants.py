@@ -9,7 +9,7 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.core.config import Measured, RobotConfig
+from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.sample_clock import in_force
 from raccoon.diagnose.hypotheses.coordinates import Settings, neutral_settings
@@ -17,6 +17,7 @@ from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
+from raccoon.diagnose.rollout.robots import Variant, gyro_numbers, with_inertia
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import (
@@ -48,38 +49,6 @@ class Rollout(Protocol):
         of the variants after the other, and s of the steps that make them, as long for all: what steps of
         another length make is a little different."""
         ...
-
-
-def parameters_of(settings: Settings, neutral: Settings, robot: RobotConfig, chain: Chain) -> Parameters:
-    """The simulator's parameters with everything switched on that differs from neutral; effects of a team's
-    own are none of the simulator's."""
-    effects: dict[tuple[str, str | None], dict[str, float]] = {}
-    for (id_, place, name), value in settings.items():
-        if id_ != "inertia" and value != neutral.get((id_, place, name), value):
-            effects.setdefault((id_, place), {})[name] = value
-    straight = settings[("inertia", None, "straight")]
-    turn = settings[("inertia", None, "turn")]
-    if straight != 1.0 or turn != 1.0:
-        robot = _with_inertia(robot, straight, turn)
-    for (id_, place), named in effects.items():
-        for key, value in settings.items():
-            if key[:2] == (id_, place):
-                named.setdefault(key[2], value)
-    return Parameters(robot, effects, chain)
-
-
-def _with_inertia(robot: RobotConfig, straight: float, turn: float) -> RobotConfig:
-    drive = robot.model.drive
-
-    def scaled(number: Measured, factor: float) -> Measured:
-        return replace(number, value=number.value * factor)
-
-    changed = replace(
-        drive,
-        inertia_straight=scaled(drive.inertia_straight, straight),
-        inertia_turn=scaled(drive.inertia_turn, turn),
-    )
-    return replace(robot, model=replace(robot.model, drive=changed))
 
 
 _ZONES = [Plant._fields.index(f"dead_zone_{side}") for side in ("left", "right")]
@@ -234,7 +203,7 @@ class PlantRollout:
             plant[:, _ZONES] = 0.0
         return Lanes(
             plant=plant,
-            gyro=np.array([_gyro(each, self._robot) for each in variants]),
+            gyro=np.array([gyro_numbers(each, self._robot) for each in variants]),
             signs=wiring_signs(first),
             ports=(self._robot.drive.left, self._robot.drive.right),
             slots=sample_slots(first),
@@ -246,7 +215,7 @@ class PlantRollout:
         straight, turn = settings[("inertia", None, "straight")], settings[("inertia", None, "turn")]
         if (straight, turn) not in made:
             plain = straight == turn == 1.0
-            made[straight, turn] = self._robot if plain else _with_inertia(self._robot, straight, turn)
+            made[straight, turn] = self._robot if plain else with_inertia(self._robot, straight, turn)
         return made[straight, turn]
 
 
@@ -276,26 +245,3 @@ def _readings(log: Log) -> dict[int, tuple[str, Array, NDArray[np.bool_]]]:
         for index, each in enumerate(log.channels)
         if each.role.startswith("bemf_")
     }
-
-
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """As much of `Parameters` as the plant's numbers ask for: a diagnosis packs some thousand of them."""
-
-    robot: RobotConfig
-    chain: Chain
-    settings: Settings
-
-    def value(self, id: str, name: str, where: str | None = None) -> float:  # noqa: A002
-        """The setting."""
-        return self.settings[(id, where, name)]
-
-
-def _gyro(settings: Settings, robot: RobotConfig) -> tuple[float, float, float, float]:
-    """Scale, bias, drift, latency."""
-    return (
-        settings[("imu.gyro_scale", None, "factor")] * robot.model.imu.gyro_scale.value,
-        settings[("imu.gyro_bias", None, "rate")],
-        settings[("imu.gyro_drift", None, "rate_per_second")],
-        settings[("imu.latency", None, "seconds")],
-    )

@@ -8,7 +8,7 @@ reads nothing at all.
 
 from __future__ import annotations
 
-from raccoon.model.imu import GRAVITY
+from raccoon.core.readings import GRAVITY
 
 GATE = 16.0
 """Squared innovation over its variance: 4 sigma."""

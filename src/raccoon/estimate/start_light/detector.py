@@ -15,11 +15,10 @@ that was not shown, is known by how it comes (`bulb.py`).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 from typing import NamedTuple
 
-from raccoon.core.errors import ConfigError, MotionTimeout
+from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Status
 from raccoon.estimate.start_light import bulb
 from raccoon.estimate.start_light.bulb import MEAN_SECONDS, SlowBulb
@@ -260,19 +259,3 @@ class StartLight:
         else:
             status = Status.OK
         return StartLightReading(fired, self._ambient, threshold, status, refused)
-
-
-def wait_for_light(
-    read: Callable[[], tuple[float, float | None]], light: StartLight, timeout: float | None = None
-) -> float:
-    """Read until the lamp goes on; the time (s) at which that was sure.
-
-    read: gives (time, counts) of the next cycle. Raises MotionTimeout after `timeout` s.
-    """
-    time, counts = read()
-    start = time
-    while not light.update(time, counts).fired:
-        if timeout is not None and time - start >= timeout:
-            raise MotionTimeout(f"no start light in {timeout} s; the sensor reads {counts} counts")
-        time, counts = read()
-    return time

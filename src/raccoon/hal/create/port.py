@@ -258,7 +258,7 @@ def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool 
 
     Raises HardwareError when the port is missing, forbidden or taken.
     """
-    from raccoon.hal.wombat.supervisor import Supervisor
+    from raccoon.hal.supervise.supervisor import Supervisor
 
     clock = RealClock()
     line = SerialLine(path, BAUD, clock)

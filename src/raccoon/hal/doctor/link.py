@@ -12,8 +12,8 @@ from raccoon.hal.create.port import CREATE_2
 from raccoon.hal.create.protocol import STREAM_PERIOD
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import mean
-from raccoon.hal.wombat.monitor import Rates
-from raccoon.hal.wombat.stock import FIRMWARE_VERSION
+from raccoon.hal.wombat.checks.monitor import Rates
+from raccoon.hal.wombat.firmware.stock.wire import FIRMWARE_VERSION
 
 RATE_TOLERANCE = 0.05
 COUNTER_TOLERANCE = 0.03

@@ -6,12 +6,19 @@ import math
 from collections.abc import Sequence
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_PORTS, ANALOG_TOP, DIGITAL_PORTS, Fault, Inputs
+from raccoon.core.readings import (
+    ANALOG_BOTTOM,
+    ANALOG_PORTS,
+    ANALOG_TOP,
+    DIGITAL_PORTS,
+    GRAVITY,
+    Fault,
+    Inputs,
+)
 from raccoon.hal.create.port import CREATE_2
 from raccoon.hal.doctor.report import Finding, Verdict
 from raccoon.hal.doctor.session import correlation, deviation, mean, vectors, words
 
-GRAVITY = 9.80665
 GRAVITY_TOLERANCE = 0.05
 UPRIGHT = 0.94
 """cos 20 degrees: the floor is not steeper."""

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 
 from raccoon.core.clock import Clock, RealClock
 from raccoon.core.errors import CalibrationError, ConfigError, HardwareError
+from raccoon.core.readings import GRAVITY
 from raccoon.hal.i2c.bus import I2cBus
 
 DEFAULT_ADDRESS = 0x69
 """AD0 high. With AD0 low it would be 0x68, where a Wombat has its clock chip."""
-STANDARD_GRAVITY = 9.80665
 
 _RATE_DIVIDER, _CONFIG, _GYRO_CONFIG, _ACCEL_CONFIG, _ACCEL_CONFIG_2 = 0x19, 0x1A, 0x1B, 0x1C, 0x1D
 _DATA, _USER_CONTROL, _POWER_1, _POWER_2, _WHO_AM_I = 0x3B, 0x6A, 0x6B, 0x6C, 0x75
@@ -87,7 +87,7 @@ class Mpu:
         self._last = b""
         self._repeats = 0
         self.gyro_rad_s = math.radians(1.0) / counts_per_deg_s
-        self.accel_m_s2 = STANDARD_GRAVITY / _ACCEL_COUNTS_PER_G
+        self.accel_m_s2 = GRAVITY / _ACCEL_COUNTS_PER_G
 
     @property
     def name(self) -> str:

@@ -12,11 +12,12 @@ from raccoon.core.clock import Clock, RealClock, Ticker
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.readings import MOTOR_PORTS, STOP, Fault, Inputs, Outputs
 from raccoon.core.sections import CYCLE_RATE
-from raccoon.hal.wombat.dialect import Dialect
-from raccoon.hal.wombat.link import SPI_DEVICE, Link, ResetLine, SpiLink
-from raccoon.hal.wombat.monitor import Monitor, Rates
+from raccoon.hal.wombat.checks.monitor import Monitor, Rates
+from raccoon.hal.wombat.checks.receiver import Receiver
+from raccoon.hal.wombat.firmware.dialect import Dialect
+from raccoon.hal.wombat.link.pipe import Link, ResetLine
+from raccoon.hal.wombat.link.spi import SPI_DEVICE, SpiLink
 from raccoon.hal.wombat.probe import probe
-from raccoon.hal.wombat.receiver import Receiver
 
 KINDS = ("wombat", "wombat-raccoon")
 STOP_ATTEMPTS = 10
@@ -244,8 +245,8 @@ def open_wombat(
     second (`WombatPort.rates`), where it is not the usual one. watch_analog, resting_bemf: see `WombatPort`.
     Raises HardwareError where the bus is missing, owned by another program, or answers otherwise.
     """
-    from raccoon.hal.wombat.reset_line import GpioResetLine
-    from raccoon.hal.wombat.supervisor import Supervisor
+    from raccoon.hal.supervise.supervisor import Supervisor
+    from raccoon.hal.wombat.link.reset_line import GpioResetLine
 
     if kind not in KINDS:
         raise ConfigError(f"kind is {kind!r}: allowed are {', '.join(KINDS)}")

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from raccoon.core.clock import Clock
 from raccoon.core.errors import HardwareError
-from raccoon.hal.wombat import raccoon, stock, stock_command
-from raccoon.hal.wombat.dialect import Dialect
-from raccoon.hal.wombat.link import Link
-from raccoon.hal.wombat.raccoon_dialect import NEWEST_IN_THE_WILD, RaccoonDialect
-from raccoon.hal.wombat.stock_dialect import StockDialect
+from raccoon.hal.wombat.firmware.dialect import Dialect
+from raccoon.hal.wombat.firmware.raccoon import wire as raccoon
+from raccoon.hal.wombat.firmware.raccoon.dialect import NEWEST_IN_THE_WILD, RaccoonDialect
+from raccoon.hal.wombat.firmware.stock import commands as stock_commands
+from raccoon.hal.wombat.firmware.stock import wire as stock
+from raccoon.hal.wombat.firmware.stock.dialect import StockDialect
+from raccoon.hal.wombat.link.pipe import Link
 
 ATTEMPTS = 30
 PAUSE_SECONDS = 0.1
@@ -29,7 +31,7 @@ def probe(link: Link, clock: Clock) -> Dialect:
     for attempt in range(ATTEMPTS):
         if attempt:
             clock.sleep_until(clock.now() + PAUSE_SECONDS)
-        seen = b"".join(link.transfer(stock_command.READ) for _ in range(FRAMES))
+        seen = b"".join(link.transfer(stock_commands.READ) for _ in range(FRAMES))
         dialect = _recognise(link, seen)
         if dialect is not None:
             return dialect

@@ -11,7 +11,7 @@ from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import wait
 from raccoon.robot.actions.limits import check_function, check_limits, check_way
 from raccoon.robot.calibration.drives import driven, watched
-from raccoon.robot.motions.motions import straight
+from raccoon.robot.motions.goals import straight
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:

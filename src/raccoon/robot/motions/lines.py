@@ -18,7 +18,7 @@ from raccoon.robot.actions.limits import (
     check_way,
 )
 from raccoon.robot.motions.driving import search
-from raccoon.robot.motions.motions import turning
+from raccoon.robot.motions.goals import turning
 from raccoon.robot.motions.pacing import MotionResult, reason
 
 if TYPE_CHECKING:

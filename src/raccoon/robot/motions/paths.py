@@ -1,7 +1,7 @@
 """Motions to places of the field: drive to a pose, follow a path.
 
 Places are in the field frame: x ahead of where the robot started, y to its left (docs/quantities.md). As
-motions.py says, each takes `tolerance` and `timeout`, gives a MotionResult and raises MotionTimeout.
+goals.py says, each takes `tolerance` and `timeout`, gives a MotionResult and raises MotionTimeout.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from raccoon.control.profile import profile
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_heading, check_limits, check_number, check_speed, check_way
-from raccoon.robot.motions.motions import straight, turning
+from raccoon.robot.motions.goals import straight, turning
 from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, at_rest, finish
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from raccoon.core.sections import BodyConfig
-from raccoon.sim.world.world import Point, World
+from raccoon.sim.world.table import Point, World
 
 ALIKE = 0.7
 """Cosine of the angle up to which two touches of one wall push the same way."""

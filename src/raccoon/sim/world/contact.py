@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from raccoon.core.readings import GRAVITY
 from raccoon.core.sections import BodyConfig
-from raccoon.model.imu import GRAVITY
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.world.collision import Obstacles, Pose, Touch
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 STIFFNESS, DAMPING = 0.08, 0.25
 """Of one touch, over m / period^2 and m / period, with the mass m that it feels. The plant takes a force one

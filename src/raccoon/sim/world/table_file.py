@@ -43,7 +43,7 @@ from typing import Any
 from raccoon.core.config import parse_toml
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import refuse_unknown
-from raccoon.sim.world.world import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
+from raccoon.sim.world.table import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
 
 ARC_STEPS = 48  # straight pieces of a full circle
 _KEYS = ("name", "area", "walls", "start_box", "line", "wall", "object", "light", "ramp")

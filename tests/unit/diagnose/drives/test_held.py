@@ -21,7 +21,7 @@ from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Wall, World
+from raccoon.sim.world.table import Wall, World
 from raccoon.trace.columns import recording_of
 from raccoon.trace.format import read_trace
 from raccoon.trace.record import RecordingPort
@@ -77,7 +77,7 @@ def test_a_wall_is_no_fault_of_the_robot_and_is_said(pushed: Recording) -> None:
 
 def test_what_is_left_out_is_lost_until_the_robot_has_settled(pushed: Recording) -> None:
     log = log_from_columns(pushed.columns, ROBOT)
-    free = with_free_driving(log, ROBOT)
+    free = with_free_driving(log, not_free(log, ROBOT))
     ((start, end),) = free.held
     ((first, settled),) = free.lost
     assert first == start
@@ -109,18 +109,21 @@ def blind() -> dict[str, Array]:
 @pytest.mark.parametrize(("start", "end"), [(0.0, 3.0), (8.0, 11.0), (16.5, 21.0)])
 def test_a_robot_in_a_hand_is_found(blind: dict[str, Array], start: float, end: float) -> None:
     lifted = turned_in_a_hand(blind, start, end)
-    (found,) = not_free(log_from_columns(lifted, ROBOT), ROBOT)
+    log = log_from_columns(lifted, ROBOT)
+    (found,) = not_free(log, ROBOT)
     assert found.why == "lifted"
     assert start - 1.0 < found.start < start + 0.3
     assert min(end, float(blind["t"][-1])) - 0.3 < found.end < end + 1.0
-    (note,) = with_free_driving(log_from_columns(lifted, ROBOT), ROBOT).notes
+    (note,) = with_free_driving(log, [found]).notes
     assert note.startswith(f"from {found.start:.1f} to {found.end:.1f} s the robot turned as no wheel did")
 
 
 def test_too_little_free_driving_is_an_error_that_says_why(blind: dict[str, Array]) -> None:
     short = {name: each[:2000] for name, each in turned_in_a_hand(blind, 1.5, 10.0).items()}
+    log = log_from_columns(short, ROBOT)
+    found = not_free(log, ROBOT)
     with pytest.raises(TraceError, match=r"turned as no wheel did.*needs at least 2 s of driving freely"):
-        with_free_driving(log_from_columns(short, ROBOT), ROBOT)
+        with_free_driving(log, found)
 
 
 def hidden() -> list[Hidden]:
@@ -176,7 +179,7 @@ def test_a_gyro_that_never_agrees_with_the_wheels_is_none(blind: dict[str, Array
 
 def test_a_log_of_free_driving_is_the_same_object(blind: dict[str, Array]) -> None:
     log = log_from_columns(blind, ROBOT)
-    assert with_free_driving(log, ROBOT) is log
+    assert with_free_driving(log, not_free(log, ROBOT)) is log
     assert of_free_driving(log) is log
 
 
@@ -192,7 +195,7 @@ def test_units_are_judged_by_free_driving_alone() -> None:
     log = log_from_columns(columns, ROBOT)
     with pytest.raises(TraceError, match="times what is to be expected of the wheels"):
         check_units(log, ROBOT)
-    check_units(of_free_driving(with_free_driving(log, ROBOT)), ROBOT)
+    check_units(of_free_driving(with_free_driving(log, not_free(log, ROBOT))), ROBOT)
     assert strange_units(columns, ROBOT) == ""
 
 

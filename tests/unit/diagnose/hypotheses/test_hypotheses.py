@@ -10,7 +10,7 @@ from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import starting_settings
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, neutral_settings
-from raccoon.diagnose.rollout.variants import Variant, parameters_of
+from raccoon.diagnose.rollout.robots import Variant, parameters_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.physical import plant_numbers

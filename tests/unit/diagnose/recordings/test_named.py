@@ -16,7 +16,7 @@ from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.recordings.named import BY_PORT, Zone, named, zone_of
 from raccoon.diagnose.result import Verdict
-from raccoon.hal.wombat.devices import STOCK
+from raccoon.hal.wombat.firmware.devices import STOCK
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.csv import write_csv
 from raccoon.trace.recording import Recording

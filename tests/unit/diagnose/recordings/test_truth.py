@@ -33,7 +33,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.diagnose.rollout.variants import parameters_of
+from raccoon.diagnose.rollout.robots import parameters_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands

@@ -28,8 +28,8 @@ from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.diagnose.rollout.firmware import FIRMWARES, LAG, firmware_of
 from raccoon.diagnose.rollout.silence import ZONE
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
-from raccoon.hal.wombat.devices import RACCOON_17, RACCOON_21, STOCK
 from raccoon.hal.wombat.emulator import Emulator, Firmware, PlantState
+from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21, STOCK
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters

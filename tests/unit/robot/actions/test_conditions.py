@@ -26,7 +26,7 @@ from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Wall, World
+from raccoon.sim.world.table import Wall, World
 from robots import CONFIG, simulated
 
 WALL = World(walls=(Wall((0.29, -1.0), (0.29, 1.0)),))

@@ -10,7 +10,7 @@ from raccoon.estimate.tophat import TophatCalibration, calibrate
 from raccoon.model.reflectance import fit
 from raccoon.robot.motions.following import SEARCH_TIME, follow_line
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Box, Light, Line, World
+from raccoon.sim.world.table import Box, Light, Line, World
 from robots import CONFIG, simulated
 
 HALF = 0.025

@@ -33,7 +33,7 @@ from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.lines import align_on_line, align_on_wall
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Line, Wall, World
+from raccoon.sim.world.table import Line, Wall, World
 from robots import CONFIG, simulated
 
 CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])

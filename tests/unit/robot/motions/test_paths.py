@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from raccoon import deg, seq, straight
-from raccoon.robot.motions.motions import pivot
+from raccoon.robot.motions.goals import pivot
 from raccoon.robot.motions.paths import drive_to, follow_path
 from robots import run
 

@@ -38,7 +38,7 @@ from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.world import Box, Ramp, Wall, World
+from raccoon.sim.world.table import Box, Ramp, Wall, World
 
 FIRMWARES: tuple[Firmware, ...] = ("stock", 17, 21)
 

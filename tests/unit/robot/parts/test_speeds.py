@@ -23,8 +23,8 @@ from raccoon import (
 from raccoon.core.config import BatteryConfig, Measured, MotorConfig
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.hal.wombat.devices import RACCOON_21, STOCK
 from raccoon.hal.wombat.emulator import Firmware
+from raccoon.hal.wombat.firmware.devices import RACCOON_21, STOCK
 from raccoon.robot.emulated import open_emulated
 from raccoon.robot.parts.drive import Drive
 from raccoon.robot.parts.speeds import READ_SHARE

@@ -21,7 +21,7 @@ from raccoon import (
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Status
 from raccoon.robot.actions.actions import Steps
-from raccoon.sim.world.world import Line, World
+from raccoon.sim.world.table import Line, World
 from robots import CONFIG, simulated
 
 LINES = "".join(

@@ -26,7 +26,7 @@ from raccoon.sim.plant.series import lagging
 from raccoon.sim.port import SimPort
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import Rollout, rollout
-from raccoon.sim.world.world import Box, Light, Line, World
+from raccoon.sim.world.table import Box, Light, Line, World
 
 TIME = np.arange(601) * 0.005
 ONES = np.ones_like(TIME)

@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import BodyConfig, FrictionModel, RobotConfig
-from raccoon.core.readings import Inputs, Outputs, Truth
+from raccoon.core.readings import GRAVITY, Inputs, Outputs, Truth
 from raccoon.core.schema import Measured
-from raccoon.model.imu import GRAVITY
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import plant_numbers
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.contact import DAMPING, STIFFNESS, WALL_FRICTION, Contact
-from raccoon.sim.world.world import Box, Ramp, Thing, Wall, World, walls_around
+from raccoon.sim.world.table import Box, Ramp, Thing, Wall, World, walls_around
 
 ROBOT = RobotConfig()
 MODEL = ROBOT.model

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from raccoon.core.errors import ConfigError
-from raccoon.sim.world.world import World
+from raccoon.sim.world.table import World
 
 TABLES = Path(__file__).resolve().parents[4] / "examples" / "tables"
 

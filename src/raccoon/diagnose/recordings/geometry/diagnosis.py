@@ -26,7 +26,7 @@ from raccoon.diagnose.recordings.geometry.fit import (
 )
 from raccoon.diagnose.recordings.geometry.words import geometry_cause
 from raccoon.diagnose.recordings.reference.units import check_reference
-from raccoon.diagnose.reports.wording import MANOEUVRES
+from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
 from raccoon.diagnose.result import (
     CauseResult,
     ChannelResult,

@@ -7,12 +7,12 @@ from typing import Literal, Protocol
 
 from raccoon.core.clock import Clock, RealClock
 from raccoon.core.errors import ConfigError, HardwareError
-from raccoon.hal.wombat import stock
 from raccoon.hal.wombat.emulator.board import Board
 from raccoon.hal.wombat.emulator.faults import Faults
 from raccoon.hal.wombat.emulator.plant import Drive, Plant, PlantState
 from raccoon.hal.wombat.emulator.raccoon_chip import RaccoonChip
 from raccoon.hal.wombat.emulator.stock_chip import StockChip
+from raccoon.hal.wombat.firmware.stock import wire
 
 Firmware = Literal["stock", 17, 21]
 Build = Literal["shipped", "published"]
@@ -170,7 +170,7 @@ class Emulator:
             return reply
         self.faults.torn_reads -= 1
         torn = bytearray(reply)
-        at, form = (stock.MOT_POS, ">I") if self.firmware == "stock" else (21, "<I")
+        at, form = (wire.MOT_POS, ">I") if self.firmware == "stock" else (21, "<I")
         (word,) = struct.unpack_from(form, torn, at)
         # The upper half is that of the moment after a carry, the lower half that of before.
         struct.pack_into(form, torn, at, word + 0x10000 & 0xFFFF_FFFF)

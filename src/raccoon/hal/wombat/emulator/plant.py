@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple, Protocol
 
-from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, MOTOR_PORTS
+from raccoon.core.readings import ANALOG_PORTS, DIGITAL_PORTS, GRAVITY, MOTOR_PORTS
 
 Drive = float | None
 """What the driver does with a motor: a duty -1..1 (0 shorts it, which brakes), or None: terminals open, it
@@ -24,7 +24,7 @@ class PlantState(NamedTuple):  # made in every step: a frozen dataclass takes se
     bemf_volts: tuple[float, ...] = (0.0,) * MOTOR_PORTS
     battery_voltage: float = 6.8
     gyro: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    accel: tuple[float, float, float] = (0.0, 0.0, 9.80665)
+    accel: tuple[float, float, float] = (0.0, 0.0, GRAVITY)
     analog: tuple[float, ...] = (2000.0,) * ANALOG_PORTS
     digital: tuple[bool, ...] = (False,) * DIGITAL_PORTS
     button: bool = False

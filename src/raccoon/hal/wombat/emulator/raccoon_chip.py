@@ -6,14 +6,14 @@ import math
 import struct
 from collections.abc import Callable
 
-from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS
-from raccoon.hal.wombat.devices import GRAVITY, RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY
+from raccoon.core.readings import ANALOG_PORTS, GRAVITY, MOTOR_PORTS, SERVO_PORTS
 from raccoon.hal.wombat.emulator.board import ANALOG_NOISE, Board
 from raccoon.hal.wombat.emulator.faults import Faults
 from raccoon.hal.wombat.emulator.plant import Drive
 from raccoon.hal.wombat.emulator.raccoon_motors import RaccoonMotors
-from raccoon.hal.wombat.raccoon import BUTTON, DATA_LENGTH, FRAME_LENGTH
-from raccoon.hal.wombat.raccoon_command import ServoMode, Shutdown
+from raccoon.hal.wombat.firmware.devices import RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY
+from raccoon.hal.wombat.firmware.raccoon.commands import ServoMode, Shutdown
+from raccoon.hal.wombat.firmware.raccoon.wire import BUTTON, DATA_LENGTH, FRAME_LENGTH
 
 SLOT_SECONDS = {"shipped": 1.0 / (RACCOON_BEMF_RATE_HZ * MOTOR_PORTS), "published": 1250e-6}
 """Time of one motor's turn: as measured on robots, and as the source means it."""

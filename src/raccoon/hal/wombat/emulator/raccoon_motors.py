@@ -7,7 +7,7 @@ import struct
 
 from raccoon.core.readings import MOTOR_PORTS
 from raccoon.hal.wombat.emulator.plant import Drive
-from raccoon.hal.wombat.raccoon_command import FULL_PWM, Mode, Shutdown, Update
+from raccoon.hal.wombat.firmware.raccoon.commands import FULL_PWM, Mode, Shutdown, Update
 
 FILTER = 0.2
 MAX_BEMF = 2000.0

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SERVO_PORTS
-from raccoon.hal.wombat import stock, stock_command
-from raccoon.hal.wombat.devices import STOCK
 from raccoon.hal.wombat.emulator.board import Board
 from raccoon.hal.wombat.emulator.faults import Faults
 from raccoon.hal.wombat.emulator.plant import COAST, Drive
 from raccoon.hal.wombat.emulator.stock_motors import StockMotors
+from raccoon.hal.wombat.firmware.devices import STOCK
+from raccoon.hal.wombat.firmware.stock import commands, wire
 
 IMU_EVERY = {"shipped": 5, "published": 1000}
 """Main-loop passes between two readings of the IMU, by build."""
@@ -22,13 +22,12 @@ CONVERSION_SECONDS = 192e-6
 IDLE_SECONDS = 234e-6
 
 BATTERY_BOOT = 800
-_NEGATIVE_INT16 = 0xFFFF
 
 
 class StockChip:
     """Registers and the loop that works on them."""
 
-    frame_length = stock.LENGTH
+    frame_length = wire.LENGTH
 
     def __init__(self, board: Board, faults: Faults, build: str) -> None:
         self._board = board
@@ -38,13 +37,13 @@ class StockChip:
 
     def reset(self) -> None:
         """What power-on leaves behind: all registers at their boot values, motors off."""
-        registers = bytearray(stock.REGISTERS)
+        registers = bytearray(wire.REGISTERS)
         self.registers, self.motors = registers, StockMotors(registers)
-        self.registers[:3] = stock.MAGIC
-        self.registers[stock.ALLSTOP] = stock_command.SERVOS_OFF
+        self.registers[:3] = wire.MAGIC
+        self.registers[wire.ALLSTOP] = commands.SERVOS_OFF
         for port in range(SERVO_PORTS):
-            self.store(stock.SERVO + 2 * port, stock_command.SERVO_BOOT_US)
-        self.store(stock.BATTERY, BATTERY_BOOT)
+            self.store(wire.SERVO + 2 * port, commands.SERVO_BOOT_US)
+        self.store(wire.BATTERY, BATTERY_BOOT)
         self.crashed = False
         self._drives: tuple[Drive, ...] = COAST
         self._coasting = False
@@ -60,9 +59,9 @@ class StockChip:
     @property
     def servo_us(self) -> tuple[int | None, ...]:
         """Pulse of each servo port, None where it is off."""
-        off = self.registers[stock.ALLSTOP]
+        off = self.registers[wire.ALLSTOP]
         return tuple(
-            None if off >> 4 + port & 1 else self.load(stock.SERVO + 2 * port) for port in range(SERVO_PORTS)
+            None if off >> 4 + port & 1 else self.load(wire.SERVO + 2 * port) for port in range(SERVO_PORTS)
         )
 
     def store(self, register: int, value: int, size: int = 2) -> None:
@@ -76,7 +75,7 @@ class StockChip:
 
     def image(self) -> bytes:
         """What the next transfer sends: the first 89 registers as they are now."""
-        return bytes(self.registers[: stock.LENGTH])
+        return bytes(self.registers[: wire.LENGTH])
 
     def accept(self, frame: bytes) -> None:
         """Take one complete frame, if its marks are right.
@@ -84,19 +83,19 @@ class StockChip:
         The firmware checks neither the number of pairs nor their addresses: what goes beyond the registers
         hits its memory, and the emulated chip hangs.
         """
-        if frame[0] != stock.START or frame[stock.LENGTH - 1] != stock_command.END:
+        if frame[0] != wire.START or frame[wire.LENGTH - 1] != commands.END:
             return
-        if frame[1] != stock_command.PROTOCOL_VERSION or self._faults.wrong_version:
+        if frame[1] != commands.PROTOCOL_VERSION or self._faults.wrong_version:
             return
         for index in range(4, 4 + (2 * frame[3] & 0xFF), 2):
-            if index + 1 >= stock.LENGTH or frame[index] >= stock.REGISTERS:
+            if index + 1 >= wire.LENGTH or frame[index] >= wire.REGISTERS:
                 self.crashed = True
                 return
             self._write(frame[index], frame[index + 1])
 
     def _write(self, register: int, value: int) -> None:
         self.registers[register] = value
-        if register == stock.MOT_MODES:
+        if register == wire.MOT_MODES:
             self.motors.modes_written()
 
     def advance(self, seconds: float) -> None:
@@ -147,18 +146,18 @@ class StockChip:
     def _control(self) -> None:
         raw = self._board.bemf_all()
         offset = self._faults.bemf_offset
-        channels = [round(raw[stock.CHANNEL[n]] + offset[stock.CHANNEL[n]]) for n in range(MOTOR_PORTS)]
+        channels = [round(raw[wire.CHANNEL[n]] + offset[wire.CHANNEL[n]]) for n in range(MOTOR_PORTS)]
         drives = self.motors.update(channels)
-        self._drives = tuple(drives[channel] for channel in stock.CHANNEL)
+        self._drives = tuple(drives[channel] for channel in wire.CHANNEL)
 
     def _sample(self) -> None:
         board = self._board
-        up = 0 if board.state.button else 1 << stock.RIGHT_BUTTON
-        self.store(stock.DIG_IN, board.digital_bits() | up)
+        up = 0 if board.state.button else 1 << wire.RIGHT_BUTTON
+        self.store(wire.DIG_IN, board.digital_bits() | up)
         for port in range(ANALOG_PORTS):
-            register = stock.ADC_0 + 2 * port
+            register = wire.ADC_0 + 2 * port
             self.store(register, int(0.9 * self.load(register) + 0.1 * board.analog(port)))
-        self.store(stock.BATTERY, int(0.95 * self.load(stock.BATTERY) + 0.05 * board.battery()))
+        self.store(wire.BATTERY, int(0.95 * self.load(wire.BATTERY) + 0.05 * board.battery()))
 
     def _look_at_imu(self) -> None:
         if self._passes % self._imu_every == 0:
@@ -167,16 +166,16 @@ class StockChip:
     def _read_imu(self) -> None:
         missing = self._faults.imu_missing
         if missing is not None:
-            for register in range(stock.ACCEL, stock.GYRO + 6, 2):
+            for register in range(wire.ACCEL, wire.GYRO + 6, 2):
                 self.store(register, missing)
             return
         if self._faults.imu_frozen:
             return
         # The chip lies with z down, x to the robot's left and y ahead.
         forward, left, up = self._board.accel()
-        self._store_axes(stock.ACCEL, (left, forward, -up), STOCK.accel_m_s2)
+        self._store_axes(wire.ACCEL, (left, forward, -up), STOCK.accel_m_s2)
         forward, left, up = self._board.gyro()
-        self._store_axes(stock.GYRO, (left, forward, -up), STOCK.gyro_rad_s)
+        self._store_axes(wire.GYRO, (left, forward, -up), STOCK.gyro_rad_s)
 
     def _store_axes(self, register: int, axes: tuple[float, ...], scale: float) -> None:
         for axis, value in enumerate(axes):

@@ -6,9 +6,9 @@ import struct
 from collections.abc import Sequence
 
 from raccoon.core.readings import MOTOR_PORTS
-from raccoon.hal.wombat import stock
 from raccoon.hal.wombat.emulator.plant import Drive
-from raccoon.hal.wombat.stock_command import FULL_PWM, Direction, Mode
+from raccoon.hal.wombat.firmware.stock import wire
+from raccoon.hal.wombat.firmware.stock.commands import FULL_PWM, Direction, Mode
 
 FILTER_NEW, FILTER_OLD = 0.25, 0.75
 FILTER_DEAD_ZONE = 10
@@ -33,10 +33,10 @@ class StockMotors:
 
     def modes_written(self) -> None:
         """A mode other than PWM clears the channel's mark that its goal is reached."""
-        modes = self._registers[stock.MOT_MODES]
+        modes = self._registers[wire.MOT_MODES]
         for channel in range(MOTOR_PORTS):
             if modes >> 2 * channel & 3:
-                self._registers[stock.MOT_DONE] &= ~(1 << channel)
+                self._registers[wire.MOT_DONE] &= ~(1 << channel)
 
     def update(self, raw: Sequence[int]) -> list[Drive]:
         """One control pass with the new conversions, by channel."""
@@ -45,10 +45,10 @@ class StockMotors:
     def _channel(self, channel: int, raw: int) -> Drive:
         self._integrate(channel, raw)
         registers = self._registers
-        if registers[stock.ALLSTOP] >> channel & 1:
+        if registers[wire.ALLSTOP] >> channel & 1:
             self._set_output(channel, Direction.COAST, 0)
         else:
-            mode = registers[stock.MOT_MODES] >> 2 * channel & 3
+            mode = registers[wire.MOT_MODES] >> 2 * channel & 3
             if mode == Mode.SPEED:
                 self._speed_control(channel, raw)
             elif mode != Mode.PWM:
@@ -63,14 +63,14 @@ class StockMotors:
         self._filtered[channel] = filtered
         total = self._position(channel) + filtered
         wrapped = (total + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
-        _INT32.pack_into(self._registers, stock.MOT_POS + 4 * channel, wrapped)
+        _INT32.pack_into(self._registers, wire.MOT_POS + 4 * channel, wrapped)
 
     def _position(self, channel: int) -> int:
-        position: int = _INT32.unpack_from(self._registers, stock.MOT_POS + 4 * channel)[0]
+        position: int = _INT32.unpack_from(self._registers, wire.MOT_POS + 4 * channel)[0]
         return position
 
     def _goal(self, channel: int) -> int:
-        goal: int = _INT16.unpack_from(self._registers, stock.SPEED_GOAL + 2 * channel)[0]
+        goal: int = _INT16.unpack_from(self._registers, wire.SPEED_GOAL + 2 * channel)[0]
         return goal
 
     def _speed_control(self, channel: int, raw: int) -> None:
@@ -84,27 +84,27 @@ class StockMotors:
 
     def _position_control(self, channel: int, raw: int) -> None:
         """Speed control until the goal is passed, then shorted and marked as done."""
-        if self._registers[stock.MOT_DONE] >> channel & 1:
+        if self._registers[wire.MOT_DONE] >> channel & 1:
             return
-        goal = _INT32.unpack_from(self._registers, stock.POS_GOAL + 4 * channel)[0]
+        goal = _INT32.unpack_from(self._registers, wire.POS_GOAL + 4 * channel)[0]
         position = self._position(channel)
         if position < goal if self._goal(channel) < 0 else position > goal:
-            self._registers[stock.MOT_DONE] |= 1 << channel
+            self._registers[wire.MOT_DONE] |= 1 << channel
             self._set_output(channel, Direction.FORWARD, 0)
         else:
             self._speed_control(channel, raw)
 
     def _set_output(self, channel: int, direction: Direction, pwm: int) -> None:
         shift = 2 * channel
-        self._registers[stock.MOT_DIRS] = self._registers[stock.MOT_DIRS] & ~(3 << shift) | direction << shift
-        _UINT16.pack_into(self._registers, stock.PWM + shift, pwm)
+        self._registers[wire.MOT_DIRS] = self._registers[wire.MOT_DIRS] & ~(3 << shift) | direction << shift
+        _UINT16.pack_into(self._registers, wire.PWM + shift, pwm)
 
     def _drive(self, channel: int) -> Drive:
-        direction = self._registers[stock.MOT_DIRS] >> 2 * channel & 3
+        direction = self._registers[wire.MOT_DIRS] >> 2 * channel & 3
         if direction == Direction.COAST:
             return None
         if direction == Direction.BRAKE:
             return 0.0
-        pwm: int = _UINT16.unpack_from(self._registers, stock.PWM + 2 * channel)[0]
+        pwm: int = _UINT16.unpack_from(self._registers, wire.PWM + 2 * channel)[0]
         duty = min(pwm, FULL_PWM) / FULL_PWM
         return duty if direction == Direction.FORWARD else -duty

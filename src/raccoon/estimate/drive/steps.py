@@ -1,0 +1,140 @@
+"""Steps of the drive filter: what was read since the last one, over the whole time in between."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Device, Outputs
+from raccoon.estimate.drive.fusion import Fusion, Reading
+from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
+from raccoon.estimate.drive.noise import WheelNoise
+from raccoon.estimate.drive.prior import prior, process_noise
+from raccoon.estimate.drive.readings import DriveReadings, Pending
+from raccoon.estimate.drive.standstill import Standstill
+from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
+from raccoon.estimate.drive.touch import Touch
+from raccoon.estimate.drive.turn_share import TurnShare
+from raccoon.estimate.drive.wheels import lag_seconds
+from raccoon.estimate.ekf.filter import DriveFilter, variance_index
+from raccoon.estimate.ekf.state import OdometrySettings, State
+from raccoon.model.bemf import counts_scale
+from raccoon.model.drive import DriveGeometry
+
+DATED = 1.2
+"""Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`. The
+gyro's turn stays what counts: wheels that slip in that moment are worse."""
+OTHERWISE = "the robot turns otherwise than its wheels say"
+_VB = variance_index(State.GYRO_BIAS)
+_VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
+
+
+class Steps:
+    """Moves the filter on, and feeds with each step what watches the drive.
+
+    fusion: the filter at work, another one for each device. touch, turn_share: of what was read so far.
+    """
+
+    def __init__(
+        self, robot: RobotConfig, settings: OdometrySettings, readings: DriveReadings, device: Device
+    ) -> None:
+        self._robot = robot
+        self._settings = settings
+        self._geometry = DriveGeometry.from_robot(robot)
+        self._ports = (robot.drive.left, robot.drive.right)
+        self._readings = readings
+        self._left, self._right = readings.left, readings.right
+        self._gyro, self._reasons = readings.gyro, readings.reasons
+        self._standstill, self._swing, self._shaking = Standstill(), Swing(), Shaking()
+        self.touch, self.turn_share = Touch(robot, readings), TurnShare()
+        self.fusion = self._begun(device)
+
+    def configure(self, device: Device) -> None:
+        """Words of this device follow: the filter starts anew, where the old one stood."""
+        x, y, heading = self.fusion.drive.flat[: State.VELOCITY]
+        self.fusion = self._begun(device)
+        self.fusion.place(x, y, heading)
+
+    def _begun(self, device: Device) -> Fusion:
+        """A filter that has read nothing, and the scale of this device's words."""
+        self._left.lag = self._right.lag = lag_seconds(self._robot, device)
+        self._noise = WheelNoise(self._robot, self._settings, device)
+        self.touch.configure(device)
+        per_count = counts_scale(self._robot, "left", device)
+        mean, covariance = prior(self._robot, self._settings, device)
+        drive = DriveFilter(
+            mean, covariance, self._geometry, process_noise(self._robot, self._settings, per_count)
+        )
+        return Fusion(drive, self._settings)
+
+    def advance(self, command: Outputs | None) -> None:
+        """Move the filter to now over the whole time since it last moved."""
+        pending, self._readings.pending = self._readings.pending, Pending()
+        span, noise, left, right = pending.span, self._noise, self._left, self._right
+        if pending.gap:
+            self._bridge(pending)
+            return
+        read: tuple[float, ...] = (pending.left / span, pending.right / span)
+        still = self._stands(span, command)
+        variances: tuple[float, ...] = (
+            noise.variance(left, read[0], span, still),
+            noise.variance(right, read[1], span, still),
+        )
+        left.mean, right.mean = read
+        left.blind = right.blind = left.lost = right.lost = 0.0
+        swing = self._swing.update(
+            span, self._geometry.body_motion(left.speed, right.speed)[1], self._readings.rate
+        )
+        shaken = self._shaking.update(span, read[0], read[1])
+        wobble = noise.wobble(read[0], read[1], span) + shaken**2
+        undated = 0.0
+        if pending.gyro_count and pending.gyro_span > 0.5 * span:
+            read = (*read, pending.turn / pending.gyro_span)
+            undated = DATED * pending.gyro_sharp
+            of_gyro = self._settings.gyro_noise**2 / pending.gyro_count + pending.gyro_kinks
+            of_gyro += (GYRO_SHAKEN * self._geometry.body_motion(-shaken, shaken)[1]) ** 2
+            variances = (*variances, of_gyro)
+            if self._gyro.repeats < REPEATED:
+                self._check_signs(span, *read)
+        flat = self.fusion.drive.flat
+        held = self.touch.carries(span, read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET])
+        reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated, held)
+        self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
+        self.touch.feel(pending, still)
+
+    def _check_signs(self, span: float, left: float, right: float, gyro: float) -> None:
+        """Whether the robot turns as its wheels say, by rad/s of theirs and of the gyro's."""
+        turned = self._geometry.body_motion(left, 0.0)[1], self._geometry.body_motion(0.0, right)[1]
+        self._readings.wiring.update(span, *turned, gyro)
+        self.turn_share.update(span, sum(turned), gyro)
+        if self._readings.wiring.suspects:
+            self._reasons.tell(OTHERWISE, self._readings.time)
+
+    def _bridge(self, pending: Pending) -> None:
+        """Move the filter to now over a time in which nobody looked."""
+        span, noise, left, right = pending.span, self._noise, self._left, self._right
+        variances = noise.of_angle(left, pending.left, span), noise.of_angle(right, pending.right, span)
+        wobble = noise.wobble(pending.left, pending.right, 1.0)
+        now = left.speed, right.speed
+        left.mean, right.mean = now
+        left.blind = right.blind = left.lost = right.lost = 0.0
+        velocity, turn_rate = self._geometry.body_motion(*now)
+        self._swing.update(span, turn_rate, self._readings.rate)
+        self._standstill.interrupt()
+        self.touch.interrupt(velocity)
+        read = pending.left / span, pending.right / span
+        reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now=now)
+        self.fusion.advance(reading, self._reasons, False)
+
+    def _stands(self, span: float, command: Outputs | None) -> bool:
+        flat = self.fusion.drive.flat
+        driven = command is None or any(command.duty[port] != 0.0 for port in self._ports)
+        left = self._left.settled - flat[State.LEFT_OFFSET]
+        right = self._right.settled - flat[State.RIGHT_OFFSET]
+        sigma = sqrt(max(flat[_VOL], flat[_VOR]))
+        if sigma == 0.0 and (self._left.increment != 0.0 or self._right.increment != 0.0):
+            driven = True  # an encoder at rest does not tick
+        gyro = None
+        if self._gyro.age <= GYRO_TIMEOUT:
+            gyro = (self._readings.rate - flat[State.GYRO_BIAS], sqrt(flat[_VB]))
+        return self._standstill.update(span, driven, (max(left, right, -left, -right), sigma), gyro)

@@ -1,0 +1,200 @@
+"""Turns good frames into `Inputs`: says what is wrong with a cycle and leaves out what cannot be used."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from raccoon.core.errors import HardwareError
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, MOTOR_PORTS, Fault, Inputs, Words
+from raccoon.hal.wombat.checks.health import (
+    BatteryWatch,
+    ImuWatch,
+    LifeWatch,
+    Liveness,
+    MotorWatch,
+    RestWatch,
+)
+from raccoon.hal.wombat.firmware.counters import Bemf
+from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
+
+NOTHING: Words = (None,) * 4
+BEMF_AT_REST = 15.0
+LATE = 1.5
+"""Cycles."""
+MISSING_SECONDS = 0.05
+"""Words that an IMU never sends (all bits alike) are forgiven that long: it may still be starting."""
+ANALOG_SETTLING = 0.1
+"""S after a restart in which analog words rise from 0, by the stock filter in steps of a tenth of the way."""
+IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE = 0.06, 3.0, 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """Measured rates in Hz; None where there is not enough to measure.
+
+    cycle: of this port. bemf: updates of the position counters. imu: new IMU words. expected_bemf: what
+    `bemf` is taken to be when ticks are worked out; None where they do not depend on it.
+    """
+
+    cycle: float | None
+    bemf: float | None
+    imu: float | None
+    expected_bemf: float | None = None
+
+
+class Monitor:
+    """Watches the words of every cycle.
+
+    period: seconds of a cycle. watch_analog: ports to check. resting_bemf: counts of each motor at
+    standstill, as far as they are calibrated.
+    """
+
+    def __init__(
+        self,
+        dialect: Dialect,
+        period: float,
+        watch_analog: Collection[int] = (),
+        resting_bemf: Sequence[float] = (0.0,) * MOTOR_PORTS,
+    ) -> None:
+        self._dialect = dialect
+        self._period = period
+        self._watch_analog = tuple(watch_analog)
+        self._life = LifeWatch()
+        self._imu = Liveness(IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE)
+        self._imu_watch = ImuWatch()
+        self._motors = MotorWatch()
+        self._rest = RestWatch(resting_bemf)
+        self._resting_bemf = tuple(resting_bemf)
+        self._battery = BatteryWatch()
+        self._bemf: Sequence[float] = (0.0,) * 4
+        self._first: float | None = None
+        self._time = 0.0
+        self._cycles = 0
+        self._stuck = False
+        self._analog_from = -math.inf
+        self.frozen = False
+        self.fault_counts: Counter[Fault] = Counter()
+
+    @property
+    def rates(self) -> Rates:
+        """What was measured so far."""
+        elapsed = self._time - (self._first or 0.0)
+        cycle = self._cycles / elapsed if self._cycles > 0 and elapsed > 0.0 else None
+        return Rates(cycle, self._dialect.bemf_rate_hz, self._imu.rate_hz, self._dialect.expected_rate_hz)
+
+    @property
+    def standstill_bemf(self) -> tuple[float, ...]:
+        """Mean back-EMF counts of each motor while it was at rest."""
+        return tuple(self._rest.offset)
+
+    def inputs(
+        self,
+        reading: Reading | None,
+        time: float,
+        position: Words,
+        bemf: Bemf | None,
+        faults: list[Fault],
+        duties: Sequence[float],
+    ) -> Inputs:
+        """The cycle at `time`. duties: what drove the motors until now.
+
+        Raises HardwareError where the controller's main loop hangs.
+        """
+        self._count_cycle(time, faults)
+        if Fault.RESET in faults:
+            self._analog_from = time + ANALOG_SETTLING
+        if reading is None:
+            return self._close(Inputs(time, self._dialect.device, faults=self._named(faults)))
+        if self._stale(reading, time, duties, faults):
+            position, bemf = NOTHING, None
+        if bemf is not None:
+            # 0 is rest all the same: a dead zone hides an offset.
+            self._bemf = [each and each - rest for each, rest in zip(bemf, self._resting_bemf, strict=True)]
+            self._watch_motors(bemf, time, duties, faults)
+        self._watch_board(reading, time, faults)
+        fresh, analog = self._imu_fresh(reading, time, faults), time >= self._analog_from
+        words = bemf or NOTHING
+        inputs = self._dialect.inputs(reading, time, position, words, self._named(faults), fresh, analog)
+        if fresh:
+            self._judge_imu(inputs)
+        if self._imu_watch.distrusted(time):
+            faults.append(Fault.IMU_IMPLAUSIBLE)
+            inputs = self._dialect.inputs(reading, time, position, words, self._named(faults), False, analog)
+        return self._close(inputs)
+
+    def _count_cycle(self, time: float, faults: list[Fault]) -> None:
+        if self._first is None:
+            self._first = time
+        else:
+            self._cycles += 1
+            if time - self._time > LATE * self._period:
+                faults.append(Fault.OVERRUN)
+        self._time = time
+
+    def _stale(self, reading: Reading, time: float, duties: Sequence[float], faults: list[Fault]) -> bool:
+        """Whether positions and back-EMF are old words that only look like new ones."""
+        life = self._life
+        life.update(self._dialect.life(reading.reply), time, self._bemf, duties)
+        if life.stale:
+            faults.append(Fault.STALE)
+        if life.hangs:
+            self.frozen = True
+            raise HardwareError(
+                f"{Fault.STALE}: the controller has repeated itself for {life.silence:.2f} s: its main loop"
+                " hangs or its link has stopped; only a reset or the power switch helps"
+            )
+        return life.stale or self._stand_still(faults)
+
+    def _stand_still(self, faults: list[Fault]) -> bool:
+        """Whether counters do not count; once they do again, the way in between is missing from them."""
+        before, self._stuck = self._stuck, self._dialect.counters_stuck
+        if self._stuck:
+            faults.append(Fault.BEMF_INVALID)
+        elif before:
+            faults.append(Fault.POSITION_JUMP)
+        return self._stuck
+
+    def _watch_motors(self, bemf: Bemf, time: float, duties: Sequence[float], faults: list[Fault]) -> None:
+        if self._motors.update(duties, bemf, time):
+            faults.append(Fault.MOTOR_FAULT)
+        if self._rest.update(duties, bemf, time):
+            faults.append(Fault.BEMF_INVALID)
+
+    def _watch_board(self, reading: Reading, time: float, faults: list[Fault]) -> None:
+        if self._battery.update(reading.battery * self._dialect.device.battery_volts, time):
+            faults.append(Fault.BROWN_OUT)
+        first = self._dialect.first_analog
+        for port in self._watch_analog if time >= self._analog_from else ():
+            if not ANALOG_BOTTOM < reading.words[first + port] < ANALOG_TOP:
+                faults.append(Fault.ANALOG_SATURATED)
+
+    def _imu_fresh(self, reading: Reading, time: float, faults: list[Fault]) -> bool:
+        words = self._dialect.imu_words(reading.reply)
+        frozen = self._imu.update(words, time)
+        missing = words == words[:1] * len(words)
+        if frozen or (missing and self._imu.age > MISSING_SECONDS):
+            faults.append(Fault.IMU_FROZEN)
+        return self._imu.fresh and not (frozen or missing)
+
+    def _judge_imu(self, inputs: Inputs) -> None:
+        if inputs.gyro is None or inputs.accel is None:
+            return
+        scale, force = inputs.device.gyro_rad_s, inputs.device.accel_m_s2
+        x, y, z = inputs.gyro
+        a, b, c = inputs.accel
+        at_rest = self._rest.resting(inputs.time) and max(map(abs, self._bemf)) < BEMF_AT_REST
+        self._imu_watch.update(
+            (scale * x, scale * y, scale * z), (force * a, force * b, force * c), at_rest, inputs.time
+        )
+
+    @staticmethod
+    def _named(faults: list[Fault]) -> tuple[Fault, ...]:
+        return tuple(dict.fromkeys(faults)) if faults else ()
+
+    def _close(self, inputs: Inputs) -> Inputs:
+        for fault in inputs.faults:
+            self.fault_counts[fault] += 1
+        return inputs

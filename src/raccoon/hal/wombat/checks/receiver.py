@@ -1,0 +1,199 @@
+"""Makes good frames out of what the bus gives: dead, shifted, torn and strange ones are dealt with here."""
+
+from __future__ import annotations
+
+from raccoon.core.clock import Clock
+from raccoon.core.errors import HardwareError
+from raccoon.core.readings import Fault, Words
+from raccoon.hal.wombat.firmware.counters import Bemf, Counters, Counts
+from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
+from raccoon.hal.wombat.link.pipe import Link
+
+PATIENCE_SECONDS = 0.5
+"""A link that carries nothing usable for longer is lost."""
+ALIGN_ATTEMPTS = 3
+LARGEST_DISOBEDIENCE = 40
+"""Frames in a row whose command does not show in the controller."""
+RESTARTS, RESTART_SECONDS = 3, 10.0
+
+
+class Receiver:
+    """Exchanges frames and accepts the good ones; keeps the positions.
+
+    `collect` begins a cycle, `exchange` and `poll` belong to it; `faults` and `bemf` are the cycle's.
+    clock: tells how much later a second look was taken than the first.
+    """
+
+    def __init__(self, dialect: Dialect, link: Link, clock: Clock) -> None:
+        self._dialect = dialect
+        self._link = link
+        self._clock = clock
+        self._counters = Counters(dialect.fastest_counter)
+        self._last: Reading | None = None
+        self._time = self._taken = 0.0
+        self._sent = bytes(dialect.length)
+        self._expected: bytes | None = None
+        self._previous: bytes | None = None
+        self._restart = False
+        self._unusable_since: float | None = None
+        self._disobeyed = 0
+        self._restarts: list[float] = []
+        self.faults: list[Fault] = []
+        self.bemf: Bemf | None = None
+
+    @property
+    def position(self) -> Words:
+        """64-bit positions in ticks."""
+        return self._dialect.ticks(self._counters.totals)
+
+    def collect(self) -> None:
+        """Begin a cycle."""
+        self.faults = []
+        self.bemf = None
+
+    def exchange(self, frame: bytes) -> bytes:
+        """One transfer. The reply shows the state before this frame, so after the one sent before it."""
+        self._expected, self._sent = self._sent, frame
+        reply = self._link.transfer(frame)
+        # In every reply: the next command wipes out the marks of a restart.
+        if self._previous is not None and self._dialect.restarted(reply, self._previous):
+            self._restart = True
+        if self._dialect.aligned(reply):
+            self._previous = reply
+        return reply
+
+    def poll(self, frame: bytes, time: float) -> Reading | None:
+        """Send a command and take what came back, None where nothing usable did.
+
+        Raises HardwareError where the link or the controller is lost.
+        """
+        self._taken = time
+        reply = self.exchange(frame)
+        if not self._dialect.aligned(reply):
+            recovered = self._recover(reply, time)
+            if recovered is None:
+                return None
+            reply = recovered
+        reading = self._checked(reply, time)
+        if reading is None:
+            self._wait(time, "its frames contradict each other")
+            return None
+        self._unusable_since = None
+        self._last = reading
+        self._time = self._taken
+        return reading
+
+    def _checked(self, reply: bytes, time: float) -> Reading | None:
+        reading = self._dialect.read(reply)
+        if self._last is None:
+            self._restart = False
+            self._counters.continue_from(reading.position)
+            return reading
+        if self._restart:
+            self._restarted(reading, time)
+            return reading
+        self._check_obedience(reply)
+        seconds = time - self._time
+        differences = self._counters.differences(reading.position)
+        if self._suspicious(differences, seconds):
+            looked = self._second_look(differences, seconds)
+            if looked is None:
+                return None
+            reading, differences = looked
+            seconds = self._taken - self._time
+        self._counters.accept(reading.position, differences)
+        bemf = self._dialect.bemf(reading, differences, seconds)
+        if bemf is not None:
+            self.bemf = bemf
+        return reading
+
+    def _suspicious(self, differences: Counts, seconds: float) -> bool:
+        plausible = self._counters.plausible(differences, seconds)
+        return not plausible or self._dialect.suspicious(differences, seconds)
+
+    def _second_look(self, differences: Counts, seconds: float) -> tuple[Reading, Counts] | None:
+        """Read again to tell a torn word from a counter that has really jumped. Counters count on meanwhile:
+        on a slow bus an update or two fall between the looks."""
+        first, self._taken = self._taken, self._clock.now()
+        later = self._taken - first
+        reply = self.exchange(self._sent)
+        if not self._dialect.aligned(reply):
+            self.faults.append(Fault.TORN)
+            return None
+        second = self._dialect.read(reply)
+        moved = self._counters.differences(second.position)
+        apart = max(abs(new - old) for new, old in zip(moved, differences, strict=True))
+        if self._counters.plausible(moved, seconds + later):
+            believed = self._counters.plausible(differences, seconds)
+            if not believed or self._dialect.torn(differences, moved, later):
+                self.faults.append(Fault.TORN)
+            return second, moved
+        if not self._near(apart, later):
+            self.faults.append(Fault.TORN)
+            return None
+        # Both looks agree on a place where the motors cannot have got to.
+        self.faults.append(Fault.POSITION_JUMP)
+        self._counters.continue_from(second.position)
+        return second, (0, 0, 0, 0)
+
+    def _near(self, apart: int, seconds: float) -> bool:
+        return self._counters.plausible((apart, 0, 0, 0), seconds)
+
+    def _check_obedience(self, reply: bytes) -> None:
+        if self._expected is None or self._dialect.obeys(reply, self._expected):
+            self._disobeyed = 0
+            return
+        self.faults.append(Fault.COMMAND_LOST)
+        self._disobeyed += 1
+        if self._disobeyed >= LARGEST_DISOBEDIENCE:
+            raise HardwareError(
+                f"{Fault.COMMAND_LOST}: {self._disobeyed} commands in a row did not reach the registers:"
+                " another program commands the robot, or the firmware speaks another protocol version"
+            )
+
+    def _restarted(self, reading: Reading, time: float) -> None:
+        self._restart = False
+        self.faults.append(Fault.RESET)
+        self._counters.continue_from(reading.position)
+        self._restarts = [*(each for each in self._restarts if time - each < RESTART_SECONDS), time]
+        if len(self._restarts) >= RESTARTS:
+            raise HardwareError(
+                f"{Fault.RESET}: the controller restarted {RESTARTS} times within {RESTART_SECONDS:.0f} s:"
+                " charge the battery, check the power connector"
+            )
+
+    def _recover(self, reply: bytes, time: float) -> bytes | None:
+        """An aligned frame in place of a dead or shifted one, or None."""
+        if reply == reply[:1] * len(reply):
+            self.faults.append(Fault.LINK_DEAD)
+            self._wait(time, f"the link says 0x{reply[0]:02X} and nothing else")
+            return None
+        self._refuse_stranger(reply)
+        self.faults.append(Fault.MISALIGNED)
+        for _ in range(ALIGN_ATTEMPTS):
+            self._dialect.realign(self._link, reply)
+            reply = self.exchange(bytes(self._dialect.length))
+            if self._dialect.aligned(reply):
+                self._expected = None
+                return reply
+        self._wait(time, f"no frame can be found in {reply[:8].hex(' ')} ...")
+        return None
+
+    def _refuse_stranger(self, reply: bytes) -> None:
+        """Raise where another firmware answers, and still does so when asked again."""
+        stranger = self._dialect.foreign(reply)
+        if stranger is not None:
+            again = self.exchange(bytes(self._dialect.length))
+            if self._dialect.foreign(again) == stranger:
+                raise HardwareError(f"{Fault.LINK_DEAD}: {stranger}")
+
+    def _wait(self, time: float, complaint: str) -> None:
+        """Nothing usable in this cycle: give up where that lasts."""
+        if self._unusable_since is None:
+            self._unusable_since = time
+        elif time - self._unusable_since > PATIENCE_SECONDS:
+            names = "/".join(dict.fromkeys(self.faults))
+            raise HardwareError(
+                f"{names}: the {self._dialect.name} controller is lost: {complaint} for"
+                f" {time - self._unusable_since:.1f} s; check battery and power switch, switch off and on"
+            )

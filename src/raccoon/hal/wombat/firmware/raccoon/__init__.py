@@ -1,0 +1,1 @@
+"""RaccoonOS, versions 17 and 21."""

@@ -1,0 +1,160 @@
+"""RaccoonOS as the port sees it."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs, Outputs, Words
+from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
+from raccoon.hal.wombat.firmware.devices import RACCOON_BEMF_RATE_HZ, RACCOON_POLARITY, raccoon_device
+from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, Reading
+from raccoon.hal.wombat.firmware.raccoon import commands, wire
+from raccoon.hal.wombat.firmware.raccoon.rate import CounterRate
+from raccoon.hal.wombat.firmware.raccoon.wire import Telemetry
+from raccoon.hal.wombat.link.pipe import Link
+
+NEWEST_IN_THE_WILD = 32
+"""First bytes up to here are taken for a version of RaccoonOS."""
+POSITION = 21
+RESTART_COUNTS_SECONDS = 250.0
+"""Counts x seconds that a counter may hold when a restart is noticed."""
+MOVING = 60.0
+"""Counts; a counter that stands still beside it is stuck."""
+STUCK_CYCLES, STUCK_TICKS = 4, 4.0
+
+
+class RaccoonDialect:
+    """A clock and a padding of zeros are all that tells a good frame; commands cannot be read back."""
+
+    first_analog = 11
+
+    def __init__(self, version: int, bemf_rate_hz: float = RACCOON_BEMF_RATE_HZ) -> None:
+        self.name = f"RaccoonOS {version}"
+        self.version = version
+        self.length = wire.FRAME_LENGTH[version]
+        self.device: Device = raccoon_device(version, bemf_rate_hz)
+        self.expected_rate_hz: float | None = None if version >= 21 else bemf_rate_hz
+        self.fastest_counter = LARGEST_BEMF / self.device.position_counts_seconds
+        self._padding = bytes(self.length - wire.DATA_LENGTH)
+        self._rate = CounterRate()
+        self._missing = [0.0] * MOTOR_PORTS
+        self._still = [0] * MOTOR_PORTS
+
+    def polls(self, _period: float) -> int:
+        return 1
+
+    def at_rate(self, bemf_rate_hz: float) -> RaccoonDialect:
+        return RaccoonDialect(self.version, bemf_rate_hz)
+
+    def command(self, outputs: Outputs) -> bytes:
+        return commands.encode(outputs, self.version)
+
+    def stop(self) -> bytes:
+        return commands.stop(self.version)
+
+    def hold(self, outputs: Outputs) -> bytes:
+        # Every frame says where the servos go. The motors are off by their modes: a shutdown would stop the
+        # counters, too, and lose the way on which the robot rolls out.
+        return commands.encode(Outputs(servo_us=outputs.servo_us), self.version)
+
+    def aligned(self, reply: bytes) -> bool:
+        return reply[0] == self.version and reply.endswith(self._padding)
+
+    def foreign(self, reply: bytes) -> str | None:
+        if 0 < reply[0] <= NEWEST_IN_THE_WILD and reply[0] != self.version and reply.endswith(self._padding):
+            return f"RaccoonOS answers with protocol version {reply[0]} instead of {self.version}"
+        return None
+
+    def realign(self, link: Link, _reply: bytes) -> bool:
+        stream = link.transfer(bytes(3 * self.length))
+        index = wire.shift(stream, self.version)
+        if index is None:
+            return False
+        if index > 0:
+            link.transfer(bytes(index))
+        return True
+
+    def read(self, reply: bytes) -> Reading:
+        words = wire.decode(reply, self.version).words
+        position = [RACCOON_POLARITY * int(count) for count in words[6:10]]
+        return Reading(reply, words, position, words[17])
+
+    def life(self, reply: bytes) -> bytes:
+        # Without the clock and the digital ports, which interrupts write even when the main loop hangs.
+        return reply[5:37] + reply[38:52] + reply[54:144]
+
+    def imu_words(self, reply: bytes) -> bytes:
+        return reply[54:66] + reply[67:79]
+
+    def restarted(self, reply: bytes, before: bytes) -> bool:
+        if reply[0] != self.version or before[0] != self.version:
+            return False
+        clock = int.from_bytes(reply[1:5], "little")
+        last = int.from_bytes(before[1:5], "little")
+        if (clock - last) & 0x8000_0000 == 0:
+            return False
+        # One damaged byte is no restart: the counters must have started anew, too.
+        limit = RESTART_COUNTS_SECONDS / self.device.position_counts_seconds
+        return near_zero(struct.unpack_from("<4i", reply, POSITION), limit)
+
+    def obeys(self, _reply: bytes, _sent: bytes) -> bool:
+        return True
+
+    def stopped(self, _reply: bytes) -> bool:
+        return True
+
+    def bemf(self, reading: Reading, differences: Counts, seconds: float) -> Bemf | None:
+        bemf = Telemetry(reading.words).bemf
+        self._rate.update(differences, bemf, seconds)
+        self._watch(differences, bemf, seconds)
+        return bemf
+
+    def _watch(self, differences: Counts, bemf: Sequence[float], seconds: float) -> None:
+        """Sum up, in ticks, what each counter should have moved since it last did."""
+        for port, value in enumerate(bemf):
+            moving = abs(value) > MOVING and not differences[port]
+            step = abs(value) * seconds / self.device.position_counts_seconds
+            self._missing[port] = self._missing[port] + step if moving else 0.0
+            self._still[port] = self._still[port] + 1 if moving else 0
+
+    def ticks(self, totals: Sequence[int]) -> Words:
+        return tuple(totals)
+
+    def suspicious(self, _differences: Counts, _seconds: float) -> bool:
+        return False
+
+    def torn(self, _first: Counts, _second: Counts, _seconds: float) -> bool:
+        return False
+
+    @property
+    def counters_stuck(self) -> bool:
+        return any(
+            cycles >= STUCK_CYCLES and ticks > STUCK_TICKS
+            for cycles, ticks in zip(self._still, self._missing, strict=True)
+        )
+
+    def inputs(
+        self,
+        reading: Reading,
+        time: float,
+        position: Words,
+        bemf: Words,
+        faults: tuple[Fault, ...],
+        imu: bool,
+        analog: bool,
+    ) -> Inputs:
+        return wire.inputs(
+            Telemetry(reading.words),
+            time,
+            device=self.device,
+            position=position,
+            bemf=bemf,
+            faults=faults,
+            imu=imu,
+            analog=analog,
+        )
+
+    @property
+    def bemf_rate_hz(self) -> float | None:
+        return None if self.version >= 21 else self._rate.rate_hz

@@ -1,0 +1,1 @@
+"""KIPR's own firmware."""

@@ -1,0 +1,163 @@
+"""The stock firmware as the port sees it."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Sequence
+
+from raccoon.core.readings import Device, Fault, Inputs, Outputs, Words
+from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
+from raccoon.hal.wombat.firmware.devices import STOCK_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK, stock_device
+from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, Reading
+from raccoon.hal.wombat.firmware.stock import commands, wire
+from raccoon.hal.wombat.firmware.stock.bemf import StockBemf
+from raccoon.hal.wombat.firmware.stock.wire import Registers
+from raccoon.hal.wombat.link.pipe import Link
+
+LARGEST_AFTER_BOOT = 50_000
+"""Counts that a counter may hold when a restart is noticed."""
+POLL_MARGIN = 1.2
+"""Looks at the counters for each of their updates, at least. Updates are as uneven as the firmware's loop:
+with hardly more than one look each, two of them come between the same two looks now and then, and pass for
+one of a wheel that is twice as fast."""
+LARGEST_STEP = 128
+"""Counts that filtered back-EMF may change by in one update before a second look: a torn byte is 256."""
+
+
+class StockDialect:
+    """Registers, read-back and a canary; back-EMF comes out of the counters."""
+
+    name = "stock"
+    length = wire.LENGTH
+    first_analog = 6
+    fastest_counter = LARGEST_BEMF * STOCK_BEMF_RATE_HZ
+
+    def __init__(self, bemf_rate_hz: float = STOCK_BEMF_RATE_HZ) -> None:
+        self.device: Device = stock_device(bemf_rate_hz)
+        self._bemf = StockBemf(bemf_rate_hz)
+        self._rate_hz = bemf_rate_hz
+        self.expected_rate_hz: float | None = bemf_rate_hz
+        self._sequence = 0
+
+    def polls(self, period: float) -> int:
+        return max(math.ceil(POLL_MARGIN * period * self._rate_hz), 1)
+
+    def at_rate(self, bemf_rate_hz: float) -> StockDialect:
+        return StockDialect(bemf_rate_hz)
+
+    def command(self, outputs: Outputs) -> bytes:
+        self._sequence += 1
+        return commands.encode(outputs, self._sequence)
+
+    def stop(self) -> bytes:
+        self._sequence += 1
+        return commands.frame(commands.stop(), self._sequence)
+
+    def hold(self, _outputs: Outputs) -> bytes:
+        # Registers keep what nobody writes, and a lost canary must stay lost until the port has seen it.
+        return commands.frame(commands.motors_off())
+
+    def aligned(self, reply: bytes) -> bool:
+        return reply.startswith(wire.MAGIC)
+
+    def foreign(self, reply: bytes) -> str | None:
+        if reply[0] == wire.START and reply[1] == 0 and reply[2] != wire.FIRMWARE_VERSION:
+            return f"the stock firmware answers with version {reply[2]}; known is {wire.FIRMWARE_VERSION}"
+        return None
+
+    def realign(self, link: Link, reply: bytes) -> bool:
+        index = wire.shift(reply)
+        if index is None:
+            return False
+        if index > 0:
+            link.transfer(bytes(index))
+        return True
+
+    def read(self, reply: bytes) -> Reading:
+        registers = wire.decode(reply)
+        return Reading(reply, registers.words, registers.position, registers.battery)
+
+    def life(self, reply: bytes) -> bytes:
+        # The counters count: with a dead IMU and quiet analog ports nothing else changes.
+        sensors = reply[wire.ADC_0 : wire.ADC_PE] + reply[wire.ADC_PE + 1 : wire.MOT_MODES]
+        return sensors + reply[wire.BATTERY : wire.BUTTONS]
+
+    def imu_words(self, reply: bytes) -> bytes:
+        return reply[wire.ACCEL : wire.MOT_POS]
+
+    def restarted(self, reply: bytes, before: bytes) -> bool:
+        # Only a whole frame bears witness: one of zeros, or one that breaks off, has no canary and no counts.
+        if reply[1:3] != wire.MAGIC[1:] or reply[wire.SERVO] == 0:
+            return False
+        # The transfer engine starts before the registers are filled: one old byte, then a good frame.
+        canary_lost = before[wire.ADC_PE] & ~reply[wire.ADC_PE] & commands.CANARY != 0
+        if not (canary_lost or reply[0] == 0):
+            return False
+        # One damaged byte is no restart: the counters must have started anew, too.
+        return near_zero(struct.unpack_from(">4i", reply, wire.MOT_POS), LARGEST_AFTER_BOOT)
+
+    def obeys(self, reply: bytes, sent: bytes) -> bool:
+        if sent[3] != len(commands.IMAGE):
+            return True
+        return commands.holds(reply, sent)
+
+    def stopped(self, reply: bytes) -> bool:
+        return reply[wire.MOT_MODES] == 0 and reply[wire.MOT_DIRS] == 0
+
+    def bemf(self, _reading: Reading, differences: Counts, seconds: float) -> Bemf | None:
+        self._bemf.update(differences, seconds)
+        return self._bemf.value if self._bemf.fresh else None
+
+    def ticks(self, totals: Sequence[int]) -> Words:
+        return tuple(
+            (total + missing) / STOCK_COUNTS_PER_TICK
+            for total, missing in zip(totals, self._bemf.shortfall, strict=True)
+        )
+
+    def suspicious(self, differences: Counts, seconds: float) -> bool:
+        updates = seconds * self._rate_hz
+        if updates > 1.4:
+            return False
+        most = 1 if updates <= 1.0 else 2
+        return any(
+            difference and min(abs(difference - n * last) / n for n in range(1, most + 1)) > LARGEST_STEP
+            for difference, last in zip(differences, self._bemf.value, strict=True)
+        )
+
+    def torn(self, first: Counts, second: Counts, seconds: float) -> bool:
+        # A counter goes on the way it went, by no more than the updates that may have fallen in between.
+        updates = math.floor(seconds * self._rate_hz) + 1
+        return any(
+            not -LARGEST_STEP <= math.copysign(1.0, old) * (new - old) <= updates * abs(old) + LARGEST_STEP
+            for old, new in zip(first, second, strict=True)
+        )
+
+    @property
+    def counters_stuck(self) -> bool:
+        return self._bemf.overdue
+
+    def inputs(
+        self,
+        reading: Reading,
+        time: float,
+        position: Words,
+        bemf: Words,
+        faults: tuple[Fault, ...],
+        imu: bool,
+        analog: bool,
+    ) -> Inputs:
+        return wire.inputs(
+            Registers(reading.words),
+            time,
+            device=self.device,
+            position=position,
+            bemf=bemf,
+            faults=faults,
+            imu=imu,
+            analog=analog,
+        )
+
+    @property
+    def bemf_rate_hz(self) -> float | None:
+        return self._bemf.rate_hz

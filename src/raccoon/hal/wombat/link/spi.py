@@ -1,0 +1,80 @@
+"""The SPI bus that the co-processor hangs on."""
+
+from __future__ import annotations
+
+from raccoon.core.errors import HardwareError
+from raccoon.core.extras import install
+
+SPI_DEVICE = "/dev/spidev0.0"
+SPEED_HZ = 16_000_000
+"""Within what both firmwares accept."""
+GAP_US = 50
+"""The co-processor needs a pause after each frame."""
+NO_WOMBAT = 'on a computer that is no Wombat, write port = "sim" under [controller] in robot.toml'
+
+
+class SpiLink:
+    """The Wombat's SPI bus through spidev (`pip install '.[wombat]'` in the clone), for this program alone.
+
+    Raises HardwareError where spidev or the device is missing or not permitted or another program owns the
+    bus, and says what to do.
+    """
+
+    def __init__(self, device: str = SPI_DEVICE, speed_hz: int = SPEED_HZ) -> None:
+        try:
+            import spidev
+        except ImportError as error:
+            raise HardwareError(
+                f"the package spidev is missing: {install('wombat')}, or apt install python3-spidev;"
+                f" {NO_WOMBAT}"
+            ) from error
+        from raccoon.hal.wombat.link.lock import BusLock  # Linux alone; the emulator runs anywhere
+
+        self._device = device
+        self._speed_hz = speed_hz
+        self.lock = BusLock(device)
+        self._spi = spidev.SpiDev()
+        self._open = True
+        try:
+            self._configure(speed_hz)
+        except HardwareError:
+            self.close()
+            raise
+
+    def _configure(self, speed_hz: int) -> None:
+        device = self._device
+        try:
+            self._spi.open_path(device)
+            # They persist on the device from whoever used it before.
+            self._spi.mode = 0
+            self._spi.bits_per_word = 8
+            self._spi.max_speed_hz = speed_hz
+        except FileNotFoundError as error:
+            raise HardwareError(
+                f"{device} does not exist: enable SPI (dtparam=spi=on in config.txt); {NO_WOMBAT}"
+            ) from error
+        except PermissionError as error:
+            raise HardwareError(f"{device} is not permitted: add your user to the group spi") from error
+        except OSError as error:
+            raise HardwareError(f"{device} cannot be opened: {error}") from error
+
+    @property
+    def target(self) -> str:
+        """The bus as a supervisor is told of it."""
+        return f"spi:{self._device}:{self._speed_hz}"
+
+    def transfer(self, frame: bytes) -> bytes:
+        """One SPI transfer followed by the pause that the co-processor needs."""
+        if not self._open:
+            raise HardwareError(f"{self._device} is closed")
+        try:
+            return bytes(self._spi.xfer2(frame, self._speed_hz, GAP_US))
+        except OSError as error:
+            raise HardwareError(f"a transfer on {self._device} failed: {error}") from error
+
+    def close(self) -> None:
+        """Close the device and release it for others."""
+        if self._open:
+            self._open = False
+            self._spi.close()
+            self.lock.release()

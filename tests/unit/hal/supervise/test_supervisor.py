@@ -1,0 +1,111 @@
+"""A program that is killed or hangs cannot stop its motors; its supervisor does. Processes are real here."""
+
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from raccoon.core.errors import HardwareError
+from raccoon.hal.supervise.supervisor import Supervisor
+from raccoon.hal.wombat.firmware.stock.commands import frame, stop
+from raccoon.hal.wombat.link.unix import SocketLink
+from supervised import SupervisedBench
+
+
+@pytest.fixture(params=["stock", 17, 21])
+def bench(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[SupervisedBench]:
+    bench = SupervisedBench(tmp_path, request.param)
+    yield bench
+    bench.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGABRT])
+def test_a_killed_program_stops(bench: SupervisedBench, number: signal.Signals) -> None:
+    program = bench.start("100000")
+    bench.serve_until(True, patience=20.0)
+    program.send_signal(number)
+    assert bench.serve_until(False, patience=2.0) < 0.6
+
+
+def test_a_hanging_program_stops_and_may_come_back(bench: SupervisedBench) -> None:
+    program = bench.start("100000")
+    bench.serve_until(True, patience=20.0)
+    program.send_signal(signal.SIGSTOP)
+    assert bench.serve_until(False, patience=2.0) < 0.6
+    program.send_signal(signal.SIGCONT)
+    bench.serve_until(True, patience=5.0)
+    program.send_signal(signal.SIGKILL)
+    assert bench.serve_until(False, patience=2.0) < 0.6
+
+
+def test_a_silent_program_does_not_drop_what_its_servos_hold(bench: SupervisedBench) -> None:
+    """It waits for a person or for a slow import; when it is gone, nobody knows how long it would hold."""
+    holding, off = (None, 1800, None, None), (None,) * 4
+    program = bench.start("100000")
+    bench.serve_until_servos(holding, patience=20.0)  # at the end of a slow way there
+    program.send_signal(signal.SIGSTOP)
+    assert bench.serve_until(False, patience=2.0) < 0.6
+    assert bench.emulator.servo_us == holding
+    program.send_signal(signal.SIGCONT)
+    bench.serve_until(True, patience=5.0)
+    assert bench.emulator.servo_us == holding
+    program.send_signal(signal.SIGSTOP)
+    bench.serve_until(False, patience=2.0)
+    program.send_signal(signal.SIGKILL)
+    bench.serve_until_servos(off, patience=2.0)
+
+
+@pytest.mark.parametrize("arguments", [("20",), ("20", "crash")])
+def test_a_program_that_ends_stops_its_motors_itself(
+    bench: SupervisedBench, arguments: tuple[str, ...]
+) -> None:
+    program = bench.start(*arguments)
+    bench.serve_program(program)
+    assert not bench.emulator.motors_running
+    assert program.returncode == (1 if "crash" in arguments else 0)
+
+
+def test_the_supervisor_is_small_and_idle(tmp_path: Path) -> None:
+    guard = Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
+    try:
+        for _ in range(1000):
+            guard.beat()
+        status = Path(f"/proc/{guard.pid}/status").read_text().splitlines()
+        resident_kb = next(int(line.split()[1]) for line in status if line.startswith("VmRSS"))
+        assert resident_kb < 10_000
+        fields = Path(f"/proc/{guard.pid}/stat").read_text().rpartition(")")[2].split()
+        seconds = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        assert seconds <= 0.05  # what starting an interpreter costs, and nothing after that
+    finally:
+        guard.close()
+
+
+@pytest.mark.parametrize("script", ["exec sleep 60", "exit 0"], ids=["hangs", "ends"])
+def test_a_supervisor_that_does_not_start_is_an_error(
+    script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    interpreter = tmp_path / "python"
+    interpreter.write_text(f"#!/bin/sh\n{script}\n")
+    interpreter.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(interpreter))
+    monkeypatch.setattr("raccoon.hal.supervise.supervisor.START_SECONDS", 0.05)
+    with pytest.raises(HardwareError, match="the supervisor process did not start"):
+        Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
+
+
+def test_losing_the_supervisor_is_an_error(tmp_path: Path) -> None:
+    guard = Supervisor(f"unix:{tmp_path}/nobody", [frame(stop())])
+    os.kill(guard.pid, signal.SIGKILL)
+    os.waitid(os.P_PID, guard.pid, os.WEXITED | os.WNOWAIT)
+    with pytest.raises(HardwareError, match="supervisor process"):
+        guard.beat()
+    guard.close()
+    guard.close()
+
+
+def test_nobody_serves(tmp_path: Path) -> None:
+    with pytest.raises(HardwareError, match="no emulator serves"):
+        SocketLink(tmp_path / "nobody")

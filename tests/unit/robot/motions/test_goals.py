@@ -1,0 +1,230 @@
+"""Motions on the simulated robot, judged by its true pose."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from raccoon import (
+    Action,
+    MotionTimeout,
+    Robot,
+    RobotConfig,
+    after_angle,
+    after_distance,
+    after_time,
+    arc,
+    deg,
+    drive,
+    open_robot,
+    seq,
+    straight,
+    turn,
+    turn_to,
+    wait,
+)
+from raccoon.core.config import ControllerConfig, Measured, MotorConfig
+from raccoon.core.port import Port
+from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
+from raccoon.robot.emulated import open_emulated
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.world.table import World
+
+# Both motors are calibrated, as before a match: motions are tested here, not the learning of scales.
+SCALE = Measured(SIMULATOR.bemf_volts / RobotConfig().model.left.back_emf_constant.value, 1e-6)
+CONFIG = RobotConfig(motors={port: MotorConfig(radians_per_tick=SCALE) for port in (0, 1)})
+
+
+def simulated(seed: int = 1, battery: float = 6.8) -> SimPort:
+    parameters = Parameters.from_robot(CONFIG).with_effect("battery.open_circuit_voltage", voltage=battery)
+    return SimPort(parameters, World.empty(), robot=CONFIG, seed=seed)
+
+
+def run(action: Action[Any], port: Port | None = None) -> tuple[Any, Truth, Robot]:
+    """Result, true end pose and the robot, after a second of standing still at first."""
+    with open_robot(CONFIG, port=port or simulated()) as robot:
+        robot.run(wait(1.0))
+        result = robot.run(action)
+        robot.run(wait(0.3))
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        return result, robot.inputs.truth, robot
+
+
+@pytest.mark.parametrize("distance", [0.6, -0.3, 0.03])
+def test_straight_ends_on_the_mark(distance: float) -> None:
+    _, end, _ = run(straight(distance))
+    assert end.x == pytest.approx(distance, abs=0.003)
+    assert end.y == pytest.approx(0.0, abs=0.003)
+    assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.5)
+
+
+@pytest.mark.parametrize("angle_deg", [90, -90, 5, 200])
+def test_turn_ends_on_its_angle(angle_deg: float) -> None:
+    _, end, _ = run(turn(deg(angle_deg)))
+    assert math.degrees(end.heading) == pytest.approx(angle_deg, abs=0.5)
+    assert math.hypot(end.x, end.y) < 0.005
+
+
+def test_turn_to_takes_the_shorter_way_and_means_the_field() -> None:
+    _, end, _ = run(seq(turn(deg(170)), turn_to(deg(-170))))
+    assert math.degrees(end.heading) == pytest.approx(190.0, abs=0.7)
+
+
+@pytest.mark.parametrize("angle_deg", [90, -60])
+def test_arc_ends_where_the_circle_does(angle_deg: float) -> None:
+    radius, angle = 0.25, deg(angle_deg)
+    _, end, _ = run(arc(radius, angle))
+    assert end.x == pytest.approx(radius * math.sin(abs(angle)), abs=0.006)
+    assert end.y == pytest.approx(math.copysign(radius * (1 - math.cos(angle)), angle), abs=0.006)
+    assert math.degrees(end.heading) == pytest.approx(angle_deg, abs=0.7)
+
+
+@pytest.mark.parametrize("battery", [6.1, 7.0])
+def test_the_battery_does_not_matter(battery: float) -> None:
+    port = simulated(battery=battery)
+    _, end, _ = run(straight(0.5), port)
+    assert end.x == pytest.approx(0.5, abs=0.003)
+
+
+def test_drive_until_a_distance_holds_its_heading() -> None:
+    _, end, robot = run(drive(0.15).until(after_distance(0.4)))
+    assert end.x == pytest.approx(0.4, abs=0.02)  # it stops from full speed
+    assert math.degrees(end.heading) == pytest.approx(0.0, abs=0.5)
+    assert robot.plan.heading == pytest.approx(0.0, abs=1e-3)
+
+
+def test_drive_with_a_turn_rate_until_an_angle() -> None:
+    _, end, _ = run(drive(0.1, 0.5).until(after_angle(deg(45))))
+    assert math.degrees(end.heading) == pytest.approx(45.0, abs=3.0)
+
+
+def test_errors_of_one_motion_are_made_good_by_the_next() -> None:
+    legs = [straight(0.05)] * 10
+    _, end, _ = run(seq(*legs))
+    assert end.x == pytest.approx(0.5, abs=0.004)
+
+
+class Stuck:
+    """The simulated robot against a wall: its wheels do not turn whatever is commanded."""
+
+    def __init__(self) -> None:
+        self._port = simulated()
+
+    def read(self) -> Inputs:
+        return self._port.read()
+
+    def write(self, outputs: Outputs) -> None:
+        self.wanted = outputs
+        self._port.write(Outputs())
+
+    def close(self) -> None:
+        self._port.close()
+
+
+def test_a_blocked_robot_gives_up_and_says_why() -> None:
+    with pytest.raises(MotionTimeout, match=r"no motion at left \(motor port 0\) and right"):
+        run(straight(0.2), Stuck())
+
+
+def test_a_robot_that_was_moved_does_not_drive_back() -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(wait(0.5))
+        robot.odometry.reset(1.0, 2.0, 0.5)
+        assert robot.plan.x == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: straight(math.nan), "distance is nan"),
+        (lambda: straight(1.0, speed=-0.2), "speed is -0.2: it must be above 0"),
+        (lambda: turn(math.inf), "angle is inf"),
+        (lambda: arc(0.0, 1.0), "radius is 0.0 m"),
+        (lambda: drive(math.nan), "speed is nan"),
+    ],
+)
+def test_nonsense_is_refused_before_anything_moves(make: Callable[[], object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+class Listening(SimPort):
+    """The simulated robot, and the duties of its left wheel."""
+
+    def __init__(self, config: RobotConfig) -> None:
+        super().__init__(Parameters.from_robot(config), robot=config, rate_hz=config.controller.rate_hz)
+        self.duties: list[float] = []
+
+    def write(self, outputs: Outputs) -> None:
+        self.duties.append(outputs.duty[0])
+        super().write(outputs)
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 50.0])
+def test_a_slow_loop_drives_as_steadily(rate_hz: float) -> None:
+    config = replace(CONFIG, controller=ControllerConfig(rate_hz=rate_hz))
+    port = Listening(config)
+    with open_robot(config, port=port) as robot:
+        robot.run(wait(0.5))
+        assert abs(robot.run(straight(0.5)).along) < 0.002
+        assert sum(abs(after - before) for before, after in pairwise(port.duties)) < 4.0
+        assert abs(robot.run(turn(deg(90))).heading) < deg(0.3)
+
+
+def test_a_pose_that_was_set_anew_is_where_the_next_motion_starts() -> None:
+    """The plan is of the old frame: within its reach it was kept, and 40 mm were driven twice."""
+    port = simulated()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(seq(wait(0.5), straight(0.04), wait(0.2)))
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        begin = robot.inputs.truth.x
+        robot.odometry.reset()
+        robot.run(seq(straight(0.1), wait(0.2)))
+        assert robot.inputs.truth is not None
+        assert robot.inputs.truth.x - begin == pytest.approx(0.1, abs=0.002)
+        assert robot.plan.x == pytest.approx(0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize(("radius", "angle_deg"), [(5.0, 5.0), (2.0, -12.0), (0.6, 40.0)])
+def test_a_wide_arc_ends_on_its_mark(radius: float, angle_deg: float) -> None:
+    """A heading that is 0.3 degrees off is 27 mm of such an arc: there the place tells how far it is."""
+    with open_robot(RobotConfig(), port=open_emulated(RobotConfig(), 21, world=World.empty())) as robot:
+        robot.run(wait(1.0))
+        result = robot.run(arc(radius, deg(angle_deg)))
+    assert abs(result.along) < 0.002
+    assert abs(result.across) < 0.002
+    assert abs(result.heading) < deg(0.4)
+
+
+def test_after_a_loop_of_its_own_a_motion_starts_from_where_that_came_to() -> None:
+    """It was within the reach of the plan before it: the loop's way was taken off the next motion."""
+    port = simulated()
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(seq(wait(0.5), straight(0.1)))
+        for _ in range(60):
+            robot.drive.velocity(0.1)
+            robot.tick()
+        for _ in range(40):
+            robot.tick()
+        assert robot.inputs is not None
+        assert robot.inputs.truth is not None
+        begin = robot.inputs.truth.x
+        assert 0.11 < begin < 0.145
+        robot.run(seq(straight(0.1), wait(0.2)))
+        assert robot.inputs.truth is not None
+        assert robot.inputs.truth.x - begin == pytest.approx(0.1, abs=0.002)
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(0.01, True), (0.05, True), (0.2, False)])
+def test_drives_that_are_too_short_to_come_to_their_speed_are_told(seconds: float, told: bool) -> None:
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(wait(0.5))
+        for _ in range(20):
+            robot.run(drive(0.1).until(after_time(seconds)))
+        assert any("begins anew" in each for each in robot.drive.remarks.values()) is told
