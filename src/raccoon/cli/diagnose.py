@@ -41,6 +41,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="what made a recording that does not say so, such as a CSV of a logger of your own; without it "
         "robot.toml's controller.port, where that line is written",
     )
+    parser.add_argument(
+        "--together",
+        action="store_true",
+        help="fit all drives of one robot as one: short ones tell together what none does alone",
+    )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
     parser.add_argument(
         "--workers",
@@ -88,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
     from raccoon.cli.diagnose_files import recordings
     from raccoon.cli.diagnose_many import pooled, run_fleet
-    from raccoon.cli.diagnose_one import diagnose_job, job_of
+    from raccoon.cli.diagnose_one import diagnose_job, diagnose_together, job_of
     from raccoon.cli.doing import diagnosis_shown
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
     from raccoon.core.errors import ConfigError, TraceError
@@ -110,6 +115,11 @@ def run(args: argparse.Namespace) -> int:
         with diagnosis_shown():
             found = diagnose_job(job_of(args, paths[0])).diagnosis
         _write(args, found, paths[0].name)
+        return 0
+    if args.together:
+        with diagnosis_shown():
+            found = diagnose_together(args, paths)
+        _write(args, found, f"{len(paths)} recordings together")
         return 0
     together = pooled(args, paths)
     if together is None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -67,6 +69,60 @@ def diagnose_job(job: Job) -> Answer:
         raise TraceError(f"--holdout {job.holdout}: {error}") from None
     except TraceError as error:  # that of several files it is this one
         raise TraceError(f"{job.path}: {error}") from None
+
+
+def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis:
+    """One diagnosis of several drives of one robot. Raises as `diagnose_recording`, and ConfigError where
+    they are not of one robot and controller."""
+    from raccoon.cli.diagnose_files import robot_names
+    from raccoon.core.errors import ConfigError, HoldoutError, TraceError
+    from raccoon.diagnose.own import load_own
+    from raccoon.diagnose.recordings.kinds import diagnose_recording
+    from raccoon.sim.effects.parameters import Parameters
+    from raccoon.trace.loading import load_run
+
+    runs = [load_run(path) for path in paths]
+    found = [robot_of(each, args.robot) for each in runs]
+    names = dict.fromkeys(
+        robot_names(
+            [(each.whose or robot.name, file) for each, (robot, file, _) in zip(runs, found, strict=True)]
+        )
+    )
+    if len(names) > 1:
+        raise ConfigError(f"--together: the recordings are of {len(names)} robots, {', '.join(names)}")
+    devices = [each.recording.device for each in runs]
+    for path, device in zip(paths, devices, strict=True):
+        if device != devices[0]:
+            raise ConfigError(f"--together: {paths[0]} is of {devices[0].name}, {path} of {device.name}")
+    job = job_of(args, paths[0])
+    start = Parameters.from_model_file(args.model) if args.model is not None else None
+    robot, file, told = found[0]
+    columns = [each.recording.columns for each in runs]
+    problems = [
+        f"{path}: {it}" for path, each in zip(paths, runs, strict=True) for it in each.recording.problems
+    ]
+    try:
+        diagnosis = diagnose_recording(
+            columns[0],
+            robot if start is None else start.robot,
+            holdout=None if job.holdout is None else load_run(job.holdout).recording.columns,
+            more=columns[1:],
+            model=start,
+            truth_free=args.truth_free,
+            device=devices[0],
+            problems=(*problems, *(told if start is None else ())),
+            own=() if args.causes is None else load_own(args.causes),
+            port=args.port or _port_written(file),
+        )
+    except HoldoutError as error:
+        raise TraceError(f"--holdout {job.holdout}: {error}") from None
+    except TraceError as error:
+        raise TraceError(_NUMBERED.sub(lambda it: str(paths[int(it[1]) - 1]), str(error))) from None
+    listed = ", ".join(f"{number} {path.name}" for number, path in enumerate(paths, 1))
+    return replace(diagnosis, notes=(f"recordings that are fitted together: {listed}", *diagnosis.notes))
+
+
+_NUMBERED = re.compile(r"recording (\d+)")
 
 
 def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tuple[str, ...]]:

@@ -10,19 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.held import not_free, of_free_driving, spans, with_free_driving
-from raccoon.diagnose.drives.loads import loads_told, with_loads
-from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
-from raccoon.diagnose.drives.order import check_order
-from raccoon.diagnose.drives.quality import check_units, driven_freely, moves
-from raccoon.diagnose.drives.standing import with_what_turned
-from raccoon.diagnose.drives.stops import with_stops
+from raccoon.diagnose.drives.loads import loads_told
+from raccoon.diagnose.drives.log import WHEELS, Log
+from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
 from raccoon.diagnose.findings.bent import bent_notes
 from raccoon.diagnose.findings.extend import extended
 from raccoon.diagnose.findings.gain import HeldOut
 from raccoon.diagnose.findings.known_together import unmeasured_note
 from raccoon.diagnose.findings.naming import named_causes, rejections, suggestions
+from raccoon.diagnose.findings.over_ways import (
+    ADDS_UP,
+    LONG_PART,
+    adds_up,
+    lost_count,
+    of_several,
+    tried_of_several,
+)
 from raccoon.diagnose.findings.proving import proven
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.noise import whiteness
@@ -38,13 +42,13 @@ from raccoon.diagnose.result import (
     ChannelResult,
     Curve,
     Diagnosis,
-    Rejected,
     SensorFault,
     Unexplained,
     Verdict,
 )
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.silence import asked_for
+from raccoon.diagnose.rollout.understood import understood
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
@@ -55,18 +59,11 @@ from raccoon.sim.effects.parameters import Parameters
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-LONG_PART = 12.0
-"""S without a gap in which causes can be told apart."""
-OVER_WAYS = ("drive.wheel_eccentricity", "drive.slope")
-UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
-"""Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
-of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
 RESISTANCE = ("battery.internal_resistance", None, "resistance")
 STRANGE = 6.0
 """Times the noise that a better model is off by on the recording of another robot, although it helps there.
 Robots of one robot.toml were off by 2 to 4.5."""
 SAME_ROBOT = "is it the same robot, with the same battery and load?"
-ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
 
 
 def diagnose(
@@ -74,6 +71,7 @@ def diagnose(
     robot: RobotConfig,
     *,
     holdout: Columns | None = None,
+    more: Sequence[Columns] = (),
     causes: Sequence[Cause] | None = None,
     model: Parameters | None = None,
     firmware: Firmware | None = None,
@@ -82,9 +80,10 @@ def diagnose(
 
     columns: the recording by names of the CSV format, NaN where a sensor had nothing new. robot: ports and
     nominal model; its standard deviations are how far each number may be off without being a cause. holdout:
-    another recording of the same robot to judge on. causes: hypotheses to consider, by default the whole
-    catalogue of drives; `own` says how to add your own. model: a simulation to start from, with effects that
-    are already known, instead of the nominal one. firmware: of the controller, where that is known; what it
+    another recording of the same robot to judge on. more: further recordings of the same robot as it was
+    then, which are fitted with the first. causes: hypotheses to consider, by default the whole catalogue of
+    drives; `own` says how to add your own. model: a simulation to start from, with effects that are already
+    known, instead of the nominal one. firmware: of the controller, where that is known; what it
     does is found out otherwise.
 
     Raises TraceError for a recording that cannot be used: empty, too short, time that does not advance,
@@ -94,13 +93,14 @@ def diagnose(
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
     begin = time.perf_counter()
-    log = _log(columns, robot, firmware)
+    log = understood([columns, *more], robot, firmware)
     with threadpool_limits(
         1
     ):  # the matrices are small: threads that wait for each other cost more than they do
         if not moves(log):
             return _nothing_to_see(log, begin)
         tried = asked_for(drive_causes() if causes is None else causes, log)
+        tried = tried_of_several(tried) if log.runs else tried
 
         def judged(part: Log, other: Log | None) -> Diagnosis:
             return _searched(part, other, robot, tried, model, firmware, begin)
@@ -108,32 +108,19 @@ def diagnose(
         other = None
         if holdout is not None:
             with said_of_holdout():
-                other = with_channels_of(log, _log(holdout, robot, firmware))
+                other = with_channels_of(log, understood([holdout], robot, firmware))
         found = judged(log, other)
-        if not (log.lost and _adds_up(found)):
+        if log.runs:
+            return of_several(found)
+        if not (log.lost and adds_up(found)):
             return found
         part, unseen = log.longest_part(), None if other is None else other.longest_part()
         if part.seconds < LONG_PART or not moves(part):
-            return _lost_count(found, part.seconds)
+            return lost_count(found, part.seconds)
         told = (
             f"{ADDS_UP}: only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
         )
         return judged(replace(part, notes=(*log.notes, told)), unseen)
-
-
-def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
-    log = log_from_columns(columns, robot)
-    held = not_free(log, robot)
-    native = firmware is not None and firmware.units
-    check_units(driven_freely(log, robot, spans(held)), robot, native=native)
-    log = with_free_driving(log, held)
-    free = with_stops(of_free_driving(with_what_turned(log, robot)))
-    check_order(free)
-    if firmware is not None:
-        free = of_free_driving(firmware.understood(log, columns, robot))
-        if firmware.chain.battery_held:  # such a reading is low without a load
-            return free
-    return with_loads(free, columns, robot)
 
 
 def _searched(
@@ -150,34 +137,12 @@ def _searched(
     if unseen is not None:
         unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
         other = drive_problem(unseen, robot, causes, habits, model)
-        other = replace(other, neutral=search.problem.neutral)
+        other = replace(other, neutral=search.problem.neutral, base=search.problem.base)
     search, judged = proven(search, other)
     found = _diagnosis(log, search, judged, habits, begin)
     if other is None:
         return found
     return replace(found, notes=(*found.notes, *_not_the_same(found, judged)))
-
-
-def _adds_up(found: Diagnosis) -> bool:
-    """Whether what was found depends on the angle of a wheel or on where the robot is: both add up all that
-    was driven, also in a gap."""
-    named = any(each.id in OVER_WAYS for each in found.causes)
-    return named or any(each.startswith(UNKNOWN_OVER_WAYS) for each in found.unexplained.depends_on)
-
-
-def _lost_count(found: Diagnosis, seconds: float) -> Diagnosis:
-    """A diagnosis without causes, where each may be what a gap made of another."""
-    reason = f"not judged: {ADDS_UP}, and the longest part without one has {seconds:.1f} s of {LONG_PART:g} s"
-    return replace(
-        found,
-        verdict=Verdict.NOT_IDENTIFIABLE,
-        causes=(),
-        rejected=(*found.rejected, *(Rejected(each.name, reason) for each in found.causes)),
-        unexplained=replace(found.unexplained, depends_on=()),
-        model=None,
-        notes=(*found.notes, reason),
-        shapes=(),
-    )
 
 
 def _not_the_same(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:

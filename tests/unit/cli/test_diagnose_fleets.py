@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose_files import recordings, robot_names, short_names
@@ -187,3 +188,29 @@ def test_a_model_is_of_one_robot(tmp_path: Path, capsys: pytest.CaptureFixture[s
     )
     assert f"{model}: not written: {why}\n" in capsys.readouterr().out
     assert not model.exists()
+
+
+def test_what_cannot_be_fitted_together_is_said_with_its_name(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drive = make(1, seconds=3.0).columns
+    one = written(tmp_path / "one.csv", drive)
+    other = written(tmp_path / "other.csv", tophat(3, seconds=3.0))
+    same = written(tmp_path / "same.csv", drive)
+    short = written(
+        tmp_path / "short.csv", {name: each[:60] for name, each in make(2, seconds=3.0).columns.items()}
+    )
+
+    def refused(*paths: Path) -> str:
+        assert main(["diagnose", "--together", *map(str, paths)]) == 2
+        return capsys.readouterr().err.strip().splitlines()[-1]
+
+    begin = "raccoon diagnose: "
+    assert refused(one, other) == f"{begin}{other}: it is of tophats; only drives are diagnosed together"
+    assert refused(one, same) == f"{begin}{same}: its samples are those of {one}"
+    assert refused(one, short).startswith(f"{begin}{short}: the recording has 60 samples over 0.")
+    for place in ("red", "blue"):
+        (tmp_path / place).mkdir()
+        (tmp_path / place / "robot.toml").write_text("")
+    two = [written(tmp_path / place / "run.csv", drive) for place in ("red", "blue")]
+    assert refused(*two) == f"{begin}--together: the recordings are of 2 robots, red, blue"

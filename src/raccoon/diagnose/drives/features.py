@@ -96,7 +96,8 @@ def _known(log: Log) -> tuple[Channel, ...]:
 @dataclass(frozen=True, slots=True)
 class Features:
     """The bins of a log. roles: the channels in their order. time (bins,) s: the bins' centres. width: s
-    of a bin. driven (bins, 2): whether each wheel was commanded to go, left before right."""
+    of a bin. driven (bins, 2): whether each wheel was commanded to go, left before right. starts: s, of the
+    recordings after the first that are in it."""
 
     roles: tuple[str, ...]
     floors: Array
@@ -105,6 +106,7 @@ class Features:
     maps: tuple[csr_array, ...]
     width: float
     driven: NDArray[np.bool_]
+    starts: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, log: Log, width: float = BIN) -> Features:
@@ -131,6 +133,7 @@ class Features:
             maps,
             width,
             driven,
+            tuple(each.start for each in log.runs[1:]),
         )
 
     @classmethod

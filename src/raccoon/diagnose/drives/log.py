@@ -59,6 +59,17 @@ class Load:
     by: tuple[str, ...] = ()
 
 
+Clocks = tuple[SampleClock | None, SampleClock | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One of several recordings in a log. start: s of its first row. clocks: as `Log` has them."""
+
+    start: float
+    clocks: Clocks
+
+
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Log:
     """time (n,) s; duty (n, 2), each valid until the next row; channels that carry data; what is missing.
@@ -69,7 +80,8 @@ class Log:
     readings are then as if each were half a cycle old, and commands wait for them. brake: (n, 2), whether
     each motor is shorted where its duty is 0; None where the recording does not say. loads: other ones than
     the wheels on the battery; nothing is compared while they act either. stood: wheels that did not turn
-    although they were driven (`standing.py`), a column and a sentence each.
+    although they were driven (`standing.py`), a column and a sentence each. runs: the recordings that it was
+    joined of (`joined.py`), none where it is one.
     """
 
     time: Array
@@ -79,10 +91,11 @@ class Log:
     notes: tuple[str, ...] = field(default=())
     lost: tuple[tuple[float, float], ...] = ()
     held: tuple[tuple[float, float], ...] = ()
-    clocks: tuple[SampleClock | None, SampleClock | None] = (None, None)
+    clocks: Clocks = (None, None)
     brake: NDArray[np.bool_] | None = None
     loads: tuple[Load, ...] = ()
     stood: tuple[tuple[str, str], ...] = ()
+    runs: tuple[Run, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -106,6 +119,16 @@ class Log:
         brake = None if self.brake is None else self.brake[keep]
         return replace(self, time=self.time[keep], duty=self.duty[keep], channels=parts, brake=brake)
 
+    def single(self) -> list[Log]:
+        """Its recordings, each as a log of its own; itself where it is one."""
+        if not self.runs:
+            return [self]
+        starts = [each.start for each in self.runs]
+        return [
+            replace(self.between(run.start, end), clocks=run.clocks, runs=())
+            for run, end in zip(self.runs, [*starts[1:], math.inf], strict=True)
+        ]
+
     def longest_part(self) -> Log:
         """The longest part without a gap, all of it where there is none."""
         cuts = [start for start, _ in self.lost] + [end for _, end in self.held]
@@ -118,7 +141,8 @@ class Log:
         ]
         _, start, end = max(parts, key=lambda each: each[0])
         part = self.between(float(self.time[start]), float(np.nextafter(self.time[end - 1], np.inf)))
-        return replace(part, lost=(), held=())
+        clocks = [each.clocks for each in self.runs if each.start <= part.time[0]] or [self.clocks]
+        return replace(part, lost=(), held=(), clocks=clocks[-1], runs=())
 
 
 ROLES = {

@@ -8,7 +8,7 @@ sample as long. Both are known once the samples' moments are.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,10 @@ class SampleClock:
         phase = self._phase(time)
         number = np.floor((time - phase) / self.period)
         return number.astype(np.intp), phase + number * self.period
+
+    def later(self, by: float) -> SampleClock:
+        """The same clock in a time that counts from so many s before."""
+        return replace(self, knots=self.knots + by, phases=self.phases + by)
 
     def taken_up(self, time: Array) -> Array:
         """When commands given at each time come into force, s."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.features import EVENT_SECONDS
+from raccoon.diagnose.drives.features import EVENT_SECONDS, Features
 from raccoon.diagnose.fit.fits import fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.linear import FLOOR_SECONDS
@@ -34,15 +35,15 @@ DEVIATIONS = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Masked:
-    """A whitener that only lets the first rows count: the rest is kept for judging."""
+    """A whitener that lets only some bins count: the rest is kept for judging. fitted: (bins,)."""
 
     inner: Whitener
-    rows: int
+    fitted: NDArray[np.bool_]
 
     def __call__(self, signals: Array) -> Array:
-        """(..., bins, channels) -> (..., rows), 0 from `rows` on."""
+        """(..., bins, channels) -> (..., rows), 0 where a bin is kept."""
         white = self.inner(signals)
-        white[..., self.rows :] = 0.0
+        white[..., ~np.repeat(self.fitted, signals.shape[-1])] = 0.0
         return white
 
 
@@ -156,12 +157,11 @@ class Contribution:
 
 
 def held_out(search: Search, other: Problem | None) -> HeldOut:
-    """Fit without and with the causes on the first part and judge on the rest, or on another recording."""
+    """Fit without and with the causes on the first part (of each recording) and judge on the rest, or on
+    another recording."""
     problem = search.problem
-    bins = len(problem.features.time)
-    split = bins if other is not None else int(FITTED_PART * bins)
-    rows = split * problem.features.measured.shape[1]
-    masked = Masked(steadied(search), rows)
+    fitted = first_parts(problem.features) if other is None else np.ones(len(problem.features.time), bool)
+    masked = Masked(steadied(search), fitted)
     full = _refitted(problem, masked, search.fit.point)
     bare = _refitted(problem, masked, Point(np.zeros(len(problem.base))))
     names = list(search.fit.point.active)
@@ -169,11 +169,11 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     points = [bare.point, full.point, *(each.point for each in less)]
     judged = problem if other is None else other
     residual = judged.features.measured - judged.predict(points)
-    kept = residual[:, split:] if other is None else residual
+    kept = residual[:, ~fitted] if other is None else residual
     rms = np.sqrt((kept[:2] ** 2).mean(axis=1))
-    rest = search.whitener.rest[split:] if other is None else search.whitener.rest
+    rest = search.whitener.rest[~fitted] if other is None else search.whitener.rest
     floor = _floor(problem, rest)
-    start = split if other is None else 0
+    seen = ~fitted if other is None else np.ones(len(judged.features.time), bool)
     event = judged.features.event
     sizes = [size_of(each, floor, event) for each in kept]
     return HeldOut(
@@ -183,12 +183,21 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         sizes[0],
         sizes[1],
         dict(zip(names, sizes[2:], strict=True)),
-        judged.features.time[start:],
-        judged.features.measured[start:],
+        judged.features.time[seen],
+        judged.features.measured[seen],
         kept[:2],
-        np.sqrt(floor**2 + _spread(search, rows)[start:].mean(axis=0)),
+        np.sqrt(floor**2 + _spread(search, fitted)[~fitted if other is None else fitted].mean(axis=0)),
         event,
     )
+
+
+def first_parts(features: Features) -> NDArray[np.bool_]:
+    """Bins (bins,) of the first `FITTED_PART` of each recording, of which one alone knows its battery."""
+    edges = [0, *np.searchsorted(features.time, features.starts), len(features.time)]
+    fitted = np.zeros(len(features.time), bool)
+    for begin, end in pairwise(edges):
+        fitted[begin : begin + int(FITTED_PART * (end - begin))] = True
+    return fitted
 
 
 def contributions(search: Search) -> dict[str, Contribution]:
@@ -220,11 +229,11 @@ def _floor(problem: Problem, rest: Array) -> Array:
     return np.asarray(np.maximum(np.sqrt((rest**2).mean(axis=0)), problem.features.floors), float)
 
 
-def _spread(search: Search, rows: int) -> Array:
+def _spread(search: Search, fitted: NDArray[np.bool_]) -> Array:
     """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of a fit of
-    the first rows."""
+    some bins."""
     own = search.linear.own
-    white = Masked(search.whitener, rows)(own)
+    white = Masked(search.whitener, fitted)(own)
     covariance = np.linalg.inv(np.eye(len(own)) + white @ white.T)
     uncertain = np.einsum("ibc,ij,jbc->bc", own, covariance, own, optimize=True)
     return np.asarray(search.whitener.spread + uncertain, float)

@@ -22,9 +22,11 @@ from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, mis
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
+from raccoon.diagnose.hypotheses.runs import run_coordinates, run_settings
 from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.diagnose.rollout.joined import rollout_of
 from raccoon.diagnose.rollout.silence import told
-from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 
@@ -60,20 +62,23 @@ def drive_problem(
     """The problem of a drive under a controller's habits."""
     own = [each.own for each in causes if each.own is not None]
     by_name = {each.name: each for each in causes}
-    settings = starting_settings(robot, model)
+    settings = starting_settings(robot, model) | run_settings(len(log.runs))
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
         Features.kept(log, habits.swing or answered(log)),
-        PlantRollout(log, robot, habits, own=own),
+        rollout_of(log, robot, habits, own),
         robot,
         settings,
-        base_coordinates(
-            robot,
-            wheels=habits.wheels,
-            low_pass=habits.low_pass,
-            free_running=habits.chain.free_running,
-            wombat=habits.wombat,
+        (
+            *base_coordinates(
+                robot,
+                wheels=habits.wheels,
+                low_pass=habits.low_pass,
+                free_running=habits.chain.free_running,
+                wombat=habits.wombat,
+            ),
+            *run_coordinates(len(log.runs)),
         ),
         by_name,
         told(by_name, log),

@@ -41,6 +41,7 @@ from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.repeated import without_repeated
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
+from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.diagnose.rollout.firmware import firmware_of
@@ -119,6 +120,7 @@ def diagnose_recording(
     robot: RobotConfig,
     *,
     holdout: Columns | None = None,
+    more: Sequence[Columns] = (),
     model: Parameters | None = None,
     truth_free: bool = False,
     device: Device = SI_WORDS,
@@ -128,6 +130,7 @@ def diagnose_recording(
 ) -> Diagnosis:
     """Diagnose a recording of any kind.
 
+    more: further drives of the same robot and device, as it was then, which are fitted with the first.
     truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth,
     and how late its back-EMF is, where robot.toml has only the default. problems: what
     the reader of the recording had to leave out; it is noted. own: effects of your own to consider in a
@@ -140,6 +143,7 @@ def diagnose_recording(
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
     columns, repeated = without_repeated(columns)
     kind = kind_of(columns, robot)
+    check_drives([columns, *more], [kind, *(kind_of(each, robot) for each in more)])
     unused = ""
     if holdout is not None:
         with said_of_holdout():
@@ -158,9 +162,9 @@ def diagnose_recording(
         found = _nothing(columns, robot)
     else:
         open_robot, exact = with_usual_stds(robot)
-        found = _drive(
-            columns, open_robot, holdout, model, truth_free, own, named(device, columns, robot, port)
-        )
+        made_by = named(device, columns, robot, port)
+        more = [without_repeated(each)[0] for each in more]
+        found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
         found = replace(found, notes=(*found.notes, *_without_std(exact), *outranked(found.causes, robot)))
     notes = dict.fromkeys((*found.notes, *problems, *repeated, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
@@ -186,6 +190,7 @@ def _drive(
     columns: Columns,
     robot: RobotConfig,
     holdout: Columns | None,
+    more: Sequence[Columns],
     model: Parameters | None,
     truth_free: bool,
     own: Sequence[OwnEffect],
@@ -197,9 +202,14 @@ def _drive(
     counted = with_counted(columns, robot, device)
     sound = without_broken(counted.columns, robot)
     columns = sound.columns
+
+    def whole(other: Columns) -> Columns:
+        return without_broken(with_counted(other, robot, device).columns, robot).columns
+
     if holdout is not None:
         with said_of_holdout():
-            holdout = without_broken(with_counted(holdout, robot, device).columns, robot).columns
+            holdout = whole(holdout)
+    more = [whole(each) for each in more]
     firmware = firmware_of(device)
     if firmware is not None and made_by.said:
         firmware = replace(firmware, units=False)
@@ -209,7 +219,9 @@ def _drive(
         robot = firmware.known_of(robot)
         columns = firmware.before_cutting(columns)
         holdout = None if holdout is None else firmware.before_cutting(holdout)
+        more = [firmware.before_cutting(each) for each in more]
     by_volts = commands_volts(columns, robot)
+    check_commands([columns, *more], robot)
     if by_volts:
         changed, stiff, causes = as_duty(columns, robot, holdout)
         other = None if holdout is None else as_duty(holdout, stiff)[0]
@@ -223,7 +235,9 @@ def _drive(
         known = model
         if firmware is not None:
             tried, known = firmware.asked_for(tried, filters=filters), firmware.start(start.robot, model)
-        found = diagnose(columns, start.robot, holdout=holdout, causes=tried, model=known, firmware=firmware)
+        found = diagnose(
+            columns, start.robot, holdout=holdout, more=more, causes=tried, model=known, firmware=firmware
+        )
         found = with_reference(found, start, model)
     found = with_columns_named(found, columns, robot, sound.left_out)
     if not by_volts:

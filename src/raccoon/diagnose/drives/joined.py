@@ -1,0 +1,124 @@
+"""Several recordings of one robot as one log: short ones tell together what none of them does alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.features import SETTLING
+from raccoon.diagnose.drives.log import Channel, Clocks, Log, Run
+
+Array = NDArray[np.float64]
+
+PAUSE = 5.0
+"""S that are put between two recordings, in which nothing is commanded and nothing compared."""
+
+
+@contextmanager
+def said_of_recording(number: int) -> Iterator[None]:
+    """Which of several recordings it is that cannot be used."""
+    try:
+        yield
+    except TraceError as error:
+        raise TraceError(f"recording {number + 1}: {error}") from None
+
+
+def joined(logs: Sequence[Log]) -> Log:
+    """One after the other, in the channels that all of them have. What was known of each is kept.
+
+    Raises TraceError where they have no channel in common.
+    """
+    if len(logs) == 1:
+        return logs[0]
+    roles = [each.role for each in logs[0].channels if all(log.channel(each.role) for log in logs[1:])]
+    if not roles:
+        raise TraceError(
+            "the recordings have no channel in common: name recordings of one robot and one logger"
+        )
+    begin, parts = float(logs[0].time[0]), []
+    for each in logs:
+        parts.append(_moved(_ended(each), begin - float(each.time[0])))
+        begin = float(parts[-1].time[-1]) + PAUSE
+    gaps = [(float(before.time[-1]), float(after.time[0]) + SETTLING) for before, after in pairwise(parts)]
+    return Log(
+        np.concatenate([each.time for each in parts]),
+        np.concatenate([each.duty for each in parts]),
+        tuple(_one([_channel(each, role) for each in parts]) for role in roles),
+        tuple(dict.fromkeys(_lacking(logs, roles))),
+        (_begun(parts), *(note for number, log in enumerate(logs) for note in _told(log, number))),
+        tuple(sorted((*(span for each in parts for span in each.lost), *gaps))),
+        tuple(span for each in parts for span in each.held),
+        brake=_brakes(parts),
+        loads=tuple(load for each in parts for load in each.loads),
+        stood=tuple(dict(pair for each in parts for pair in each.stood).items()),
+        runs=tuple(Run(float(each.time[0]), each.clocks) for each in parts),
+    )
+
+
+def _begun(parts: Sequence[Log]) -> str:
+    """Where each is in the time of all."""
+    starts = ", ".join(f"{number} at {each.time[0]:.1f} s" for number, each in enumerate(parts[1:], 2))
+    return f"times are those of all recordings one after the other; number {starts}"
+
+
+def _told(log: Log, number: int) -> list[str]:
+    return [f"recording {number + 1}: {each}" for each in log.notes]
+
+
+def _lacking(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
+    """Names of what some of them lack, and so all."""
+    dropped = [each.name for log in logs for each in log.channels if each.role not in roles]
+    return [name for log in logs for name in log.missing] + dropped
+
+
+def _channel(log: Log, role: str) -> Channel:
+    return next(each for each in log.channels if each.role == role)
+
+
+def _one(channels: Sequence[Channel]) -> Channel:
+    return replace(channels[0], values=np.concatenate([each.values for each in channels]))
+
+
+def _brakes(logs: Sequence[Log]) -> NDArray[np.bool_] | None:
+    known = [each.brake for each in logs if each.brake is not None]
+    return np.concatenate(known) if len(known) == len(logs) else None
+
+
+def _ended(log: Log) -> Log:
+    """With a last row from which on nothing is commanded: one that ends while it drives does not drive on."""
+    end = 2.0 * log.time[-1] - log.time[-2]
+    brake = None if log.brake is None else np.concatenate([log.brake, log.brake[-1:]])
+    return replace(
+        log,
+        time=np.append(log.time, end),
+        duty=np.concatenate([log.duty, np.zeros((1, 2))]),
+        channels=tuple(replace(each, values=np.append(each.values, np.nan)) for each in log.channels),
+        brake=brake,
+    )
+
+
+def _moved(log: Log, by: float) -> Log:
+    """As if it had been recorded so many s later."""
+
+    def later(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        return tuple((start + by, end + by) for start, end in spans)
+
+    return replace(
+        log,
+        time=log.time + by,
+        lost=later(log.lost),
+        held=later(log.held),
+        loads=tuple(replace(each, start=each.start + by, end=each.end + by) for each in log.loads),
+        clocks=_clocks_later(log.clocks, by),
+    )
+
+
+def _clocks_later(clocks: Clocks, by: float) -> Clocks:
+    left, right = (None if each is None else each.later(by) for each in clocks)
+    return left, right

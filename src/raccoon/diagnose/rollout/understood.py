@@ -1,0 +1,47 @@
+"""From columns to a log: in which unit, what was driven freely, and when samples were taken."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.held import not_free, of_free_driving, spans, with_free_driving
+from raccoon.diagnose.drives.joined import joined, said_of_recording
+from raccoon.diagnose.drives.loads import with_loads
+from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.drives.order import check_order
+from raccoon.diagnose.drives.quality import check_units, driven_freely
+from raccoon.diagnose.drives.standing import with_what_turned
+from raccoon.diagnose.drives.stops import with_stops
+from raccoon.diagnose.rollout.firmware import Firmware
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+
+def understood(every: Sequence[Columns], robot: RobotConfig, firmware: Firmware | None) -> Log:
+    """Each recording by itself, then all as one log. Raises TraceError for one that cannot be used."""
+    if len(every) == 1:
+        return _one(every[0], robot, firmware)
+    logs = []
+    for number, each in enumerate(every):
+        with said_of_recording(number):
+            logs.append(_one(each, robot, firmware))
+    return joined(logs)
+
+
+def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
+    log = log_from_columns(columns, robot)
+    held = not_free(log, robot)
+    native = firmware is not None and firmware.units
+    check_units(driven_freely(log, robot, spans(held)), robot, native=native)
+    log = with_free_driving(log, held)
+    free = with_stops(of_free_driving(with_what_turned(log, robot)))
+    check_order(free)
+    if firmware is not None:
+        free = of_free_driving(firmware.understood(log, columns, robot))
+        if firmware.chain.battery_held:  # such a reading is low without a load
+            return free
+    return with_loads(free, columns, robot)

@@ -1,0 +1,54 @@
+"""Short drives of one blind robot, with another battery each time: what they tell as one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from blind.generator import Blind, make
+from blind.hidden import Hidden
+from blind.plant import NEUTRAL
+from csv_files import written
+from raccoon.cli.main import main
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.result import Verdict
+from raccoon.sim.effects.parameters import Parameters
+
+VOLTS = (6.8, 6.6, 6.95, 6.5)
+HOT = Hidden("motor.heating", None, {"gain": 0.3}, {"heat_gain": 0.3, "heat_tau": 14.0})
+WEAK = Hidden("motor.back_emf_constant", "left", {"factor": 0.9}, {"ke_l": 0.9 * NEUTRAL["ke_l"]})
+
+
+def drives(hidden: Hidden, count: int, seconds: float) -> list[Blind]:
+    days = [Hidden("day", None, {}, {"voc": volts}) for volts in VOLTS[:count]]
+    return [make(9000 + day, [hidden, each], seconds=seconds, robot=4) for day, each in enumerate(days)]
+
+
+def test_motors_that_heat_show_in_four_drives_of_ten_seconds_and_not_in_one() -> None:
+    first, *others = (each.columns for each in drives(HOT, 4, 10.0))
+    assert diagnose(first, RobotConfig()).verdict is Verdict.ADEQUATE
+    found = diagnose(first, RobotConfig(), more=others)
+    (heating,) = found.causes
+    assert heating.name == "motor.heating"
+    gain = heating.parameters["gain"]
+    assert gain.value == pytest.approx(0.3, abs=2.5 * gain.std)
+    unasked = {each.id for each in found.rejected if "each of several recordings" in each.reason}
+    assert {"drive.slope", "battery.open_circuit_voltage", "imu.gyro_bias"} <= unasked
+
+
+def test_drives_are_fitted_together_from_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = [written(tmp_path / f"{day}.csv", each.columns) for day, each in enumerate(drives(WEAK, 2, 6.0))]
+    out, model = tmp_path / "out.json", tmp_path / "model.toml"
+    saved = ["--json", str(out), "--save-model", str(model)]
+    assert main(["diagnose", "--together", *map(str, files), *saved]) == 0
+    found = json.loads(out.read_text())
+    assert [each["id"] for each in found["causes"]] == ["motor.back_emf_constant"]
+    assert "Note: recordings that are fitted together: 1 0.csv, 2 1.csv" in capsys.readouterr().out
+    parameters = Parameters.from_model_file(model)
+    assert parameters.value("motor.back_emf_constant", "factor", "left") == pytest.approx(0.9, abs=0.03)
+    assert parameters.provenance.recording == "2 recordings together"
