@@ -21,10 +21,10 @@ from raccoon.diagnose.findings.known_together import unmeasured_note
 from raccoon.diagnose.findings.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.findings.over_ways import (
     ADDS_UP,
-    LONG_PART,
     adds_up,
     lost_count,
     of_several,
+    too_short,
     tried_of_several,
 )
 from raccoon.diagnose.findings.proving import proven
@@ -115,7 +115,7 @@ def diagnose(
         if not (log.lost and adds_up(found)):
             return found
         part, unseen = log.longest_part(), None if other is None else other.longest_part()
-        if part.seconds < LONG_PART or not moves(part):
+        if too_short(part.seconds) or not moves(part):
             return lost_count(found, part.seconds)
         told = (
             f"{ADDS_UP}: only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"

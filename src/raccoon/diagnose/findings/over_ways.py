@@ -32,6 +32,11 @@ def adds_up(found: Diagnosis) -> bool:
     return named or any(each.startswith(UNKNOWN_OVER_WAYS) for each in found.unexplained.depends_on)
 
 
+def too_short(seconds: float) -> bool:
+    """Whether a part without a gap tells causes apart no more."""
+    return seconds < LONG_PART
+
+
 def lost_count(found: Diagnosis, seconds: float) -> Diagnosis:
     """A diagnosis without causes, where each may be what a gap made of another."""
     reason = f"not judged: {ADDS_UP}, and the longest part without one has {seconds:.1f} s of {LONG_PART:g} s"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import raccoon.diagnose.diagnosis as whole_way
+import raccoon.diagnose.diagnosis as over_ways
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
@@ -120,9 +120,9 @@ def judged_parts(
         seen.append(log)
         return replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes)
 
-    monkeypatch.setattr(whole_way, "_searched", searched)
-    monkeypatch.setattr(whole_way, "LONG_PART", 6.0)
-    return whole_way.diagnose(columns, ROBOT), seen
+    monkeypatch.setattr(over_ways, "_searched", searched)
+    monkeypatch.setattr(over_ways, "LONG_PART", 6.0)
+    return over_ways.diagnose(columns, ROBOT), seen
 
 
 @pytest.mark.parametrize(
