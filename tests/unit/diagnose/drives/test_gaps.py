@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import raccoon.diagnose.diagnosis as over_ways
+import raccoon.diagnose.diagnosis as whole_way
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
+from raccoon.diagnose.findings import over_ways
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, Unexplained, Verdict
 from raccoon.diagnose.rollout.variants import COLUMNS, Habits, PlantRollout
@@ -120,9 +121,9 @@ def judged_parts(
         seen.append(log)
         return replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes)
 
-    monkeypatch.setattr(over_ways, "_searched", searched)
+    monkeypatch.setattr(whole_way, "_searched", searched)
     monkeypatch.setattr(over_ways, "LONG_PART", 6.0)
-    return over_ways.diagnose(columns, ROBOT), seen
+    return whole_way.diagnose(columns, ROBOT), seen
 
 
 @pytest.mark.parametrize(
