@@ -95,6 +95,11 @@ def test_a_channel_that_one_of_them_lacks_is_missing() -> None:
         joined([replace(one, channels=one.channels[:1]), replace(one, channels=one.channels[1:2])])
 
 
+def test_more_than_fits_into_memory_is_refused() -> None:
+    with pytest.raises(TraceError, match=r"have 256 s; at most 240 s are fitted together.*name fewer"):
+        joined([log(1)] * 64)
+
+
 @pytest.mark.parametrize("known", [True, False])
 def test_rows_that_brake_are_known_where_all_say_it(known: bool) -> None:
     one = log(1)
