@@ -30,7 +30,7 @@ def said_of_recording(number: int) -> Iterator[None]:
 
 
 MOST_SECONDS = 240.0
-"""Of all recordings. Memory and time grow with the square of it: 120 s take 0.8 GB and twice the time of 40 s,
+"""Of all recordings. Memory and time grow with the square of it: 120 s take 0.8 GB and twice as long as 40 s,
 240 s 2.4 GB and 15 times."""
 
 
@@ -44,8 +44,8 @@ def joined(logs: Sequence[Log]) -> Log:
     seconds = sum(each.seconds for each in logs)
     if seconds > MOST_SECONDS:
         raise TraceError(
-            f"the recordings have {seconds:.0f} s; at most {MOST_SECONDS:g} s are fitted together, which takes "
-            "2.4 GB: name fewer"
+            f"the recordings have {seconds:.0f} s; at most {MOST_SECONDS:g} s are fitted together, which "
+            "takes 2.4 GB: name fewer"
         )
     roles = [each.role for each in logs[0].channels if all(log.channel(each.role) for log in logs[1:])]
     if not roles:
