@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.answers import check_answers, check_signs
 from raccoon.diagnose.drives.held import of_free_driving, with_free_driving
 from raccoon.diagnose.drives.loads import loads_told, with_loads
 from raccoon.diagnose.drives.log import WHEELS, Log, log_from_columns
@@ -123,10 +124,12 @@ def diagnose(
 
 def _log(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
+    check_signs(log)
     check_units(driven_freely(log, robot), robot, native=firmware is not None and firmware.units)
     log = with_free_driving(log, robot)
     free = with_stops(of_free_driving(with_what_turned(log, robot)))
     check_order(free)
+    check_answers(free)
     if firmware is not None:
         free = of_free_driving(firmware.understood(log, columns, robot))
         if firmware.chain.battery_held:  # such a reading is low without a load

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.answers import check_signs
 from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Log, arranged
 from raccoon.diagnose.drives.sizes import (
@@ -44,6 +45,7 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
         return ""
     try:
         log = arranged(columns, robot)
+        check_signs(log)
         check_units(driven_freely(log, robot), robot, native=native)
     except TraceError as error:
         return str(error)

@@ -20,11 +20,13 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Factors of robot.toml's number that are a robot's, and what to look for beyond."""
+    """What numbers are a robot's, and what to look for beyond: factors of robot.toml's number, or the number
+    itself where that is 0 in it. parameter: of the cause."""
 
     low: float
     high: float
     doubt: str
+    parameter: str = "factor"
 
 
 _UNITS = "look at units, at robot.toml (is it this robot's?) and at what the column of the commands holds"
@@ -36,6 +38,9 @@ RANGES: Mapping[str, Range] = {
     "drive.wheel_radius": Range(0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."),
     "drive.track_width": Range(0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."),
     "drive.inertia": Range(0.15, 5.0, f"No load makes that much of a difference: {_UNITS}."),
+    "friction.coulomb": Range(0.2, 4.0, f"No gears and tyres rub that differently: {_UNITS}.", "torque"),
+    "friction.quadratic": Range(0.0, 0.01, f"No wheel is braked that much: {_UNITS}.", "coefficient"),
+    "actuation.deadband": Range(0.0, 0.3, f"No driver swallows that much: {_UNITS}.", "duty"),
 }
 """By id. Of robots that nobody has measured, from 21 mm wheels to 50 mm and from 4 to 60 g m2, none is beyond
 what the default robot.toml has."""
@@ -61,14 +66,14 @@ def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagn
     return replace(found, causes=causes, verdict=verdict)
 
 
-def _factor(cause: CauseResult) -> float:
-    number = cause.parameters.get("factor")
+def _factor(cause: CauseResult, parameter: str = "factor") -> float:
+    number = cause.parameters.get(parameter)
     return 1.0 if number is None else number.value / (number.nominal or 1.0)
 
 
 def _doubted(cause: CauseResult) -> CauseResult:
     usual = RANGES.get(cause.id)
-    if usual is None or cause.little or usual.low <= _factor(cause) <= usual.high:
+    if usual is None or cause.little or usual.low <= _factor(cause, usual.parameter) <= usual.high:
         return cause
     return replace(cause, explanation=f"{cause.explanation} {usual.doubt}")
 

@@ -15,7 +15,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.gravity import strange_acceleration
-from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.unseen import said_of_holdout
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause

@@ -15,6 +15,7 @@ from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
+from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -42,8 +43,8 @@ class _Checked:
 
 def motor_ports(columns: Columns) -> list[int]:
     """Ports with something that drives (force, torque, voltage) and a motion."""
-    ports = {int(name.split(".")[1]) for name in columns if name.startswith("motor.")}
-    return [port for port in sorted(ports) if _has(columns, port, EFFORTS) and _has(columns, port, MOTIONS)]
+    ports = sorted({port for kind in EFFORTS for port in ports_in(columns, "motor", kind)})
+    return [port for port in ports if _has(columns, port, EFFORTS) and _has(columns, port, MOTIONS)]
 
 
 def _has(columns: Columns, port: int, kinds: Mapping[str, str]) -> bool:

@@ -30,6 +30,7 @@ ROWS_OF_POSITION, ROWS_OF_SPEED = 100, 8000
 FEWEST_STRETCHES = 10
 RUN_CONSTANTS, RUN_SECONDS = 20.0, 60.0
 """A speed is run on freely for the longer of the two."""
+LARGEST_WAY = 200.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +54,9 @@ class Number:
 
     def value(self, u: Array) -> Array:
         """The number at u."""
-        moved = self.start * np.exp(self.width * u) if self.positive else self.start + self.width * u
+        # Where nothing holds a number a step may be any size: its exponential must stay a number.
+        way = np.clip(self.width * u, -LARGEST_WAY, LARGEST_WAY) if self.positive else self.width * u
+        moved = self.start * np.exp(way) if self.positive else self.start + way
         return np.asarray(np.clip(moved, self.low, self.high))
 
 
