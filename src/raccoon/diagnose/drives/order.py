@@ -80,7 +80,7 @@ def _answers_before(log: Log, index: int, wheel: Channel) -> bool:
 
 
 def _only_late(log: Log, wheels: Sequence[Channel]) -> bool:
-    """Whether a delay of the commands explains the readings better than the opposite order does, delayed or not."""
+    """Whether a delay of the commands explains the readings better than the opposite order does."""
     left = []
     for index, each in enumerate(wheels):
         turned = replace(each, values=each.values[::-1])

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.findings.bent import without_bent
 from raccoon.diagnose.recordings.fillers import command_of, without_fillers
@@ -160,10 +161,11 @@ def _about_rate(time: Array, rate_hz: float) -> tuple[str, ...]:
     # What does not advance, or in another unit, is an error that the log says.
     if cycles <= 0.0 or abs(cycles - max(round(cycles), 1)) < OTHER_RATE:
         return ()
+    rate = rate_hz / cycles
+    told = f"if t is right, write controller.rate_hz = {rate:.3g}; if it is not, "
     return (
-        f"t advances by {1000.0 * cycles / rate_hz:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
-        f"if t is right, write controller.rate_hz = {rate_hz / cycles:.3g}; if it is not, filters, latencies "
-        "and inertia are found wrong",
+        f"t advances by {1000.0 / rate:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
+        f"{told if CYCLE_RATE.allows(rate) else ''}filters, latencies and inertia are found wrong",
     )
 
 

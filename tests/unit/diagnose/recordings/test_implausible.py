@@ -91,3 +91,26 @@ def test_where_nothing_is_named_a_loop_is_a_guess() -> None:
     assert found.verdict is Verdict.UNKNOWN
     assert "seem to hold a speed" in found.sensor_faults[0].text
     assert with_doubts(unknown, driven(0.3), ROBOT) is unknown
+
+
+@pytest.mark.parametrize(
+    ("id_", "parameter", "nominal", "usual", "strange", "said"),
+    [
+        ("actuation.deadband", "duty", 0.0, 0.25, 0.38, "No driver swallows that much"),
+        ("friction.quadratic", "coefficient", 0.0, 0.007, 0.0145, "No wheel is braked that much"),
+        ("friction.coulomb", "torque", 0.18, 0.1, 0.004, "No gears and tyres rub that differently"),
+    ],
+)
+def test_numbers_that_a_bent_command_makes_are_doubted(
+    id_: str, parameter: str, nominal: float, usual: float, strange: float, said: str
+) -> None:
+    """Of commands whose root or square was logged."""
+
+    def found(value: float) -> Diagnosis:
+        values = {parameter: ParameterResult(value, 0.001, "", nominal)}
+        named = replace(cause(id_, 1.0), parameters=values, explanation=explanation(id_, None, values))
+        return with_doubts(diagnosis(named), driven(0.3), ROBOT)
+
+    assert found(usual).verdict is Verdict.EXPLAINED
+    assert found(strange).verdict is Verdict.PARTLY
+    assert said in found(strange).causes[0].explanation
