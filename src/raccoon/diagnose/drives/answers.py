@@ -69,6 +69,7 @@ def check_signs(log: Log) -> None:
     """Raise TraceError where a command or a reading has lost its sign."""
     for index, wheel, command in _measured(log):
         _check_command_sign(log.duty[:, index], wheel, command)
+        _check_words(wheel)
         _check_reading_sign(log.duty[:, index], wheel, "its motor was driven", "how fast the wheel was")
     gyro = log.channel("gyro")
     if gyro is not None:
@@ -103,6 +104,18 @@ def _check_reading_sign(duty: Array, channel: Channel, was_driven: str, holds: s
             raise TraceError(
                 f"{channel.name} never goes {to} 0, but {was_driven} both ways: it holds {holds}, not which "
                 "way; write it with its sign"
+            )
+
+
+def _check_words(wheel: Channel) -> None:
+    """Negative numbers that were read as words without a sign are the largest ones."""
+    known = wheel.values[np.isfinite(wheel.values)]
+    for bits in (16, 32):
+        beyond = np.abs(known) > 0.75 * 2.0**bits
+        if wheel.unit == "counts" and beyond.mean() > 0.02 and not (np.abs(known) > 2.0**bits).any():
+            raise TraceError(
+                f"{wheel.name} reaches {float(np.abs(known).max()):g}: numbers below 0 seem to be written as "
+                f"words of {bits} bits without a sign; take {2**bits} from what is above {2 ** (bits - 1)}"
             )
 
 

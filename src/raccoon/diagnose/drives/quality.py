@@ -86,7 +86,10 @@ def _check_battery(log: Log) -> None:
     battery = log.channel("battery")
     if battery is None:
         return
-    middle = float(np.nanmedian(battery.values))
+    known = battery.values[np.isfinite(battery.values)]
+    if not len(known):
+        return
+    middle = float(np.median(known))
     if middle > 100.0:
         guess = "counts" if middle < 2500.0 else "counts or millivolts" if middle < 4096.0 else "millivolts"
         raise TraceError(f"{battery.name} is around {middle:g} V: it looks like {guess}, not volts")

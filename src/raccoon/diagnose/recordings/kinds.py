@@ -39,7 +39,7 @@ from raccoon.diagnose.recordings.partial import (
 )
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
-from raccoon.diagnose.recordings.repeated import without_repeated
+from raccoon.diagnose.recordings.repeated import without_held, without_repeated
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
@@ -140,10 +140,15 @@ def diagnose_recording(
         columns = {name: each for name, each in columns.items() if not name.startswith("truth.")}
     columns, repeated = without_repeated(columns)
     kind = kind_of(columns, robot)
+    if kind is Kind.DRIVE:
+        columns, held = without_held(columns)
+        repeated = (*repeated, *held)
     unused = ""
     if holdout is not None:
         with said_of_holdout():
             holdout, _ = without_repeated(holdout)
+            if kind is Kind.DRIVE:
+                holdout, _ = without_held(holdout)
             unused = not_judged_on(columns, holdout, kind, kind_of(holdout, robot))
     if kind is Kind.STEP:
         found = diagnose_step(columns, step_port(columns) or 0)

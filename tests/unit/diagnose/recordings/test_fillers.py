@@ -85,6 +85,16 @@ def test_a_gyro_in_whole_numbers_is_left_out_and_a_coarse_wheel_is_not_cut_off(g
     assert faults({**good, LEFT: steps}) == []
 
 
+def test_a_gyro_that_a_logger_holds_is_known_where_it_is_new(good: Columns) -> None:
+    """One of 50 Hz in rows of 200 Hz was wheels that slip by 8 ms."""
+    rows = np.maximum.accumulate(np.where(np.isfinite(good[GYRO]), np.arange(len(good["t"])), 0))
+    sound = without_broken({**good, GYRO: good[GYRO][rows]}, ROBOT)
+    kept, fresh = np.isfinite(sound.columns[GYRO]), np.isfinite(good[GYRO])
+    assert sound.faults == ()
+    assert not kept[~fresh].any()
+    assert kept[fresh].mean() > 0.9
+
+
 def test_what_moves_a_reading_is_its_own_command(good: Columns) -> None:
     left, right = good["motor.0.duty"].copy(), good["motor.1.duty"]
     np.testing.assert_array_equal(command_of("gyro", good, ROBOT), 0.5 * (right - left))
