@@ -197,9 +197,7 @@ def _mean(at: Array, values: Array, time: Array) -> Array:
 def _unread(at: Array, values: Array, time: Array) -> Flags:
     """Bins in a stretch without samples in which a robot may have turned: what a line over it says of turning
     is nobody's."""
-    known = at[np.isfinite(values)]
-    if len(known) < 2:
-        return np.zeros(len(time), bool)
+    known = np.concatenate([[time[0]], at[np.isfinite(values)], [time[-1] + BIN]])
     after = np.clip(np.searchsorted(known, time + 0.5 * BIN), 1, len(known) - 1)
     return np.asarray(known[after] - known[after - 1] > UNREAD)
 
