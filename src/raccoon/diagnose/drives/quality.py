@@ -24,7 +24,7 @@ from raccoon.diagnose.drives.sizes import (
     share_of,
     slope,
     steady,
-    turning,
+    turn_rate,
 )
 from raccoon.diagnose.drives.ways import check_turns, check_ways
 from raccoon.trace.recording import mistaken_duty
@@ -155,18 +155,10 @@ def _check_plugs(log: Log) -> None:
 
 
 def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
-    gyro, left, right = (log.channel(each) for each in ("gyro", "bemf_left", "bemf_right"))
-    if gyro is None or left is None or right is None:
+    gyro, expected = log.channel("gyro"), turn_rate(log, robot)
+    if gyro is None or expected is None:
         return
-    model = robot.model
-    per_count = BEMF_VOLTS_PER_COUNT / model.left.back_emf_constant.value
-    expected = (
-        (right.values - left.values)
-        * per_count
-        * model.drive.wheel_radius.value
-        / model.drive.track_width.value
-    )
-    factor = slope(np.where(turning(log.duty), expected, np.nan), gyro.values)
+    factor = slope(expected, gyro.values)
     if factor is None:
         return
     if factor > 20.0 and not native:

@@ -176,11 +176,15 @@ def _spikes(known: Array) -> Flags:
     usual = USUAL * float(np.subtract(*np.percentile(known, [99.0, 1.0])))
     if not usual > 0.0:
         return found
+    # The first sample and the last have one neighbour, which stands on their other side as well.
+    around = np.pad(known, LONGEST, mode="reflect")
+    flagged = np.zeros(len(around), bool)
     for length in range(1, LONGEST + 1):
-        before, after = known[: -length - 1], known[length + 1 :]
-        inner = np.lib.stride_tricks.sliding_window_view(known, length)[1:-1]
+        before, after = around[: -length - 1], around[length + 1 :]
+        inner = np.lib.stride_tricks.sliding_window_view(around, length)[1:-1]
         low, high = np.minimum(before, after), np.maximum(before, after)
         out = (inner.min(axis=1) > high + usual) | (inner.max(axis=1) < low - usual)
         for start in np.flatnonzero(out):
-            found[start + 1 : start + 1 + length] = True
+            flagged[start + 1 : start + 1 + length] = True
+    found = flagged[LONGEST:-LONGEST]
     return found if float(found.mean()) <= SPIKES else np.zeros(len(known), bool)

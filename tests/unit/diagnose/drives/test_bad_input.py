@@ -89,6 +89,16 @@ def test_an_encoder_in_another_unit_is_said(good: Columns, factor: float, said: 
         check({**encoders, "motor.1.speed": factor * encoders["motor.1.speed"]})
 
 
+@pytest.mark.parametrize(("factor", "said"), [(57.3, "degrees"), (-1.0, "turns against the wheels")])
+def test_a_gyro_beside_encoders_is_judged_too(factor: float, said: str) -> None:
+    """Mirrored it was diagnosed as if it were not: only back-EMF was asked for its sign."""
+    columns = dict(make(6, seconds=8.0, encoders=True).columns)
+    columns = {name: each[:-1] for name, each in columns.items()}
+    check(columns)
+    with pytest.raises(TraceError, match=said):
+        check({**columns, "imu.gyro.z": factor * columns["imu.gyro.z"]})
+
+
 def test_a_battery_that_robot_toml_has_wrong_is_no_wrong_unit(good: Columns) -> None:
     """Back-EMF and the battery's own reading agree: that is for the diagnosis to say."""
     check(good, parse_robot({"model": {"battery": {"open_circuit_voltage": 4.5}}}))

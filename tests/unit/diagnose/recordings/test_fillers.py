@@ -30,7 +30,8 @@ def faults(columns: Columns) -> list[tuple[str, str]]:
 def test_a_sound_reading_has_none(cause: str, encoders: bool) -> None:
     for drive in ("exciting", "contest"):
         hidden = draw(cause, np.random.default_rng(3), 2.0)
-        columns = make(5, [hidden], drive=drive, seconds=12.0, encoders=encoders).columns
+        made = make(5, [hidden], drive=drive, seconds=12.0, encoders=encoders).columns
+        columns = {name: each[:-1] for name, each in made.items()}  # the last of its encoders is none
         sound = without_broken(columns, ROBOT)
         assert sound.faults == ()
         for name, each in columns.items():
@@ -57,8 +58,9 @@ def test_zeros_between_readings_are_none(good: Columns, name: str) -> None:
 
 
 def test_spikes_are_left_out(good: Columns) -> None:
-    spiky, rows = good[LEFT].copy(), np.array([300, 800, 801, 1500])
-    spiky[rows] = [30000.0, -9000.0, -9100.0, 12000.0]
+    last = len(good["t"]) - 1
+    spiky, rows = good[LEFT].copy(), np.array([0, 300, 800, 801, 1500, last])
+    spiky[rows] = [9000.0, 30000.0, -9000.0, -9100.0, 12000.0, -30000.0]
     sound = without_broken({**good, LEFT: spiky}, ROBOT)
     assert np.flatnonzero(np.isnan(sound.columns[LEFT])).tolist() == rows.tolist()
     assert [(each.channel, each.fault) for each in sound.faults] == [(LEFT, "impossible")]
