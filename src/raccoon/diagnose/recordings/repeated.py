@@ -47,10 +47,10 @@ def without_held(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     if not commands or not readings or len(time) < FEWEST:
         return columns, ()
     table = np.column_stack([each for name, each in columns.items() if name != "t"])
-    known = np.isfinite(np.column_stack(readings)).all(axis=1)
+    known = np.asarray(np.isfinite(np.column_stack(readings)).all(axis=1), bool)
     driven = np.abs(np.nan_to_num(np.column_stack(commands))).max(axis=1) > 0.0
     same = np.all((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1])), axis=1)
-    same = np.concatenate([[False], same & known[1:] & known[:-1]])
+    same = np.concatenate([[False], np.asarray(same, bool) & known[1:] & known[:-1]])
     if driven.sum() < FEWEST or float(same[driven].mean()) < FASTER:
         return columns, ()
     usual = float(np.median(np.diff(time[~same & driven])))

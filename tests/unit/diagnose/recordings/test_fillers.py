@@ -80,7 +80,7 @@ def test_a_reading_that_stays_while_commands_change_is_left_out_there(good: Colu
 
 
 def test_a_gyro_in_whole_numbers_is_left_out_and_a_coarse_wheel_is_not_cut_off(good: Columns) -> None:
-    sound = without_broken({**good, GYRO: np.round(good[GYRO])}, ROBOT)
+    sound = without_broken({**good, GYRO: np.asarray(np.round(good[GYRO]), float)}, ROBOT)
     assert GYRO not in sound.columns
     assert sound.left_out == {GYRO: "it is rounded too coarsely"}
     steps = 100.0 * np.round(good[LEFT] / 100.0)

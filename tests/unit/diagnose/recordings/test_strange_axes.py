@@ -51,7 +51,7 @@ def test_a_number_that_nothing_holds_stays_one() -> None:
 
 def test_names_without_a_port_are_of_another_program() -> None:
     """They were a ValueError."""
-    time = 0.01 * np.arange(300)
+    time = 0.01 * np.arange(300, dtype=float)
     named = {"t": time, "motor.left.duty": np.sin(time), "motor0.bemf": time, "analog.front": time}
     assert kind_of(named, ROBOT) is Kind.DRIVE
     with pytest.raises(
