@@ -38,6 +38,12 @@ usual size."""
 LOST_GYRO, TURNED = 0.5, 0.1
 """The same of a gyro, of which it was 0.06 at most; and how much commands must turn a robot to say so."""
 WAYS = ((1.0, "below"), (-1.0, "above"))
+RAMPS = (2.0, 3.0, 5.0, 8.0, 12.0)
+"""Duty a second: slower ones nobody drives with, and faster ones do not show."""
+RAMPED, SEEN = 0.4, 0.005
+"""Part of the error that a ramp leaves where there is one, and part of a reading's power that it is without.
+It was 0.1 of drives behind ramps of 4 and 8 a second, and 0.86 at least of 26 without, a limit of the current
+and a heavy robot among them."""
 UNDRIVEN = 0.5
 """Part of the other wheel's range that no wheel has which is not driven."""
 DRIVEN, TURNS, OFTEN = 0.2, 0.3, 0.05
@@ -152,6 +158,13 @@ def check_answers(log: Log) -> None:
                 "delay, and 95 % of a robot's: are they of the same motor and of the same drive, and is it "
                 "all that was given to it?"
             )
+        rate = ramp_of(log.time, log.duty[:, index], wheel)
+        if rate is not None:
+            raise TraceError(
+                f"{wheel.name} follows {command} as if a ramp of about {rate:g} a second were between them: "
+                "the column holds what was asked for, before something slowed it down. Log what is given to "
+                "the motor"
+            )
     _check_gyro(log)
 
 
@@ -222,6 +235,37 @@ def answer_of(time: Array, duty: Array, channel: Channel) -> Answer | None:
 
 def _range(wheel: Channel) -> float:
     return float(np.ptp(np.nanpercentile(wheel.values, [1.0, 99.0])))
+
+
+def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
+    """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
+    step = float(np.median(np.diff(time)))
+    reach = round(FARTHEST / step)
+    known = np.flatnonzero(np.isfinite(channel.values))
+    known = known[(known >= reach) & (known < len(time) - reach)]
+    if len(known) < FEWEST or float(np.ptp(duty)) == 0.0:
+        return None
+    known = known[:: -(-len(known) // MOST)]
+    reading = channel.values[known]
+
+    def least(commands: Array) -> float:
+        speeds = (follower(commands, step / each) for each in ANSWERS[:3])
+        rows = [known - round(delay / step) for delay in (0.0, 2.0 * STEP, 4.0 * STEP)]
+        return min(unexplained(each[row], reading) for each in speeds for row in rows)
+
+    plain = least(duty)
+    ramped = {rate: least(_ramped(duty, rate * step)) for rate in RAMPS}
+    best = min(ramped, key=lambda rate: ramped[rate])
+    return best if ramped[best] < RAMPED * plain and plain > SEEN * float(np.var(reading)) else None
+
+
+def _ramped(duty: Array, most: float) -> Array:
+    """A command that changes by that much a row, at most."""
+    now, found = float(duty[0]), []
+    for each in duty.tolist():
+        now += max(-most, min(most, each - now))
+        found.append(now)
+    return np.array(found)
 
 
 def follower(duty: Array, rate: float) -> Array:

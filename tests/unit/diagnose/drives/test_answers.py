@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from blind.drives import exciting
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
@@ -38,7 +39,16 @@ def changed(columns: Columns, name: str, values: np.ndarray) -> Log:
 
 
 @pytest.mark.parametrize(
-    "cause", ["actuation.latency", "imu.latency", "drive.wheel_slip", "actuation.deadband", "drive.backlash"]
+    "cause",
+    [
+        "actuation.latency",
+        "imu.latency",
+        "drive.wheel_slip",
+        "actuation.deadband",
+        "drive.backlash",
+        "motor.current_limit",
+        "drive.inertia",
+    ],
 )
 @pytest.mark.parametrize("drive", ["exciting", "contest"])
 def test_no_cause_is_an_answer_that_is_early_or_lost(cause: str, drive: str) -> None:
@@ -72,6 +82,21 @@ def test_commands_that_are_logged_behind_a_ramp_are_said(good: Columns) -> None:
         ramped[name] = duty
     with pytest.raises(TraceError, match="behind a ramp or a filter"):
         check_answers(log_from_columns(ramped, ROBOT))
+
+
+@pytest.mark.parametrize("rate", [4.0, 8.0])
+def test_commands_before_a_ramp_are_said(rate: float) -> None:
+    """They were a limit of the current, an inertia and a latency, each with a probability of 1."""
+    asked = exciting(np.random.default_rng(3), 12.0)
+    given = asked.copy()
+    for row in range(1, len(given)):
+        given[row] = given[row - 1] + np.clip(asked[row] - given[row - 1], -0.005 * rate, 0.005 * rate)
+    columns = dict(make(21, drive=given, seconds=12.0).columns)
+    check_answers(log_from_columns(columns, ROBOT))
+    rows = np.clip(np.rint(columns["t"] / 0.005).astype(int), 0, len(asked) - 1)
+    columns |= {name: asked[rows, index] for index, name in enumerate(DUTIES)}
+    with pytest.raises(TraceError, match=r"as if a ramp of about \d a second were between them"):
+        check_answers(log_from_columns(columns, ROBOT))
 
 
 def test_a_gyro_of_another_time_is_said(good: Columns) -> None:
