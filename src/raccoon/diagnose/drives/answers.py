@@ -38,12 +38,11 @@ usual size."""
 LOST_GYRO, TURNED = 0.5, 0.1
 """The same of a gyro, of which it was 0.06 at most; and how much commands must turn a robot to say so."""
 WAYS = ((1.0, "below"), (-1.0, "above"))
-RAMPS = (2.0, 3.0, 5.0, 8.0, 12.0)
-"""Duty a second: slower ones nobody drives with, and faster ones do not show."""
-RAMPED, SEEN = 0.4, 0.005
+RAMPS, SLOW_RAMP = (2.0, 3.0, 5.0, 8.0, 12.0), 5.0
+"""Duty a second, and up to which it is a ramp: a limit of the current may look like a ramp of 8."""
+RAMPED, SEEN = 0.3, 0.005
 """Part of the error that a ramp leaves where there is one, and part of a reading's power that it is without.
-It was 0.1 of drives behind ramps of 4 and 8 a second, and 0.86 at least of 26 without, a limit of the current
-and a heavy robot among them."""
+It was 0.1 of drives behind a ramp of 4 a second."""
 UNDRIVEN = 0.5
 """Part of the other wheel's range that no wheel has which is not driven."""
 DRIVEN, TURNS, OFTEN = 0.2, 0.3, 0.05
@@ -158,13 +157,13 @@ def check_answers(log: Log) -> None:
                 "delay, and 95 % of a robot's: are they of the same motor and of the same drive, and is it "
                 "all that was given to it?"
             )
-        rate = ramp_of(log.time, log.duty[:, index], wheel)
-        if rate is not None:
-            raise TraceError(
-                f"{wheel.name} follows {command} as if a ramp of about {rate:g} a second were between them: "
-                "the column holds what was asked for, before something slowed it down. Log what is given to "
-                "the motor"
-            )
+    ramps = [ramp_of(log.time, log.duty[:, index], each) for index, each, _ in _measured(log)]
+    if ramps and all(each is not None and each <= SLOW_RAMP for each in ramps):
+        names = " and ".join(command for _, _, command in _measured(log))
+        raise TraceError(
+            f"the wheels follow {names} as if a ramp of about {ramps[0]:g} a second were between them: the "
+            "columns hold what was asked for, before something slowed it down. Log what the motors are given"
+        )
     _check_gyro(log)
 
 
@@ -241,16 +240,17 @@ def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
     """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
     step = float(np.median(np.diff(time)))
     reach = round(FARTHEST / step)
-    known = np.flatnonzero(np.isfinite(channel.values))
-    known = known[(known >= reach) & (known < len(time) - reach)]
-    if len(known) < FEWEST or float(np.ptp(duty)) == 0.0:
+    # A wheel that coasts to its rest, and one that breaks loose from it, is slower than a command as well.
+    since = np.arange(len(duty)) - np.maximum.accumulate(np.where(duty == 0.0, np.arange(len(duty)), 0))
+    known = np.flatnonzero(np.isfinite(channel.values) & (since > reach))
+    if len(known) < FEWEST or float(np.ptp(duty[known])) == 0.0:
         return None
     known = known[:: -(-len(known) // MOST)]
     reading = channel.values[known]
 
     def least(commands: Array) -> float:
         speeds = (follower(commands, step / each) for each in ANSWERS[:3])
-        rows = [known - round(delay / step) for delay in (0.0, 2.0 * STEP, 4.0 * STEP)]
+        rows = [known - round(delay / step) for delay in STEP * np.arange(6)]
         return min(unexplained(each[row], reading) for each in speeds for row in rows)
 
     plain = least(duty)

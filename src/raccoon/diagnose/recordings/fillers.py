@@ -33,6 +33,8 @@ STAYS, CHANGES, ANSWERS = 0.4, 0.2, 0.15
 it would have answered."""
 SPIKES, LONGEST = 0.05, 2
 """Share of the samples that may be spikes, and samples that one may last."""
+LEAST_SPIKES = {"gyro": 1.0, "bemf": 300.0, "speed": 1.0, "battery": 1.0}
+"""What a spike is at least, by the kind of a reading: a robot that drives straight may hit a bump."""
 USUAL = 1.5
 """Of the range from the first to the last hundredth of the samples, by which a spike leaves both neighbours.
 """
@@ -77,7 +79,7 @@ def without_fillers(
     if role == "gyro":  # a back-EMF that is filtered repeats itself while a wheel turns evenly
         values = _only_new(values)
     known = np.flatnonzero(np.isfinite(values))
-    spikes = known[_spikes(values[known])]
+    spikes = known[_spikes(values[known], LEAST_SPIKES[role.partition("_")[0]])]
     worst = float(values[spikes[0]]) if len(spikes) else 0.0
     told = f"has {len(spikes)} values such as {worst:.4g} that their neighbours know nothing of: left out"
     left_out(spikes, "impossible", told)
@@ -168,14 +170,12 @@ def _only_new(values: Array) -> Array:
     return _blank(values, known[again])
 
 
-def _spikes(known: Array) -> Flags:
+def _spikes(known: Array, least: float) -> Flags:
     """Samples that leave both neighbours by more than all others are apart, and come back at once."""
     found = np.zeros(len(known), bool)
     if len(known) < 100:
         return found
-    usual = USUAL * float(np.subtract(*np.percentile(known, [99.0, 1.0])))
-    if not usual > 0.0:
-        return found
+    usual = max(USUAL * float(np.subtract(*np.percentile(known, [99.0, 1.0]))), least)
     # The first sample and the last have one neighbour, which stands on their other side as well.
     around = np.pad(known, LONGEST, mode="reflect")
     flagged = np.zeros(len(around), bool)
