@@ -44,8 +44,8 @@ def without_held(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     commands = [each for name, each in columns.items() if name.endswith((".duty", ".voltage"))]
     readings = [each for name, each in columns.items() if name.endswith((".bemf", ".speed"))]
     time = columns.get("t", np.zeros(0))
-    if not commands or not readings or len(time) < FEWEST:
-        return columns, ()
+    if not commands or not readings or len(time) < FEWEST or (np.diff(time) <= 0.0).any():
+        return columns, ()  # of a time that stands still nobody knows what was when
     table = np.column_stack([each for name, each in columns.items() if name != "t"])
     known = np.asarray(np.isfinite(np.column_stack(readings)).all(axis=1), bool)
     driven = np.abs(np.nan_to_num(np.column_stack(commands))).max(axis=1) > 0.0
