@@ -132,7 +132,7 @@ class _Reader:
         return row
 
     def _value(self, name: str, cell: str) -> float:
-        if not cell:
+        if not cell or cell.isspace():
             return math.nan
         text = self._with_point(cell) if self._commas else cell
         value, allowed = _parse(name, text)

@@ -6,6 +6,7 @@ docs/trace-format.md. A trace keeps raw words and replays bit for bit; a recordi
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +21,7 @@ TIME_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds")
 """By what a time that should be in seconds advances at least, a sample."""
 DUTY_UNITS = (
     (2.0, "shares of something less than a full command"),
+    (13.0, "volts, which are motor.N.voltage, or percent"),
     (100.0, "percent"),
     (255.0, "PWM of 8 bits (-255..255)"),
     (400.0, "a Wombat's PWM (-400..400)"),
@@ -71,20 +73,25 @@ class Recording:
 
     def ports(self, kind: str, channel: str | None = None) -> list[int]:
         """Port numbers that have a column, such as ports("motor", "bemf") or ports("analog")."""
-        found = []
-        for name in self.columns:
-            match name.split("."):
-                case [first, number] if channel is None and first == kind and number.isdecimal():
-                    found.append(int(number))
-                case [first, number, last] if first == kind and last == channel and number.isdecimal():
-                    found.append(int(number))
-        return sorted(found)
+        return ports_in(self.columns, kind, channel)
 
     def window(self, start: int, stop: int) -> Recording:
         """Rows start to stop (not included) as a recording of its own."""
         columns = {name: column[start:stop] for name, column in self.columns.items()}
         events = [Event(each.tick - start, each.text) for each in self.events if start <= each.tick < stop]
         return Recording(columns, events, self.device, list(self.problems))
+
+
+def ports_in(names: Iterable[str], kind: str, channel: str | None = None) -> list[int]:
+    """Port numbers that have a column of these names. A name without a number is of another program."""
+    found = []
+    for name in names:
+        match name.split("."):
+            case [first, number] if channel is None and first == kind and number.isdecimal():
+                found.append(int(number))
+            case [first, number, last] if first == kind and last == channel and number.isdecimal():
+                found.append(int(number))
+    return sorted(found)
 
 
 def usual_step(time: Column) -> float:

@@ -236,3 +236,10 @@ def test_a_few_commands_that_are_none_are_blank(tmp_path: Path) -> None:
     path.write_text("\n".join(["t,motor.0.duty", *rows]) + "\n")
     recording = read_csv(path, strict=False)
     assert len(recording.problems) == np.isnan(recording["motor.0.duty"]).sum() == 6
+
+
+def test_a_cell_of_spaces_is_blank(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("t, battery.voltage\n0, 7.1\n0.1, \n")
+    recording = read_csv(tmp_path / "run.csv")
+    assert recording["battery.voltage"][0] == 7.1
+    assert np.isnan(recording["battery.voltage"][1])

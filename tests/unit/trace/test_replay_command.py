@@ -13,7 +13,7 @@ from raccoon.cli import replay
 from raccoon.cli.view.drive import drive_of
 from raccoon.core.config import ControllerConfig
 from raccoon.core.errors import ConfigError, TraceError
-from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.drives.times import check_time
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World

@@ -54,6 +54,8 @@ AGREES = 0.2
 """rad/s within which gyro and wheels agree, and from which their scale is seen."""
 ALIKE, MOMENT = 0.15, 0.2
 """Of a turn, by which two readings of it may differ that agree; and s for which they do so by chance."""
+UNREAD = 0.15
+"""S without a sample of a gyro or a wheel in which nobody knows how it turned."""
 AROUND = 0.3
 """S for which gyro and wheels agree where a robot is on its wheels again; and s before and after it in which
 it may be in the hand that turns it already, or still."""
@@ -182,6 +184,9 @@ class _Seen:
         turn = speed[1] / constants[1] - speed[0] / constants[0]
         turn *= model.drive.wheel_radius.value / model.drive.track_width.value
         rate = np.full(len(time), np.nan) if gyro is None else _mean(log.time, gyro.values, time)
+        for each in (left, right, *(() if gyro is None else (gyro,))):
+            blank = _unread(log.time, each.values, time)
+            rate[blank] = turn[blank] = 0.0
         return cls(time, duty, volts, speed, _smooth(rate), _smooth(turn), full)
 
 
@@ -190,6 +195,14 @@ def _mean(at: Array, values: Array, time: Array) -> Array:
     means = bin_means(placed(at, time), values, len(time))
     filled = np.isfinite(means)
     return np.interp(time, time[filled], means[filled]) if filled.any() else means
+
+
+def _unread(at: Array, values: Array, time: Array) -> Flags:
+    """Bins in a stretch without samples in which a robot may have turned: what a line over it says of turning
+    is nobody's."""
+    known = np.concatenate([[time[0]], at[np.isfinite(values)], [time[-1] + BIN]])
+    after = np.clip(np.searchsorted(known, time + 0.5 * BIN), 1, len(known) - 1)
+    return np.asarray(known[after] - known[after - 1] > UNREAD)
 
 
 def _smooth(values: Array) -> Array:

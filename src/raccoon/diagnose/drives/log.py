@@ -14,13 +14,11 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.sample_clock import SampleClock
-from raccoon.trace.recording import mistaken_step, usual_step
+from raccoon.diagnose.drives.times import check_time
 
 Array = NDArray[np.float64]
 
 SHORTEST_SECONDS = 2.0
-SLOWEST_STEP = 0.2
-"""S between samples; a wheel settles in less."""
 SLOWEST_ROW = 0.0125
 """S between rows of a controller that runs faster. A command changes somewhere within a row: of a clean drive
 at 200 Hz every second row is diagnosed as all are, every third makes an inertia 17 % too small of it."""
@@ -212,24 +210,6 @@ def _time(columns: Mapping[str, Array]) -> Array:
             f"a diagnosis needs at least 50 over {SHORTEST_SECONDS:g} s"
         )
     return time
-
-
-def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
-    """Raise TraceError where a time is no number, does not advance, or by more than `slowest` s a sample."""
-    if not np.isfinite(time).all():
-        raise TraceError(
-            f"t is not a number in {int((~np.isfinite(time)).sum())} samples: repair the recording"
-        )
-    steps = np.diff(time)
-    if (steps <= 0.0).any():
-        row = int(np.argmax(steps <= 0.0)) + 1
-        raise TraceError(
-            f"t goes from {time[row - 1]:.6g} s to {time[row]:.6g} s at row {row}: it must advance"
-        )
-    step = usual_step(time)
-    if step > slowest:
-        told = mistaken_step(step) or f"t advances by {step:.3g} s a sample"
-        raise TraceError(f"{told}; at most {slowest:g} s are allowed")
 
 
 def _rounded_down(seconds: float) -> float:

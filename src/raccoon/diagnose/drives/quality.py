@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.drives.answers import check_signs
 from raccoon.diagnose.drives.held import of_free_driving, where_held
 from raccoon.diagnose.drives.log import Log, arranged
 from raccoon.diagnose.drives.sizes import (
@@ -23,7 +24,7 @@ from raccoon.diagnose.drives.sizes import (
     share_of,
     slope,
     steady,
-    turning,
+    turn_rate,
 )
 from raccoon.diagnose.drives.ways import check_turns, check_ways
 from raccoon.trace.recording import mistaken_duty
@@ -44,6 +45,7 @@ def strange_units(columns: Mapping[str, Array], robot: RobotConfig, *, native: b
         return ""
     try:
         log = arranged(columns, robot)
+        check_signs(log)
         check_units(driven_freely(log, robot), robot, native=native)
     except TraceError as error:
         return str(error)
@@ -84,7 +86,10 @@ def _check_battery(log: Log) -> None:
     battery = log.channel("battery")
     if battery is None:
         return
-    middle = float(np.nanmedian(battery.values))
+    known = battery.values[np.isfinite(battery.values)]
+    if not len(known):
+        return
+    middle = float(np.median(known))
     if middle > 100.0:
         guess = "counts" if middle < 2500.0 else "counts or millivolts" if middle < 4096.0 else "millivolts"
         raise TraceError(f"{battery.name} is around {middle:g} V: it looks like {guess}, not volts")
@@ -150,18 +155,10 @@ def _check_plugs(log: Log) -> None:
 
 
 def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
-    gyro, left, right = (log.channel(each) for each in ("gyro", "bemf_left", "bemf_right"))
-    if gyro is None or left is None or right is None:
+    gyro, expected = log.channel("gyro"), turn_rate(log, robot)
+    if gyro is None or expected is None:
         return
-    model = robot.model
-    per_count = BEMF_VOLTS_PER_COUNT / model.left.back_emf_constant.value
-    expected = (
-        (right.values - left.values)
-        * per_count
-        * model.drive.wheel_radius.value
-        / model.drive.track_width.value
-    )
-    factor = slope(np.where(turning(log.duty), expected, np.nan), gyro.values)
+    factor = slope(expected, gyro.values)
     if factor is None:
         return
     if factor > 20.0 and not native:

@@ -4,7 +4,7 @@ wheels. What is off by more than any robot is has another unit."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ IMPOSSIBLE = 1.3
 """The same that no motor has, with the scale of its reading a quarter off: it would drive the battery."""
 FAR = 3.0
 """Factor by which no robot.toml is wrong: it is a unit, or another robot's."""
+LITTLE = 2.0
+"""Factor by which readings of both wheels are small, where the gyro says that they are."""
 NEAR = 1.4
 """Factor within which a unit is recognised."""
 FEWEST = 50
@@ -49,16 +51,25 @@ def check_sizes(log: Log, robot: RobotConfig) -> None:
             continue
         lengths = {"metres a second": radius, "millimetres a second": 1000.0 * radius}
         _check_factor(wheel.name, share / SHARE, {**SPEEDS, **lengths}, "its command", "rad/s")
-    _check_gyro(log, robot)
+    _check_gyro(log, robot, list(shares.values()))
 
 
-def _check_gyro(log: Log, robot: RobotConfig) -> None:
+def _check_gyro(log: Log, robot: RobotConfig, shares: Sequence[float | None]) -> None:
     gyro, expected = log.channel("gyro"), turn_rate(log, robot)
     if gyro is None or expected is None:
         return
     factor = slope(expected, gyro.values)
-    if factor is not None and factor > 0.0:
-        _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels", "rad/s")
+    if factor is None or factor <= 0.0:
+        return
+    if factor > FAR and None not in shares and max(each or 0.0 for each in shares) < SHARE / LITTLE:
+        names = " and ".join(
+            each.name for each in (log.wheel("left"), log.wheel("right")) if each is not None
+        )
+        raise TraceError(
+            f"{names} are {factor:.3g} times too small for what {gyro.name} says, and small for their "
+            "commands: are they in counts of 12 bits?"
+        )
+    _check_factor(gyro.name, factor, GYRO_UNITS, "the wheels", "rad/s")
 
 
 def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | None]) -> None:

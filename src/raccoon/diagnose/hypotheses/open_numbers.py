@@ -7,7 +7,7 @@ delay, whether the gyro's chip smooths.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from enum import Enum, auto
 from typing import Any
@@ -64,6 +64,10 @@ WOMBAT_LATENCY = 0.0025
 each. With less, one of eight sound robots had a latency of 4.3 ms."""
 
 
+STDS_SAID = 4
+"""Numbers without a deviation that a note lists."""
+
+
 def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
     """The robot with the default's standard deviation where a number of the model has none, and their keys.
 
@@ -85,6 +89,22 @@ def with_usual_stds(robot: RobotConfig) -> tuple[RobotConfig, tuple[str, ...]]:
                 keys.append(f"model.{place}.{each.name}")
         sections[section.name] = replace(own, **changed)
     return replace(robot, model=replace(model, **sections)), tuple(keys)
+
+
+def without_std(keys: Sequence[str]) -> tuple[str, ...]:
+    """That numbers of robot.toml were not taken as exact."""
+    both = [each.replace("left", "right") for each in keys if ".left." in each]
+    alike = [each for each in both if each in keys]
+    shown = [each.replace(".left", "") if each.replace("left", "right") in alike else each for each in keys]
+    said = [each for each in dict.fromkeys(shown) if each not in alike]
+    if not said:
+        return ()
+    named = ", ".join(said[:STDS_SAID])
+    more = f" and {len(said) - STDS_SAID} more" if len(said) > STDS_SAID else ""
+    return (
+        f"robot.toml gives no std for {named}{more}: taken as well known as by default; write "
+        "{ value = ..., std = ... } where you know better, with a tiny std for what is exact",
+    )
 
 
 def base_coordinates(

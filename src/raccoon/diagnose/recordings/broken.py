@@ -10,8 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.findings.bent import without_bent
+from raccoon.diagnose.recordings.fillers import command_of, without_fillers
 from raccoon.diagnose.recordings.partial import absence
 from raccoon.diagnose.recordings.reference.faults import reference_faults
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
@@ -19,11 +22,13 @@ from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-IMPOSSIBLE = 1e5
-"""No sensor of a robot reads more in its own unit; wrong units are below it and are named by `quality`."""
 CLIPPED_SHARE = 0.1
 """Share of the samples at exactly the largest value from which a reading is saturated."""
-LEFT_OUT = {"stuck": "it is stuck", "saturated": "it is cut off"}
+COARSE = {"gyro": 8, "bemf": 4, "speed": 4, "battery": 4}
+"""Different values of a reading that say next to nothing, by its kind: those of a gyro in whole rad/s."""
+COARSE_VOLTS = 0.25
+"""Of a battery, that they are apart by at least: a stiff one has few values next to each other."""
+LEFT_OUT = {"stuck": "it is stuck", "saturated": "it is cut off", "coarse": "it is rounded too coarsely"}
 """Faults for which a whole channel is left out, and how that is said."""
 FEWEST = 50
 JITTER = 0.5
@@ -34,6 +39,9 @@ OTHER_RATE = 0.16
 """Cycles by which rows may be off whole ones: firmwares that are to run at 200 Hz do so at 174 and more."""
 CANNOT_FOLLOW = 0.5
 """Error left over the spread of what was measured from which the simulation does not follow the commands."""
+FOLLOWS_BADLY, BADLY = 0.15, 0.03
+"""The same, where the error is that part of the battery's voltage as well, which no creeping wheel has. With
+any cause, known or not, it was 0.03 at most; commands that were rounded to whole numbers left more."""
 OTHER_ROBOT = 0.25
 """Logarithm of a factor on both sides beyond which robot.toml is hardly this robot's."""
 OF_THE_ROBOT = (
@@ -67,11 +75,15 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
         name = pattern.format(**ports)
         if name not in kept:
             continue
-        values, fault = _possible(name, np.asarray(kept[name], float))
-        kept[name] = values
-        found = [
-            each for each in (fault, _stuck(name, role, values, moved), _clipped(name, role, values)) if each
-        ]
+        values = np.asarray(kept[name], float)
+        whole = (
+            _stuck(name, role, values, moved) or _clipped(name, role, values) or _coarse(name, role, values)
+        )
+        found = [] if whole is None else [whole]
+        if whole is None:
+            command = command_of(role, columns, robot)
+            kept[name], wrong = without_fillers(name, role, columns["t"], values, command)
+            found += wrong
         faults += found
         if any(each.fault in LEFT_OUT for each in found):
             del kept[name]
@@ -88,20 +100,26 @@ def _moves(columns: Columns, ports: Mapping[str, int]) -> bool:
     return any(each is not None and np.isfinite(each).any() and np.nanstd(each) > 0.02 for each in duties)
 
 
-def _possible(name: str, values: Array) -> tuple[Array, SensorFault | None]:
-    wild = np.abs(values) > IMPOSSIBLE
-    if not wild.any():
-        return values, None
-    text = f"{name} has {int(wild.sum())} impossible values such as {float(values[wild][0]):.3g}: left out"
-    return np.where(wild, np.nan, values), SensorFault(name, "impossible", text)
-
-
 def _stuck(name: str, role: str, values: Array, moved: bool) -> SensorFault | None:
     known = values[np.isfinite(values)]
-    if role == "battery" or not moved or len(known) < FEWEST or np.ptp(known) > 0.0:
+    if not moved or len(known) < FEWEST or np.ptp(known) > 0.0:
         return None
-    text = f"{name} reads {float(known[0]):g} all the time although the robot is driven: check plug and wires"
+    where = "read it in every cycle" if role == "battery" else "check plug and wires"
+    text = f"{name} reads {float(known[0]):g} all the time although the robot is driven: {where}"
     return SensorFault(name, "stuck", text)
+
+
+def _coarse(name: str, role: str, values: Array) -> SensorFault | None:
+    known = values[np.isfinite(values)]
+    most = COARSE.get(role.partition("_")[0])
+    if most is None or len(known) < 20 * most:
+        return None
+    levels = np.unique(known)
+    steps = np.diff(levels)
+    if not 1 < len(levels) <= most or (role == "battery" and float(steps.min()) < COARSE_VOLTS):
+        return None
+    text = f"{name} has {len(levels)} different values only: it is rounded too coarsely"
+    return SensorFault(name, "coarse", text)
 
 
 def _clipped(name: str, role: str, values: Array) -> SensorFault | None:
@@ -110,8 +128,11 @@ def _clipped(name: str, role: str, values: Array) -> SensorFault | None:
         return None
     for edge in (float(known.max()), float(known.min())):
         share = float((known == edge).mean())
-        # 0 at rest is no edge.
-        if share > CLIPPED_SHARE and abs(edge) > 0.5 * float(np.abs(known).max()):
+        inside = known[known != edge]
+        beside = float(inside.max() if edge == known.max() else inside.min())
+        # 0 at rest is no edge, nor is a step of many that are alike.
+        cut_off = share > CLIPPED_SHARE and float((known == beside).mean()) < 0.25 * share
+        if cut_off and abs(edge) > 0.5 * float(np.abs(known).max()):
             text = f"{name} stays at {edge:g} in {100 * share:.0f} % of its samples: it is cut off there"
             return SensorFault(name, "saturated", text)
     return None
@@ -140,10 +161,11 @@ def _about_rate(time: Array, rate_hz: float) -> tuple[str, ...]:
     # What does not advance, or in another unit, is an error that the log says.
     if cycles <= 0.0 or abs(cycles - max(round(cycles), 1)) < OTHER_RATE:
         return ()
+    rate = rate_hz / cycles
+    told = f"if t is right, write controller.rate_hz = {rate:.3g}; if it is not, "
     return (
-        f"t advances by {1000.0 * cycles / rate_hz:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
-        f"if t is right, write controller.rate_hz = {rate_hz / cycles:.3g}; if it is not, filters, latencies "
-        "and inertia are found wrong",
+        f"t advances by {1000.0 / rate:.3g} ms a row, but the controller runs at {rate_hz:g} Hz: "
+        f"{told if CYCLE_RATE.allows(rate) else ''}filters, latencies and inertia are found wrong",
     )
 
 
@@ -154,8 +176,8 @@ def judged_again(found: Diagnosis, columns: Columns, sound: Sound, robot: RobotC
     )
     found = _surely(found) if sound.uneven else found
     unchecked = (*_one_side(sound, robot), *_unchecked(found, sound, robot))
-    lost = [each.name for each in found.channels if _lost(each.name, each.rmse_after, columns)]
-    if not lost or not (found.causes or found.verdict is Verdict.UNKNOWN):
+    lost = [each.name for each in found.channels if _lost(each.name, each.rmse_after, columns, robot)]
+    if not lost:
         return replace(found, notes=(*found.notes, *unchecked, *_other_robot(found)))
     reason = f"the recorded motion does not follow the commands ({', '.join(lost)}): nothing is named"
     dropped = tuple(Rejected(each.name, reason) for each in found.causes)
@@ -205,9 +227,14 @@ def _in_volts(sound: Sound, ports: Mapping[str, int]) -> bool:
     return not any(_known(sound, f"motor.{port}.duty") for port in ports.values())
 
 
-def _lost(name: str, error: float, columns: Columns) -> bool:
-    wheel = name.endswith((".bemf", ".speed"))
-    return wheel and name in columns and error > CANNOT_FOLLOW * float(np.nanstd(columns[name]))
+def _lost(name: str, error: float, columns: Columns, robot: RobotConfig) -> bool:
+    if name not in columns or not name.endswith((".bemf", ".speed")):
+        return False
+    share = error / max(float(np.nanstd(columns[name])), 1e-300)
+    model = robot.model
+    per = BEMF_VOLTS_PER_COUNT if name.endswith(".bemf") else model.left.back_emf_constant.value
+    badly = error * per > BADLY * model.battery.open_circuit_voltage.value
+    return share > CANNOT_FOLLOW or (badly and share > FOLLOWS_BADLY)
 
 
 def _one_side(sound: Sound, robot: RobotConfig) -> tuple[str, ...]:

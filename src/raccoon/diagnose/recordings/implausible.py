@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -20,11 +21,13 @@ Columns = Mapping[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Factors of robot.toml's number that are a robot's, and what to look for beyond."""
+    """What numbers are a robot's, and what to look for beyond: factors of robot.toml's number, or the number
+    itself where that is 0 in it. parameter: of the cause."""
 
     low: float
     high: float
     doubt: str
+    parameter: str = "factor"
 
 
 _UNITS = "look at units, at robot.toml (is it this robot's?) and at what the column of the commands holds"
@@ -36,9 +39,16 @@ RANGES: Mapping[str, Range] = {
     "drive.wheel_radius": Range(0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."),
     "drive.track_width": Range(0.4, 2.5, "That shows to the eye: measure it with a ruler before all else."),
     "drive.inertia": Range(0.15, 5.0, f"No load makes that much of a difference: {_UNITS}."),
+    "friction.coulomb": Range(0.2, 4.0, f"No gears and tyres rub that differently: {_UNITS}.", "torque"),
+    "friction.quadratic": Range(0.0, 0.01, f"No wheel is braked that much: {_UNITS}.", "coefficient"),
+    "actuation.deadband": Range(0.0, 0.3, f"No driver swallows that much: {_UNITS}.", "duty"),
 }
 """By id. Of robots that nobody has measured, from 21 mm wheels to 50 mm and from 4 to 60 g m2, none is beyond
 what the default robot.toml has."""
+SLOW = {"drive.inertia": "factor", "bemf.filter_lag": "time_constant"}
+"""What a time that is too fast or too slow makes of a robot."""
+STRETCHED, ALIKE = 0.3, 0.25
+"""Logarithms: of how far both must be off for that, and by which they may differ."""
 TOO_LOW = 0.5
 """Factor of both motors' resistance (or inertia, which may stand in its place) below which a loop drives."""
 QUICK = ("motor.armature_resistance", "drive.inertia")
@@ -54,6 +64,8 @@ def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagn
         loop = speed_loop(driven_freely(log, robot), robot)
         if loop is not None:
             return _no_duty(found, robot, loop, sure=quick)
+    slow = _slow_time(found)
+    found = replace(found, notes=(*found.notes, *slow)) if slow else found
     causes = tuple(_doubted(each) for each in found.causes)
     if causes == found.causes:
         return found
@@ -61,14 +73,30 @@ def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagn
     return replace(found, causes=causes, verdict=verdict)
 
 
-def _factor(cause: CauseResult) -> float:
-    number = cause.parameters.get("factor")
+def _factor(cause: CauseResult, parameter: str = "factor") -> float:
+    number = cause.parameters.get(parameter)
     return 1.0 if number is None else number.value / (number.nominal or 1.0)
+
+
+def _slow_time(found: Diagnosis) -> tuple[str, ...]:
+    """That all that takes time takes as much longer, or less: so it does where t is wrong."""
+    both = {each.id: each for each in found.causes if each.id in SLOW and each.where is None}
+    if len(both) < len(SLOW):
+        return ()
+    inertia, lag = (_factor(both[id_], parameter) for id_, parameter in SLOW.items())
+    off = 0.5 * math.log(inertia * lag)
+    if abs(off) < STRETCHED or abs(math.log(inertia / lag)) > ALIKE:
+        return ()
+    names = " and ".join(SLOW)
+    return (
+        f"{names} are both about {math.exp(off):.2g} times what robot.toml says, as they are where t "
+        "advances by as much too far: compare the length of the recording with a watch before anything else",
+    )
 
 
 def _doubted(cause: CauseResult) -> CauseResult:
     usual = RANGES.get(cause.id)
-    if usual is None or cause.little or usual.low <= _factor(cause) <= usual.high:
+    if usual is None or cause.little or usual.low <= _factor(cause, usual.parameter) <= usual.high:
         return cause
     return replace(cause, explanation=f"{cause.explanation} {usual.doubt}")
 

@@ -15,11 +15,11 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.gravity import strange_acceleration
-from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.unseen import said_of_holdout
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
-from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
+from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_std
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.battery_reading import with_battery_reading
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
@@ -39,7 +39,7 @@ from raccoon.diagnose.recordings.partial import (
 )
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
-from raccoon.diagnose.recordings.repeated import without_repeated
+from raccoon.diagnose.recordings.repeated import without_held, without_repeated
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
@@ -51,7 +51,6 @@ Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
 SHORT_DRIVE = 2.0
-STDS_SAID = 4
 _WITH_MORE = {
     Verdict.ADEQUATE: Verdict.EXPLAINED,
     Verdict.UNKNOWN: Verdict.PARTLY,
@@ -144,10 +143,15 @@ def diagnose_recording(
     columns, repeated = without_repeated(columns)
     kind = kind_of(columns, robot)
     check_drives([columns, *more], [kind, *(kind_of(each, robot) for each in more)])
+    if kind is Kind.DRIVE:
+        columns, held = without_held(columns)
+        repeated = (*repeated, *held)
     unused = ""
     if holdout is not None:
         with said_of_holdout():
             holdout, _ = without_repeated(holdout)
+            if kind is Kind.DRIVE:
+                holdout, _ = without_held(holdout)
             unused = not_judged_on(columns, holdout, kind, kind_of(holdout, robot))
     if kind is Kind.STEP:
         found = diagnose_step(columns, step_port(columns) or 0)
@@ -163,27 +167,11 @@ def diagnose_recording(
     else:
         open_robot, exact = with_usual_stds(robot)
         made_by = named(device, columns, robot, port)
-        more = [without_repeated(each)[0] for each in more]
+        more = [without_held(without_repeated(each)[0])[0] for each in more]
         found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
-        found = replace(found, notes=(*found.notes, *_without_std(exact), *outranked(found.causes, robot)))
+        found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
     notes = dict.fromkeys((*found.notes, *problems, *repeated, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
-
-
-def _without_std(keys: Sequence[str]) -> tuple[str, ...]:
-    """That numbers of robot.toml were not taken as exact."""
-    both = [each.replace("left", "right") for each in keys if ".left." in each]
-    alike = [each for each in both if each in keys]
-    shown = [each.replace(".left", "") if each.replace("left", "right") in alike else each for each in keys]
-    said = [each for each in dict.fromkeys(shown) if each not in alike]
-    if not said:
-        return ()
-    named = ", ".join(said[:STDS_SAID])
-    more = f" and {len(said) - STDS_SAID} more" if len(said) > STDS_SAID else ""
-    return (
-        f"robot.toml gives no std for {named}{more}: taken as well known as by default; write "
-        "{ value = ..., std = ... } where you know better, with a tiny std for what is exact",
-    )
 
 
 def _drive(

@@ -15,6 +15,7 @@ from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
+from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -28,6 +29,10 @@ AT_REST = 0.02
 UNRELATED = 0.3
 """R2 of the current over voltage and speed below which it is no current of this motor."""
 FEWEST = 50
+BEYOND = 1.3
+"""Of the battery's voltage, that no driver gives a motor."""
+ONE_WAY = 0.2
+"""Part of the larger way of a motor from which it goes the other one as well."""
 _WORST_FIRST = (Verdict.UNKNOWN, Verdict.PARTLY, Verdict.EXPLAINED, Verdict.ADEQUATE)
 
 
@@ -42,8 +47,8 @@ class _Checked:
 
 def motor_ports(columns: Columns) -> list[int]:
     """Ports with something that drives (force, torque, voltage) and a motion."""
-    ports = {int(name.split(".")[1]) for name in columns if name.startswith("motor.")}
-    return [port for port in sorted(ports) if _has(columns, port, EFFORTS) and _has(columns, port, MOTIONS)]
+    ports = sorted({port for kind in EFFORTS for port in ports_in(columns, "motor", kind)})
+    return [port for port in ports if _has(columns, port, EFFORTS) and _has(columns, port, MOTIONS)]
 
 
 def _has(columns: Columns, port: int, kinds: Mapping[str, str]) -> bool:
@@ -67,6 +72,7 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
     clean = dict(columns)
     for port in ports:
         checked = _check(clean, port)
+        _check_volts(checked.columns, port)
         clean = checked.columns
         faults += checked.faults
         notes += checked.notes
@@ -80,6 +86,37 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
             ruled_out.append(Rejected(f"motor {port}", f"not diagnosed: {error}"))
     supply, missing = _supply(clean, ports)
     return _joined(found, done, supply, missing, faults, notes, ruled_out, begin)
+
+
+def _check_volts(columns: Columns, port: int) -> None:
+    """Raise TraceError where volts and speed are not what their names promise."""
+    voltage, speed = (columns.get(f"motor.{port}.{kind}") for kind in ("voltage", "speed"))
+    battery = columns.get("battery.voltage")
+    if voltage is None or not np.isfinite(voltage).any():
+        return
+    largest = float(np.nanmax(np.abs(voltage)))
+    full = 0.0 if battery is None or not np.isfinite(battery).any() else float(np.nanmedian(battery))
+    if full > 0.0 and largest > BEYOND * full:
+        raise TraceError(
+            f"motor.{port}.voltage reaches {largest:g} V of a battery of {full:.3g} V: it looks like "
+            "percent, millivolts or counts, or the battery's reading is in another unit"
+        )
+    if speed is None:
+        return
+    for values, other, name in ((voltage, speed, "voltage"), (speed, voltage, "speed")):
+        if _one_way(values) and not _one_way(other):
+            raise TraceError(
+                f"motor.{port}.{name} has one sign only, and the motor went both ways: it holds how large it "
+                "was, not which way; write it with its sign"
+            )
+
+
+def _one_way(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    if len(known) < FEWEST:
+        return True
+    low, high = (float(each) for each in np.percentile(known, [5.0, 95.0]))
+    return low * high >= -(ONE_WAY**2) * max(abs(low), abs(high)) ** 2
 
 
 def _place(robot: RobotConfig, port: int, ports: list[int]) -> Place:

@@ -1,4 +1,4 @@
-"""Samples that a recorder wrote twice."""
+"""Samples that a recorder wrote twice: at one time, or with all that was in the row before."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Columns = Mapping[str, NDArray[np.float64]]
 
+FEWEST = 200
+"""Rows that tell how often they repeat."""
 MOST_REPEATED = 0.1
 """Share of the samples. More are no slip of a recorder, and are left to be refused."""
 
@@ -25,3 +27,39 @@ def without_repeated(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
         f"{'is' if one else 'are'} left out: the first at {time[again[0]]:.6g} s, row {again[0]}"
     )
     return {name: np.delete(each, again) for name, each in columns.items()}, (said,)
+
+
+FASTER = 0.3
+"""Share of the rows of a robot that is driven that are as the row before, where a logger is faster than what
+it reads. Of noise no row is."""
+EARLY = 0.8
+"""Part of the usual time between rows that are new, before which one that is not says nothing."""
+
+
+def without_held(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
+    """The columns without rows in which a logger wrote once more what it had, and what is to be said of it.
+
+    Such rows were a command that is 4 ms late and wheels that slip, each with a probability of 1.
+    """
+    commands = [each for name, each in columns.items() if name.endswith((".duty", ".voltage"))]
+    readings = [each for name, each in columns.items() if name.endswith((".bemf", ".speed"))]
+    time = columns.get("t", np.zeros(0))
+    if not commands or not readings or len(time) < FEWEST or (np.diff(time) <= 0.0).any():
+        return columns, ()  # of a time that stands still nobody knows what was when
+    table = np.column_stack([each for name, each in columns.items() if name != "t"])
+    known = np.asarray(np.isfinite(np.column_stack(readings)).all(axis=1), bool)
+    driven = np.abs(np.nan_to_num(np.column_stack(commands))).max(axis=1) > 0.0
+    same = np.all((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1])), axis=1)
+    same = np.concatenate([[False], np.asarray(same, bool) & known[1:] & known[:-1]])
+    if driven.sum() < FEWEST or float(same[driven].mean()) < FASTER:
+        return columns, ()
+    usual = float(np.median(np.diff(time[~same & driven])))
+    keep, last = ~same, float("-inf")
+    for row in range(len(time)):
+        keep[row] |= time[row] - last > EARLY * usual
+        last = float(time[row]) if keep[row] else last
+    said = (
+        f"{int((~keep).sum())} of {len(time)} rows hold what the row before held: the logger is faster than "
+        f"what it reads, which is new every {1000.0 * usual:.3g} ms; they are left out"
+    )
+    return {name: each[keep] for name, each in columns.items()}, (said,)

@@ -19,6 +19,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
+from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -39,7 +40,7 @@ NOT_TOLD = (
 
 def step_port(columns: Columns) -> int | None:
     """The port of a single motor that was given one power all the time, None where this is no such step."""
-    ports = [int(name.split(".")[1]) for name in columns if name.endswith(".duty")]
+    ports = ports_in(columns, "motor", "duty")
     if len(ports) != 1:
         return None
     duty = columns[f"motor.{ports[0]}.duty"]

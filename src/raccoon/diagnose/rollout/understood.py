@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.answers import check_answers, check_signs
 from raccoon.diagnose.drives.held import not_free, of_free_driving, spans, with_free_driving
 from raccoon.diagnose.drives.joined import joined, said_of_recording
 from raccoon.diagnose.drives.loads import with_loads
@@ -34,12 +35,14 @@ def understood(every: Sequence[Columns], robot: RobotConfig, firmware: Firmware 
 
 def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log:
     log = log_from_columns(columns, robot)
+    check_signs(log)
     held = not_free(log, robot)
     native = firmware is not None and firmware.units
     check_units(driven_freely(log, robot, spans(held)), robot, native=native)
     log = with_free_driving(log, held)
     free = with_stops(of_free_driving(with_what_turned(log, robot)))
     check_order(free)
+    check_answers(free)
     if firmware is not None:
         free = of_free_driving(firmware.understood(log, columns, robot))
         if firmware.chain.battery_held:  # such a reading is low without a load

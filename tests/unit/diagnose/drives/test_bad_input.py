@@ -42,6 +42,7 @@ def test_a_good_recording_passes(good: Columns) -> None:
     ("column", "factor", "said"),
     [
         ("motor.0.duty", 100.0, "percent"),
+        ("motor.0.duty", 6.8, r"volts, which are motor\.N\.voltage, or percent"),
         ("motor.0.duty", 255.0, "PWM of 8 bits"),
         ("motor.0.duty", 400.0, "a Wombat's PWM"),
         ("motor.0.duty", 1500.0, "ticks a second"),
@@ -86,6 +87,16 @@ def test_an_encoder_in_another_unit_is_said(good: Columns, factor: float, said: 
     check(encoders)
     with pytest.raises(TraceError, match=said):
         check({**encoders, "motor.1.speed": factor * encoders["motor.1.speed"]})
+
+
+@pytest.mark.parametrize(("factor", "said"), [(57.3, "degrees"), (-1.0, "turns against the wheels")])
+def test_a_gyro_beside_encoders_is_judged_too(factor: float, said: str) -> None:
+    """Mirrored it was diagnosed as if it were not: only back-EMF was asked for its sign."""
+    columns = dict(make(6, seconds=8.0, encoders=True).columns)
+    columns = {name: each[:-1] for name, each in columns.items()}
+    check(columns)
+    with pytest.raises(TraceError, match=said):
+        check({**columns, "imu.gyro.z": factor * columns["imu.gyro.z"]})
 
 
 def test_a_battery_that_robot_toml_has_wrong_is_no_wrong_unit(good: Columns) -> None:
@@ -244,6 +255,34 @@ def test_rows_in_which_commands_change_are_refused(good: Columns) -> None:
         TraceError, match=r"a row every 60 ms.*at least every 12\.5 ms$"
     ):  # no robot is as slow
         check({key: column[::12] for key, column in good.items()})
+
+
+def test_a_time_that_is_rounded_is_said(good: Columns) -> None:
+    with pytest.raises(TraceError, match=r"must advance, and stands still in 50 % .* rounded to 0\.01 s"):
+        check({**good, "t": np.round(good["t"], 2)})
+
+
+def test_a_time_that_jumps_by_more_than_a_drive_lasts_is_said(good: Columns) -> None:
+    time = good["t"].copy()
+    time[-1] = 1e300
+    with pytest.raises(TraceError, match=r"t jumps from 7\.\d+ s to 1e\+300 s at row 15"):
+        check({**good, "t": time})
+
+
+@pytest.mark.parametrize("port", [0, 1])
+def test_back_emf_in_words_without_a_sign_is_said(good: Columns, port: int) -> None:
+    """It had the opposite sign of its command."""
+    name = f"motor.{port}.bemf"
+    words = np.where(good[name] < 0.0, good[name] + 65536.0, good[name])
+    with pytest.raises(TraceError, match=rf"motor\.{port}\.bemf reaches 65535: numbers below 0 .* 16 bits"):
+        diagnose({**good, name: words}, ROBOT)
+
+
+def test_back_emf_of_fewer_bits_is_no_fault_of_the_gyro(good: Columns) -> None:
+    """Of both wheels in quarters of counts the gyro was said to be in another unit."""
+    quarters = {f"motor.{port}.bemf": 0.25 * good[f"motor.{port}.bemf"] for port in (0, 1)}
+    with pytest.raises(TraceError, match=r"are .* times too small for what imu\.gyro\.z says"):
+        check({**good, **quarters})
 
 
 def test_time_that_goes_back(good: Columns) -> None:

@@ -170,6 +170,15 @@ def test_a_battery_that_gives_way_is_none() -> None:
     assert not_free(log_from_columns(columns, ROBOT), ROBOT) == ()
 
 
+def test_what_was_not_read_is_no_hand(blind: dict[str, Array]) -> None:
+    """A line over half a second without a gyro turned as no wheel did."""
+    columns = dict(blind)
+    for name in ("imu.gyro.z", "motor.1.bemf"):
+        unread = (np.sin(3.0 * blind["t"] + len(name)) > 0.6) | (blind["t"] > blind["t"][-1] - 3.0)
+        columns[name] = np.where(unread, np.nan, blind[name])
+    assert not_free(log_from_columns(columns, RobotConfig()), RobotConfig()) == ()
+
+
 def test_a_gyro_that_never_agrees_with_the_wheels_is_none(blind: dict[str, Array]) -> None:
     """One of another axis, or in another unit: that is an error, and no robot in a hand."""
     gyro = blind["imu.gyro.z"]

@@ -30,7 +30,7 @@ GOOD = {
     "motor.0.bemf": 1500.0 * DUTY + 4.0 * RNG.standard_normal(1000),
     "motor.1.bemf": 1500.0 * DUTY + 4.0 * RNG.standard_normal(1000),
     "imu.gyro.z": 0.01 * RNG.standard_normal(1000),
-    "battery.voltage": np.full(1000, 6.8),
+    "battery.voltage": 6.8 - 0.01 * (np.arange(1000) % 3),
 }
 
 
@@ -213,3 +213,19 @@ def test_a_reference_that_lost_the_robot_is_said() -> None:
     del without["truth.heading"]
     (fault,) = without_broken(without, ROBOT).faults
     assert "truth.heading is not in the recording" in fault.text
+
+
+def test_a_battery_that_never_changes_was_not_read() -> None:
+    """A number of robot.toml in its place was a battery without a resistance, with a probability of 1."""
+    assert faults(**{"battery.voltage": np.full(1000, 6.8)}) == [("battery.voltage", "stuck")]
+    volts = np.where(np.arange(1000) % 7 == 0, 6.0, 7.0)
+    assert faults(**{"battery.voltage": volts}) == [("battery.voltage", "coarse")]
+    stiff = np.where(np.arange(1000) % 7 == 0, 6.80, 6.81)
+    assert faults(**{"battery.voltage": stiff}) == []
+
+
+def test_the_rate_that_a_strange_time_has_is_no_advice() -> None:
+    time = np.sort(np.concatenate([0.02 * np.arange(300), 0.02 * np.arange(700) % 6.0 + 1e-7]))
+    notes = without_broken({**GOOD, "t": time + 1e-9 * np.arange(1000)}, ROBOT).notes
+    assert any("the controller runs at 200 Hz" in each for each in notes)
+    assert not any("write controller.rate_hz" in each for each in notes)

@@ -163,3 +163,17 @@ def test_runs_of_two_robots_are_not_pooled(tmp_path: Path, capsys: pytest.Captur
         (tmp_path / place / "robot.toml").write_text(f'name = "{place}"\n')
     assert main(["diagnose", str(tmp_path)]) == 0
     assert "run3.csv: " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("columns", "factor"),
+    [(("truth.x", "truth.y"), 0.0), (("truth.x", "truth.y"), 10.0), (("motor.0.position",), 1 / 6.2832)],
+)
+def test_lengths_that_no_robot_has_are_no_cause(columns: tuple[str, ...], factor: float) -> None:
+    """They ended at the bounds of what is tried, with a probability of 0.99."""
+    run = driven(1)
+    strange = {**run, **{name: factor * run[name] for name in columns}}
+    found = diagnose_geometry([strange], ROBOT)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert not found.causes
+    assert any("times as large as in robot.toml, or more" in each for each in found.notes)

@@ -91,3 +91,45 @@ def test_where_nothing_is_named_a_loop_is_a_guess() -> None:
     assert found.verdict is Verdict.UNKNOWN
     assert "seem to hold a speed" in found.sensor_faults[0].text
     assert with_doubts(unknown, driven(0.3), ROBOT) is unknown
+
+
+@pytest.mark.parametrize(
+    ("id_", "parameter", "nominal", "usual", "strange", "said"),
+    [
+        ("actuation.deadband", "duty", 0.0, 0.25, 0.38, "No driver swallows that much"),
+        ("friction.quadratic", "coefficient", 0.0, 0.007, 0.0145, "No wheel is braked that much"),
+        ("friction.coulomb", "torque", 0.18, 0.1, 0.004, "No gears and tyres rub that differently"),
+    ],
+)
+def test_numbers_that_a_bent_command_makes_are_doubted(
+    id_: str, parameter: str, nominal: float, usual: float, strange: float, said: str
+) -> None:
+    """Of commands whose root or square was logged."""
+
+    def found(value: float) -> Diagnosis:
+        values = {parameter: ParameterResult(value, 0.001, "", nominal)}
+        named = replace(cause(id_, 1.0), parameters=values, explanation=explanation(id_, None, values))
+        return with_doubts(diagnosis(named), driven(0.3), ROBOT)
+
+    assert found(usual).verdict is Verdict.EXPLAINED
+    assert found(strange).verdict is Verdict.PARTLY
+    assert said in found(strange).causes[0].explanation
+
+
+def both_slow(inertia: float, lag: float) -> Diagnosis:
+    values = {"time_constant": ParameterResult(0.0225 * lag, 0.0002, "s", 0.0225)}
+    told_of = explanation("bemf.filter_lag", None, values)
+    lagging = replace(cause("bemf.filter_lag", 1.0), parameters=values, explanation=told_of)
+    return with_doubts(diagnosis(cause("drive.inertia", inertia), lagging), driven(0.3), ROBOT)
+
+
+@pytest.mark.parametrize(("inertia", "lag", "times"), [(1.88, 2.1, "2"), (0.5, 0.48, "0.49")])
+def test_a_time_that_is_too_slow_or_too_fast_is_thought_of(inertia: float, lag: float, times: str) -> None:
+    said = [each for each in both_slow(inertia, lag).notes if "watch" in each]
+    assert len(said) == 1
+    assert f"are both about {times} times what robot.toml says" in said[0]
+
+
+@pytest.mark.parametrize(("inertia", "lag"), [(1.3, 2.1), (1.9, 0.5), (1.15, 1.2)])
+def test_a_heavy_robot_with_a_slow_filter_has_a_right_time(inertia: float, lag: float) -> None:
+    assert not any("watch" in each for each in both_slow(inertia, lag).notes)

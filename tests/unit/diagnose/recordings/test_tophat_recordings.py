@@ -220,3 +220,12 @@ def test_edges_are_no_noise(noise: float, truth_free: bool) -> None:
     found = diagnose_recording(read(columns, clean, noise=noise), ROBOT, truth_free=truth_free)
     cause = next(each for each in found.causes if each.id == "tophat.noise")
     assert cause.parameters["sd"].value == pytest.approx(noise, rel=0.03)
+
+
+@pytest.mark.parametrize("pause", [3.0, 3600.0])
+def test_a_pause_breaks_nothing_where_no_reference_tells_the_surface(pause: float) -> None:
+    """Nothing is in most of the moments that are tried: it was a ValueError."""
+    columns = {name: each for name, each in lines(1).items() if name != "truth.surface.2"}
+    later = columns["t"] + pause * (columns["t"] > 9.0)
+    found = diagnose_recording({**columns, "t": later}, ROBOT)
+    assert found.verdict is Verdict.ADEQUATE

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.log import AxisLog
 from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
 
@@ -30,6 +31,9 @@ ROWS_OF_POSITION, ROWS_OF_SPEED = 100, 8000
 FEWEST_STRETCHES = 10
 RUN_CONSTANTS, RUN_SECONDS = 20.0, 60.0
 """A speed is run on freely for the longer of the two."""
+LARGEST_WAY = 200.0
+NO_NUMBER = 1e60
+"""Times the noise, of which squares can still be added up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +57,9 @@ class Number:
 
     def value(self, u: Array) -> Array:
         """The number at u."""
-        moved = self.start * np.exp(self.width * u) if self.positive else self.start + self.width * u
+        # Where nothing holds a number a step may be any size: its exponential must stay a number.
+        way = np.clip(self.width * u, -LARGEST_WAY, LARGEST_WAY) if self.positive else self.width * u
+        moved = self.start * np.exp(way) if self.positive else self.start + way
         return np.asarray(np.clip(moved, self.low, self.high))
 
 
@@ -122,7 +128,9 @@ class AxisData:
         return np.concatenate(rows, axis=1)
 
     def _weighted(self, model: Array, measured: Array, channel: int) -> Array:
-        error = (model - measured[:, None, :]) * self.parts.weight[:, None, :] / self.scales[channel]
+        with np.errstate(over="ignore", invalid="ignore"):
+            error = (model - measured[:, None, :]) * self.parts.weight[:, None, :] / self.scales[channel]
+        error = np.clip(error, -NO_NUMBER, NO_NUMBER)
         lanes = error.shape[1]
         return np.asarray(np.nan_to_num(np.moveaxis(error, 1, 0).reshape(lanes, -1)))
 
@@ -144,6 +152,7 @@ def fit_axis(data: AxisData, numbers: Sequence[Number], start: Array | None = No
     bounds = _bounds(numbers)
     residual = data.residuals(numbers, u[None])[0]
     J = _jacobian(data, numbers, u, residual, bounds)
+    _check_numbers(residual)
     cost = float(residual @ residual + prior @ u**2)
     for _ in range(ROUNDS):
         trials = _trials(J, residual, u, prior, bounds)
@@ -157,6 +166,15 @@ def fit_axis(data: AxisData, numbers: Sequence[Number], start: Array | None = No
         if gained <= ENOUGH * cost:
             break
     return AxisFit(tuple(numbers), u, residual, J, data.groups())
+
+
+def _check_numbers(residual: Array) -> None:
+    """Raise TraceError where the model has no numbers for a motion."""
+    if len(residual) and float(np.abs(residual).max()) >= NO_NUMBER:
+        raise TraceError(
+            "no numbers of a motor or an axis give such a motion: are its effort, its motion and its current "
+            "in the right columns and units, and of one time?"
+        )
 
 
 def _bounds(numbers: Sequence[Number]) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.unseen import check_has
+from raccoon.trace.recording import mistaken_step
 
 Array = NDArray[np.float64]
 
@@ -128,6 +129,8 @@ def _even_time(recorded: Array) -> Array:
         row = int(np.argmax(steps <= 0.0)) + 1
         raise TraceError(f"t does not advance at row {row}: {recorded[row - 1]:.6g} to {recorded[row]:.6g} s")
     step = float(np.median(steps))
+    if told := mistaken_step(step):
+        raise TraceError(told)
     if float(steps.max()) > max(0.1, 20.0 * step):
         raise TraceError(f"t has a gap of {float(steps.max()):.3g} s: the motion in it is not known")
     return np.linspace(recorded[0], recorded[-1], round(float(np.ptp(recorded)) / step) + 1)

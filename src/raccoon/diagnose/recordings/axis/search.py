@@ -196,7 +196,9 @@ def left_out_misfit(data: AxisData, fit: AxisFit) -> float:
 
 def _best(tried: Sequence[Tried]) -> Tried | None:
     """The most evidence among those that also help what was left out; a tie goes to the plainer cause."""
-    good = [each for each in tried if each.evidence > LEAST_EVIDENCE and each.left_out > LEAST_LEFT_OUT]
+    good = [
+        each for each in tried if LEAST_EVIDENCE < each.evidence < math.inf and each.left_out > LEAST_LEFT_OUT
+    ]
     if not good:
         return None
     most = max(each.evidence for each in good)

@@ -53,11 +53,17 @@ def _derivatives(log: AxisLog) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
+def _usual_effort(log: AxisLog) -> float:
+    """The largest but for moments; of an effort that is only moments, the largest."""
+    size = np.abs(log.effort)
+    return float(np.percentile(size, 95.0)) or float(size.max())
+
+
 def _mechanical(log: AxisLog, speed: Array, acceleration: Array, usual: float) -> Rough:
     columns = np.column_stack([acceleration, speed, np.sign(speed), np.ones_like(speed)])
     moving = np.abs(speed) > 0.05 * usual
     found = np.linalg.lstsq(columns[moving], log.effort[moving], rcond=None)[0]
-    effort = float(np.percentile(np.abs(log.effort), 95.0))
+    effort = _usual_effort(log)
     inertia = max(float(found[0]), 1e-3 * effort / max(float(np.abs(acceleration).max()), 1e-9))
     viscous = max(float(found[1]), 0.02 * effort / usual)
     base = [Number("inertia", inertia, 0.3, positive=True), Number("viscous", viscous, 0.3, positive=True)]
@@ -72,7 +78,7 @@ def _mechanical(log: AxisLog, speed: Array, acceleration: Array, usual: float) -
 def _electrical(log: AxisLog, current: Array, speed: Array, acceleration: Array, usual: float) -> Rough:
     known = np.isfinite(current)
     pair = np.linalg.lstsq(np.column_stack([current, speed])[known], log.effort[known], rcond=None)[0]
-    effort = float(np.percentile(np.abs(log.effort), 95.0))
+    effort = _usual_effort(log)
     amps = float(np.percentile(np.abs(current[known]), 99.0))
     resistance = float(np.clip(pair[0], 0.2 * effort / amps, 5.0 * effort / amps))
     back_emf = float(np.clip(pair[1], 0.2 * effort / usual, 2.0 * effort / usual))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.recordings.broken import OTHER_ROBOT
 from raccoon.diagnose.recordings.geometry.fit import (
@@ -48,6 +48,8 @@ LEAST_GAIN = 0.03
 FAR = 3.0
 """Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
 make of it."""
+LARGEST_FACTOR = 2.5
+"""By which wheels and track may be off, as in a drive with commands (`implausible.py`)."""
 SHARE_FITTED = 0.7
 SLOWEST = 0.9
 """S a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""
@@ -82,7 +84,28 @@ def diagnose_geometry(
     pairs = ((found.left_radius, radius), (found.right_radius, radius), (found.track_width, track))
     whole = np.array([number.value / nominal for number, nominal in pairs])
     stds = np.array([number.std / nominal for number, nominal in pairs])
+    strange = strange_factor(whole)
+    if strange:
+        return _cannot_tell(strange, fitted, robot, begin)
     return _judged(Fitted(robot, whole, stds, fitted, unseen), begin)
+
+
+def strange_factor(factors: Array) -> str:
+    """What is to be said where a wheel or the track is no robot's of this robot.toml; "" where all may be.
+
+    A reference that never moved, and counters in another unit, ended at the bounds of what is tried, each
+    with a probability of 0.99.
+    """
+    logs = np.abs(np.log(factors))
+    worst = int(np.argmax(logs))
+    if logs[worst] < math.log(LARGEST_FACTOR):
+        return ""
+    name = ("the left wheel", "the right wheel", "the track")[worst]
+    return (
+        f"by the reference {name} is {factors[worst]:.2g} times as large as in robot.toml, or more: a ruler "
+        "would show that. Look at radians_per_tick, at the columns of the wheels, at whether truth.x and "
+        "truth.y are metres that moved with the robot, and whether robot.toml is this robot's"
+    )
 
 
 def _shared(

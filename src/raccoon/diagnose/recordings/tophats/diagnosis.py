@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import check_time
+from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.recordings.tophats.fit import Nominal
 from raccoon.diagnose.recordings.tophats.judge import SensorResult, judge_tophat
@@ -24,6 +24,7 @@ from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT, NOI
 from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.trace.recording import ports_in
 
 Array = NDArray[np.float64]
 SLOWEST = 0.9
@@ -40,7 +41,7 @@ def tophat_ports(columns: Columns, robot: RobotConfig) -> list[int]:
 
 
 def _recorded(columns: Columns) -> list[int]:
-    return sorted(int(name.split(".")[1]) for name in columns if name.startswith("analog."))
+    return ports_in(columns, "analog")
 
 
 def _left_out(columns: Columns, ports: list[int]) -> tuple[str, ...]:

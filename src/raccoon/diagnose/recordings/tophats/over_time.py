@@ -100,7 +100,7 @@ def _best_row(time: Array, counts: Array, black: Flags | None, most: float) -> i
     rows = []
     for place in range(1, MOMENTS):
         sides = _sides(counts, black, int(ends[place]))
-        if sides is None:
+        if sides is None or ends[place - 1] == ends[place + 1]:  # in a gap there is nothing
             continue
         # White of before may pass for black of after where a moment is a little off: so moments are compared
         # once each is where its levels put it.

@@ -1,0 +1,284 @@
+"""Whether wheels answer the commands of their rows: columns that lost their sign, or are of another time.
+
+Fits explain much: commands that are late became slip and a filter, rounded ones a reading's scale. So the
+simplest of wheels, which follows its command by a low-pass, a friction and an offset, is asked first, at
+every delay. Nothing in the catalogue makes it answer early, or lets a fifth of what it does be without
+a command.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.log import Channel, Log
+
+Array = NDArray[np.float64]
+
+ANSWERS = (0.03, 0.06, 0.12, 0.25)
+"""s in which a wheel and its reading's filter may answer a command."""
+STEP, FARTHEST = 0.02, 0.3
+"""s by which delays are tried, and the longest of them, either way."""
+FEWEST, MOST = 200, 3000
+"""Readings from which this is asked, and of how many at most."""
+EARLY, EARLY_GYRO = -0.015, -0.035
+"""s before which an answer is early, of a wheel and of a gyro, which no filter holds back. Where the command
+is one row late both still come after it."""
+BETTER = 0.8
+"""Part of the error without a delay that is left where an answer is surely early."""
+FOLLOWED = 0.3
+"""Part of a reading's power up to which commands explain it at all."""
+LOST = 0.25
+"""The same from which they do not: it was 0.05 at most of 67 drives with each cause in turn, up to twice its
+usual size."""
+LOST_GYRO, TURNED = 0.5, 0.1
+"""The same of a gyro, of which it was 0.06 at most; and how much commands must turn a robot to say so."""
+WAYS = ((1.0, "below"), (-1.0, "above"))
+RAMPS, SLOW_RAMP = (2.0, 3.0, 5.0, 8.0, 12.0), 5.0
+"""Duty a second, and up to which it is a ramp: a limit of the current may look like a ramp of 8."""
+RAMPED, SEEN = 0.3, 0.005
+"""Part of the error that a ramp leaves where there is one, and part of a reading's power that it is without.
+It was 0.1 of drives behind a ramp of 4 a second."""
+UNDRIVEN = 0.5
+"""Part of the other wheel's range that no wheel has which is not driven."""
+DRIVEN, TURNS, OFTEN = 0.2, 0.3, 0.05
+"""Duty that surely drives a wheel; part of the largest reading that surely turns; and share of the rows that
+are no chance."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """left: part of a reading's power that commands leave at the best delay; at_once: and without one.
+    delay: s."""
+
+    left: float
+    at_once: float
+    delay: float
+
+    def early(self, latest: float) -> bool:
+        """Whether it surely comes before its command, by more than that, s."""
+        better = self.left < BETTER * self.at_once and self.left < FOLLOWED
+        return self.delay < latest - 1e-9 and better
+
+    @property
+    def explained(self) -> str:
+        """What commands explain of it, in words."""
+        return f"{100.0 * max(1.0 - self.left, 0.0):.0f} %"
+
+
+def check_signs(log: Log) -> None:
+    """Raise TraceError where a command or a reading has lost its sign."""
+    for index, wheel, command in _measured(log):
+        _check_command_sign(log.duty[:, index], wheel, command)
+        _check_words(wheel)
+        _check_reading_sign(log.duty[:, index], wheel, "its motor was driven", "how fast the wheel was")
+    gyro = log.channel("gyro")
+    if gyro is not None:
+        _check_reading_sign(_turn(log), gyro, "the robot was turned", "how fast the robot turned")
+
+
+def _check_command_sign(duty: Array, wheel: Channel, command: str) -> None:
+    known = np.isfinite(wheel.values)
+    if known.sum() < FEWEST:
+        return
+    duty, reading = duty[known], wheel.values[known]
+    least = _surely(reading, wheel)
+    for way, to in WAYS:
+        turns = way * reading[way * duty > DRIVEN]
+        if not (way * duty < 0.0).any() and _often(turns < -least) and _often(turns > least):
+            raise TraceError(
+                f"{command} never goes {to} 0, but {wheel.name} turns both ways: it holds how large a "
+                "command was, not which way; write it with its sign, from -1 to 1"
+            )
+
+
+def _check_reading_sign(duty: Array, channel: Channel, was_driven: str, holds: str) -> None:
+    known = np.isfinite(channel.values)
+    if known.sum() < FEWEST:
+        return
+    duty, reading = duty[known], channel.values[known]
+    least = _surely(reading, channel)
+    for way, to in WAYS:
+        against = way * duty < -DRIVEN
+        both = _often(way * duty > DRIVEN) and _often(against)
+        if both and not (way * reading < -least).any() and _often(way * reading[against] > least):
+            raise TraceError(
+                f"{channel.name} never goes {to} 0, but {was_driven} both ways: it holds {holds}, not which "
+                "way; write it with its sign"
+            )
+
+
+def _check_words(wheel: Channel) -> None:
+    """Negative numbers that were read as words without a sign are the largest ones."""
+    known = wheel.values[np.isfinite(wheel.values)]
+    for bits in (16, 32):
+        beyond = np.abs(known) > 0.75 * 2.0**bits
+        if wheel.unit == "counts" and beyond.mean() > 0.02 and not (np.abs(known) > 2.0**bits).any():
+            raise TraceError(
+                f"{wheel.name} reaches {float(np.abs(known).max()):g}: numbers below 0 seem to be written as "
+                f"words of {bits} bits without a sign; take {2**bits} from what is above {2 ** (bits - 1)}"
+            )
+
+
+def _surely(reading: Array, channel: Channel) -> float:
+    """From which size on a reading surely turns."""
+    return max(TURNS * float(np.percentile(np.abs(reading), 99.0)), 5.0 * channel.floor)
+
+
+def _turn(log: Log) -> Array:
+    """What the commands turn the robot by: to the left where positive, as a gyro says."""
+    return np.asarray(0.5 * (log.duty[:, 1] - log.duty[:, 0]), float)
+
+
+def _often(flags: NDArray[np.bool_]) -> bool:
+    return bool(len(flags)) and float(flags.mean()) > OFTEN
+
+
+def check_answers(log: Log) -> None:
+    """Raise TraceError where a wheel or the gyro answers before its command, or does not follow it at all."""
+    for index, wheel, command in _measured(log):
+        _check_driven(log, index, wheel, command)
+        answer = answer_of(log.time, log.duty[:, index], wheel)
+        if answer is None:
+            continue
+        if answer.early(EARLY):
+            raise TraceError(
+                f"{wheel.name} answers {-1000.0 * answer.delay:.0f} ms before {command} asks: the commands "
+                "are logged late, or behind a ramp or a filter that the motor does not have, or the two have "
+                "clocks of their own. Log what is given to the motor, in the row in which it is given"
+            )
+        if answer.left > LOST:
+            raise TraceError(
+                f"{wheel.name} does not follow {command}, which explains {answer.explained} of it at any "
+                "delay, and 95 % of a robot's: are they of the same motor and of the same drive, and is it "
+                "all that was given to it?"
+            )
+    ramps = [ramp_of(log.time, log.duty[:, index], each) for index, each, _ in _measured(log)]
+    if ramps and all(each is not None and each <= SLOW_RAMP for each in ramps):
+        names = " and ".join(command for _, _, command in _measured(log))
+        raise TraceError(
+            f"the wheels follow {names} as if a ramp of about {ramps[0]:g} a second were between them: the "
+            "columns hold what was asked for, before something slowed it down. Log what the motors are given"
+        )
+    _check_gyro(log)
+
+
+def _check_gyro(log: Log) -> None:
+    gyro, turn = log.channel("gyro"), _turn(log)
+    # What unequal wheels do to a robot that drives straight is no command's.
+    if gyro is None or not float(np.std(turn)) > TURNED:
+        return
+    answer = answer_of(log.time, turn, gyro)
+    if answer is None:
+        return
+    if answer.early(EARLY_GYRO):
+        raise TraceError(
+            f"{gyro.name} turns {-1000.0 * answer.delay:.0f} ms before the commands ask, and the wheels do "
+            "not: its rows are of another time than those of commands and wheels"
+        )
+    if answer.left > LOST_GYRO:
+        raise TraceError(
+            f"{gyro.name} does not turn as the commands and the wheels do, which explain {answer.explained} "
+            "of it at any delay: is it another axis, an angle, or of another drive?"
+        )
+
+
+def _check_driven(log: Log, index: int, wheel: Channel, command: str) -> None:
+    """A wheel that moves although its command never changes, while the other's does."""
+    duty, other = log.duty[:, index], log.duty[:, 1 - index]
+    if np.ptp(duty) > 0.0 or not np.ptp(other) > DRIVEN:
+        return
+    beside = log.wheel(("right", "left")[index])
+    if beside is None:
+        return
+    turns, most = _range(wheel), _range(beside)
+    if turns > UNDRIVEN * most:
+        raise TraceError(
+            f"{command} is {float(duty[0]):g} all the time, but {wheel.name} changes by {turns:.3g} "
+            f"{wheel.unit}: it is not what was given to this motor"
+        )
+
+
+def _measured(log: Log) -> Iterator[tuple[int, Channel, str]]:
+    """Each wheel that is measured: its place in the commands, what measures it, the name of its command."""
+    for index, side in enumerate(("left", "right")):
+        wheel = log.wheel(side)
+        if wheel is not None:
+            yield index, wheel, f"{wheel.name.rpartition('.')[0]}.duty"
+
+
+def answer_of(time: Array, duty: Array, channel: Channel) -> Answer | None:
+    """How a reading answers its command, None where there is too little of either."""
+    known = np.flatnonzero(np.isfinite(channel.values))
+    step = float(np.median(np.diff(time)))
+    reach = round(FARTHEST / step)
+    known = known[(known >= reach) & (known < len(time) - reach)]
+    if len(known) < FEWEST or float(np.ptp(duty)) == 0.0:
+        return None
+    known = known[:: -(-len(known) // MOST)]
+    reading = channel.values[known]
+    power = max(float(np.var(reading)), 1e-300)
+    speeds = [follower(duty, step / each) for each in ANSWERS]
+    delays = STEP * np.arange(-round(FARTHEST / STEP), round(FARTHEST / STEP) + 1)
+    left = [
+        min(unexplained(each[known - round(delay / step)], reading) for each in speeds) / power
+        for delay in delays
+    ]
+    best = int(np.argmin(left))
+    return Answer(left[best], left[len(delays) // 2], float(delays[best]))
+
+
+def _range(wheel: Channel) -> float:
+    return float(np.ptp(np.nanpercentile(wheel.values, [1.0, 99.0])))
+
+
+def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
+    """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
+    step = float(np.median(np.diff(time)))
+    reach = round(FARTHEST / step)
+    # A wheel that coasts to its rest, and one that breaks loose from it, is slower than a command as well.
+    since = np.arange(len(duty)) - np.maximum.accumulate(np.where(duty == 0.0, np.arange(len(duty)), 0))
+    known = np.flatnonzero(np.isfinite(channel.values) & (since > reach))
+    if len(known) < FEWEST or float(np.ptp(duty[known])) == 0.0:
+        return None
+    known = known[:: -(-len(known) // MOST)]
+    reading = channel.values[known]
+
+    def least(commands: Array) -> float:
+        speeds = (follower(commands, step / each) for each in ANSWERS[:3])
+        rows = [known - round(delay / step) for delay in STEP * np.arange(6)]
+        return min(unexplained(each[row], reading) for each in speeds for row in rows)
+
+    plain = least(duty)
+    ramped = {rate: least(_ramped(duty, rate * step)) for rate in RAMPS}
+    best = min(ramped, key=lambda rate: ramped[rate])
+    return best if ramped[best] < RAMPED * plain and plain > SEEN * float(np.var(reading)) else None
+
+
+def _ramped(duty: Array, most: float) -> Array:
+    """A command that changes by that much a row, at most."""
+    now, found = float(duty[0]), []
+    for each in duty.tolist():
+        now += max(-most, min(most, each - now))
+        found.append(now)
+    return np.array(found)
+
+
+def follower(duty: Array, rate: float) -> Array:
+    """A low-pass of a command. rate: rows over its time constant."""
+    keep, speed, speeds = float(np.exp(-rate)), 0.0, []
+    for each in duty.tolist():  # scipy's filter would bring 25 MB along
+        speed = (1.0 - keep) * each + keep * speed
+        speeds.append(speed)
+    return np.array(speeds)
+
+
+def unexplained(follows: Array, reading: Array) -> float:
+    """Mean square of a reading beyond what such a wheel explains, with a dry friction and an offset."""
+    columns = np.column_stack([follows, np.sign(follows), np.ones_like(follows)])
+    found = np.linalg.lstsq(columns, reading, rcond=None)[0]
+    return float(np.mean((reading - columns @ found) ** 2))

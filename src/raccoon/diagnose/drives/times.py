@@ -1,0 +1,51 @@
+"""Whether a recording's time is one: it advances, in seconds, and fine enough."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.trace.recording import mistaken_step, usual_step
+
+Array = NDArray[np.float64]
+
+SLOWEST_STEP = 0.2
+"""S between samples; a wheel settles in less."""
+LONGEST_GAP = 1e5
+"""S that no drive pauses for."""
+OFTEN_STILL = 0.1
+"""Share of the rows in which a time stands still that is rounded."""
+
+
+def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
+    """Raise TraceError where a time is no number, does not advance, or by more than `slowest` s a sample."""
+    if not np.isfinite(time).all():
+        raise TraceError(
+            f"t is not a number in {int((~np.isfinite(time)).sum())} samples: repair the recording"
+        )
+    steps = np.diff(time)
+    if (steps <= 0.0).any():
+        row = int(np.argmax(steps <= 0.0)) + 1
+        raise TraceError(
+            f"t goes from {time[row - 1]:.12g} s to {time[row]:.12g} s at row {row}: it must advance"
+            + _rounded(steps)
+        )
+    if float(steps.max(initial=0.0)) > LONGEST_GAP:
+        row = int(np.argmax(steps)) + 1
+        raise TraceError(f"t jumps from {time[row - 1]:.12g} s to {time[row]:.12g} s at row {row}")
+    step = usual_step(time)
+    if step > slowest:
+        told = mistaken_step(step) or f"t advances by {step:.3g} s a sample"
+        raise TraceError(f"{told}; at most {slowest:g} s are allowed")
+
+
+def _rounded(steps: Array) -> str:
+    """That a time is written too coarsely, where it stands still so often."""
+    still, moved = float((steps == 0.0).mean()), steps[steps > 0.0]
+    if still < OFTEN_STILL or not len(moved):
+        return ""
+    return (
+        f", and stands still in {100.0 * still:.0f} % of the rows: it seems to be rounded to "
+        f"{float(np.median(moved)):.2g} s; write it to a tenth of a millisecond"
+    )

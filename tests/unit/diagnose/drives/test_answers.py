@@ -1,0 +1,160 @@
+"""Whether wheels and gyro answer the commands of their rows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from blind.drives import exciting
+from blind.generator import make
+from blind.hidden import draw
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.answers import answer_of, check_answers, check_signs
+from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.drives.order import check_order
+
+ROBOT = RobotConfig()
+DUTIES, READINGS = ("motor.0.duty", "motor.1.duty"), ("motor.0.bemf", "motor.1.bemf")
+GYRO = "imu.gyro.z"
+Columns = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def good() -> Columns:
+    return dict(make(4, seconds=12.0).columns)
+
+
+def late(columns: Columns, names: tuple[str, ...], seconds: float) -> Columns:
+    """The same with some columns as they were so long before; after, where it is negative."""
+    rows = np.searchsorted(columns["t"], columns["t"] - seconds)
+    moved = {name: columns[name][np.clip(rows, 0, len(rows) - 1)] for name in names}
+    return {**columns, **moved}
+
+
+def changed(columns: Columns, name: str, values: np.ndarray) -> Log:
+    return log_from_columns({**columns, name: values}, ROBOT)
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [
+        "actuation.latency",
+        "imu.latency",
+        "drive.wheel_slip",
+        "actuation.deadband",
+        "drive.backlash",
+        "motor.current_limit",
+        "drive.inertia",
+    ],
+)
+@pytest.mark.parametrize("drive", ["exciting", "contest", "legs"])
+def test_no_cause_is_an_answer_that_is_early_or_lost(cause: str, drive: str) -> None:
+    hidden = draw(cause, np.random.default_rng(3), 2.0)
+    log = log_from_columns(make(8, [hidden], drive=drive, seconds=12.0).columns, ROBOT)
+    check_signs(log)
+    check_answers(log)
+
+
+def test_commands_of_the_row_before_are_not_early(good: Columns) -> None:
+    """Loggers write them so, and the diagnosis finds that out."""
+    check_answers(log_from_columns(late(good, DUTIES, 0.005), ROBOT))
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.1, 0.2])
+def test_commands_that_are_logged_late_are_said(good: Columns, seconds: float) -> None:
+    """50 ms were a slip of 51 ms, a battery and a filter, each with a probability of 1."""
+    log = log_from_columns(late(good, DUTIES, seconds), ROBOT)
+    check_order(log)  # late is not the opposite order
+    with pytest.raises(TraceError, match=r"motor\.0\.bemf answers \d+ ms before motor\.0\.duty asks"):
+        check_answers(log)
+
+
+def test_commands_that_are_logged_behind_a_ramp_are_said(good: Columns) -> None:
+    ramped = dict(good)
+    for name in DUTIES:
+        duty = good[name].copy()
+        for row in range(1, len(duty)):
+            most = 4.0 * (good["t"][row] - good["t"][row - 1])
+            duty[row] = duty[row - 1] + np.clip(good[name][row] - duty[row - 1], -most, most)
+        ramped[name] = duty
+    with pytest.raises(TraceError, match="behind a ramp or a filter"):
+        check_answers(log_from_columns(ramped, ROBOT))
+
+
+@pytest.mark.parametrize("rate", [3.0, 4.0])
+def test_commands_before_a_ramp_are_said(rate: float) -> None:
+    """They were a limit of the current, an inertia and a latency, each with a probability of 1."""
+    asked = exciting(np.random.default_rng(3), 12.0)
+    given = asked.copy()
+    for row in range(1, len(given)):
+        given[row] = given[row - 1] + np.clip(asked[row] - given[row - 1], -0.005 * rate, 0.005 * rate)
+    columns = dict(make(21, drive=given, seconds=12.0).columns)
+    check_answers(log_from_columns(columns, ROBOT))
+    rows = np.clip(np.rint(columns["t"] / 0.005).astype(int), 0, len(asked) - 1)
+    columns |= {name: asked[rows, index] for index, name in enumerate(DUTIES)}
+    with pytest.raises(TraceError, match=r"as if a ramp of about \d a second were between them"):
+        check_answers(log_from_columns(columns, ROBOT))
+
+
+def test_a_gyro_of_another_time_is_said(good: Columns) -> None:
+    """It was a slip of 31 ms with a probability of 1."""
+    with pytest.raises(TraceError, match=r"imu\.gyro\.z turns \d+ ms before the commands ask"):
+        check_answers(log_from_columns(late(good, (GYRO,), -0.06), ROBOT))
+    check_answers(log_from_columns(late(good, (GYRO,), 0.1), ROBOT))  # which is a latency
+
+
+def test_a_gyro_that_is_no_turn_rate_of_this_drive_is_said(good: Columns) -> None:
+    noise = np.random.default_rng(1).standard_normal(len(good["t"]))
+    angle = np.degrees(np.cumsum(np.nan_to_num(good[GYRO])) * 0.02)
+    for values in (noise, angle):
+        with pytest.raises(TraceError, match="does not turn as the commands and the wheels do"):
+            check_answers(changed(good, GYRO, values))
+
+
+def test_a_wheel_that_does_not_follow_its_command_is_said(good: Columns) -> None:
+    half = good["motor.0.duty"].copy()
+    half[len(half) // 2 :] = 0.0
+    with pytest.raises(TraceError, match=r"motor\.0\.bemf does not follow motor\.0\.duty, which explains"):
+        check_answers(changed(good, "motor.0.duty", half))
+
+
+def test_a_wheel_that_moves_without_a_command_is_said(good: Columns) -> None:
+    with pytest.raises(TraceError, match=r"motor\.1\.duty is 0 all the time, but motor\.1\.bemf changes"):
+        check_answers(changed(good, "motor.1.duty", 0.0 * good["t"]))
+    still = {**good, "motor.1.duty": 0.0 * good["t"], "motor.1.bemf": 0.0 * good["t"]}
+    del still[GYRO]
+    check_answers(log_from_columns(still, ROBOT))  # a robot that drives with one wheel
+
+
+@pytest.mark.parametrize("name", DUTIES)
+def test_commands_without_their_sign_are_said(good: Columns, name: str) -> None:
+    """One was adequate."""
+    with pytest.raises(TraceError, match=f"{name} never goes below 0, but .* turns both ways"):
+        check_signs(changed(good, name, np.abs(good[name])))
+
+
+@pytest.mark.parametrize("name", [*READINGS, GYRO])
+def test_readings_without_their_sign_are_said(good: Columns, name: str) -> None:
+    with pytest.raises(TraceError, match=f"{name} never goes below 0, but .* both ways"):
+        check_signs(changed(good, name, np.abs(good[name])))
+    with pytest.raises(TraceError, match=f"{name} never goes above 0, but .* both ways"):
+        check_signs(changed(good, name, -np.abs(good[name])))
+
+
+def test_a_drive_one_way_only_has_lost_no_sign(good: Columns) -> None:
+    log = log_from_columns(good, ROBOT)
+    forwards = log.duty.min(axis=1) >= 0.0
+    channels = tuple(replace(each, values=np.where(forwards, each.values, np.nan)) for each in log.channels)
+    check_signs(replace(log, duty=np.maximum(log.duty, 0.0), channels=channels))
+
+
+def test_too_little_says_nothing(good: Columns) -> None:
+    log = log_from_columns({name: each[:450] for name, each in good.items()}, ROBOT)
+    gyro = log.channel("gyro")
+    assert gyro is not None
+    assert answer_of(log.time, 0.0 * log.time, gyro) is None
+    few = replace(gyro, values=np.where(np.arange(len(log.time)) % 9 == 0, gyro.values, np.nan))
+    assert answer_of(log.time, log.duty[:, 0], few) is None

@@ -1,0 +1,51 @@
+"""Rows that say nothing new."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from blind.generator import make
+from raccoon.diagnose.recordings.repeated import without_held
+
+Columns = dict[str, np.ndarray]
+
+
+def filled(columns: Columns) -> Columns:
+    """Each sensor's last number where it has none: what a logger of its own holds."""
+    found = {}
+    for name, each in columns.items():
+        rows = np.maximum.accumulate(np.where(np.isfinite(each), np.arange(len(each)), 0))
+        found[name] = each[rows]
+    return found
+
+
+def often(columns: Columns, times: int) -> Columns:
+    """Each row so many times, at times between."""
+    time = np.append(columns["t"], 2.0 * columns["t"][-1] - columns["t"][-2])
+    between = np.concatenate(
+        [start + (end - start) * np.arange(times) / times for start, end in pairwise(time.tolist())]
+    )
+    return {name: np.repeat(each, times) for name, each in columns.items()} | {"t": between}
+
+
+@pytest.mark.parametrize("times", [2, 3])
+def test_rows_of_a_logger_that_is_faster_than_what_it_reads_are_left_out(times: int) -> None:
+    columns = filled(dict(make(4, seconds=6.0).columns))
+    kept, said = without_held(often(columns, times))
+    assert len(said) == 1
+    assert "rows hold what the row before held" in said[0]
+    assert len(kept["t"]) == pytest.approx(len(columns["t"]), rel=0.02)
+    rows = np.searchsorted(kept["t"], columns["t"], side="right") - 1
+    np.testing.assert_array_equal(kept["motor.0.bemf"][rows], columns["motor.0.bemf"])
+
+
+@pytest.mark.parametrize("encoders", [False, True])
+def test_rows_of_a_drive_are_all_kept(encoders: bool) -> None:
+    for drive in ("exciting", "contest"):
+        columns = dict(make(4, drive=drive, seconds=6.0, encoders=encoders).columns)
+        for each in (columns, filled(columns)):
+            assert without_held(each) == (each, ())
+    assert without_held({}) == ({}, ())

@@ -1,0 +1,78 @@
+"""Recordings of motors and axes that are damaged: what is said, and that nothing breaks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.axis.fit import Number
+from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
+from raccoon.diagnose.recordings.tophats.diagnosis import tophat_ports
+from unit.diagnose.axes import Axis, bench, carriage
+
+ROBOT = RobotConfig()
+FORCE = "motor.0.force"
+
+
+@pytest.fixture(scope="module")
+def good() -> dict[str, np.ndarray]:
+    return carriage(Axis(), 1)
+
+
+def test_a_time_in_milliseconds_is_said(good: dict[str, np.ndarray]) -> None:
+    """It was adequate, over stretches of 1000 s."""
+    found = diagnose_recording({**good, "t": 1000.0 * good["t"]}, ROBOT)
+    assert not found.causes
+    assert any("it looks like milliseconds, not seconds" in each.reason for each in found.rejected)
+
+
+@pytest.mark.parametrize("kind", ["magnitude", "changes"])
+def test_a_force_that_is_none_breaks_nothing(good: dict[str, np.ndarray], kind: str) -> None:
+    """Evidence without an end, and an effort that is 0 but for moments."""
+    force = np.abs(good[FORCE]) if kind == "magnitude" else np.diff(good[FORCE], prepend=0.0)
+    found = diagnose_recording({**good, FORCE: force}, ROBOT)
+    assert not any(each.probability > 0.9 and each.change > 100.0 for each in found.causes)
+
+
+def test_columns_that_are_swapped_are_not_diagnosed() -> None:
+    """No numbers give such a motion: it was an error of linear algebra."""
+    columns = bench(4, coulomb=0.05, seconds=4.0)
+    speed, current = columns["motor.0.speed"], columns["motor.0.current"]
+    found = diagnose_recording({**columns, "motor.0.speed": current, "motor.0.current": speed}, ROBOT)
+    assert not found.causes
+    assert any("not diagnosed" in each.reason for each in found.rejected)
+
+
+def test_a_number_that_nothing_holds_stays_one() -> None:
+    assert np.isfinite(Number("inertia", 1.0, 0.3, positive=True).value(np.array([-1e6, 1e6]))).all()
+
+
+def test_names_without_a_port_are_of_another_program() -> None:
+    """They were a ValueError."""
+    time = 0.01 * np.arange(300, dtype=float)
+    named = {"t": time, "motor.left.duty": np.sin(time), "motor0.bemf": time, "analog.front": time}
+    assert kind_of(named, ROBOT) is Kind.DRIVE
+    with pytest.raises(
+        TraceError, match=r"motor\.0\.duty is not in the recording: it holds motor\.left\.duty"
+    ):
+        diagnose_recording(named, ROBOT)
+    assert tophat_ports({"t": time, "analog.front": time, "analog.3": time}, ROBOT) == [3]
+
+
+def test_volts_beyond_the_battery_are_said() -> None:
+    columns = bench(4, seconds=2.0)
+    percent = {**columns, "motor.0.voltage": 12.5 * columns["motor.0.voltage"]}
+    with pytest.raises(
+        TraceError, match=r"motor\.0\.voltage reaches .* of a battery of 8 V: it looks like percent"
+    ):
+        diagnose_recording(percent, ROBOT)
+
+
+@pytest.mark.parametrize("kind", ["voltage", "speed"])
+def test_volts_and_speeds_without_their_sign_are_said(kind: str) -> None:
+    """Of volts without it the wires were said to be swapped."""
+    columns, name = bench(4, seconds=2.0), f"motor.0.{kind}"
+    with pytest.raises(TraceError, match=rf"motor\.0\.{kind} has one sign only"):
+        diagnose_recording({**columns, name: np.abs(columns[name])}, ROBOT)
