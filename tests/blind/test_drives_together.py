@@ -18,7 +18,7 @@ from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 
 VOLTS = (6.8, 6.6, 6.95, 6.5)
-HOT = Hidden("motor.heating", None, {"gain": 0.3}, {"heat_gain": 0.3, "heat_tau": 14.0})
+HOT = Hidden("motor.heating", None, {"gain": 1.0}, {"heat_gain": 1.0, "heat_tau": 14.0})
 WEAK = Hidden("motor.back_emf_constant", "left", {"factor": 0.9}, {"ke_l": 0.9 * NEUTRAL["ke_l"]})
 
 
@@ -27,14 +27,14 @@ def drives(hidden: Hidden, count: int, seconds: float) -> list[Blind]:
     return [make(9000 + day, [hidden, each], seconds=seconds, robot=4) for day, each in enumerate(days)]
 
 
-def test_motors_that_heat_show_in_four_drives_of_ten_seconds_and_not_in_one() -> None:
-    first, *others = (each.columns for each in drives(HOT, 4, 10.0))
+def test_motors_that_heat_show_in_three_drives_of_seven_seconds_and_not_in_one() -> None:
+    first, *others = (each.columns for each in drives(HOT, 3, 7.0))
     assert diagnose(first, RobotConfig()).verdict is Verdict.ADEQUATE
     found = diagnose(first, RobotConfig(), more=others)
     (heating,) = found.causes
     assert heating.name == "motor.heating"
     gain = heating.parameters["gain"]
-    assert gain.value == pytest.approx(0.3, abs=2.5 * gain.std)
+    assert gain.value == pytest.approx(1.0, abs=2.5 * gain.std)
     unasked = {each.id for each in found.rejected if "each of several recordings" in each.reason}
     assert {"drive.slope", "battery.open_circuit_voltage", "imu.gyro_bias"} <= unasked
 
@@ -42,7 +42,7 @@ def test_motors_that_heat_show_in_four_drives_of_ten_seconds_and_not_in_one() ->
 def test_drives_are_fitted_together_from_the_command_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    files = [written(tmp_path / f"{day}.csv", each.columns) for day, each in enumerate(drives(WEAK, 2, 6.0))]
+    files = [written(tmp_path / f"{day}.csv", each.columns) for day, each in enumerate(drives(WEAK, 2, 5.0))]
     out, model = tmp_path / "out.json", tmp_path / "model.toml"
     saved = ["--json", str(out), "--save-model", str(model)]
     assert main(["diagnose", "--together", *map(str, files), *saved]) == 0
