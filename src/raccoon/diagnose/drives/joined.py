@@ -62,7 +62,7 @@ def joined(logs: Sequence[Log]) -> Log:
         np.concatenate([each.duty for each in parts]),
         tuple(_one([_channel(each, role) for each in parts]) for role in roles),
         tuple(dict.fromkeys(_lacking(logs, roles))),
-        (_begun(parts), *(note for number, log in enumerate(logs) for note in _told(log, number))),
+        (_begun(parts), *_told(logs)),
         tuple(sorted((*(span for each in parts for span in each.lost), *gaps))),
         tuple(span for each in parts for span in each.held),
         brake=_brakes(parts),
@@ -78,8 +78,13 @@ def _begun(parts: Sequence[Log]) -> str:
     return f"times are those of all recordings one after the other; number {starts}"
 
 
-def _told(log: Log, number: int) -> list[str]:
-    return [f"recording {number + 1}: {each}" for each in log.notes]
+def _told(logs: Sequence[Log]) -> list[str]:
+    """Each note once, with the numbers of the recordings that it is of."""
+    numbers: dict[str, list[str]] = {}
+    for number, log in enumerate(logs, 1):
+        for note in log.notes:
+            numbers.setdefault(note, []).append(str(number))
+    return [f"recording{'s' * (len(of) > 1)} {', '.join(of)}: {note}" for note, of in numbers.items()]
 
 
 def _lacking(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:

@@ -65,7 +65,8 @@ def test_what_was_known_of_each_is_kept_at_its_time() -> None:
     )
     both = joined([one, two])
     shift = both.runs[1].start - two.time[0]
-    assert both.notes[1:] == ("recording 1: it is so", "recording 2: it is so")
+    assert both.notes[1:] == ("recordings 1, 2: it is so",)
+    assert joined([one, log(2)]).notes[1:] == ("recording 1: it is so",)
     assert both.notes[0].endswith(f"number 2 at {both.runs[1].start:.1f} s")
     assert both.lost[0] == (1.0, 2.0)
     assert both.held == ((0.5, 0.7),)
