@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.trace.loading import Run
 
+    Whose = tuple[RobotConfig, Path | None, tuple[str, ...]]
+
 
 @dataclass(frozen=True, slots=True)
 class Job:
@@ -40,92 +42,82 @@ class Answer:
 
 def diagnose_job(job: Job) -> Answer:
     """Load and diagnose one recording. Raises as `diagnose_recording`."""
-    from raccoon.core.errors import HoldoutError, TraceError
-    from raccoon.diagnose.own import load_own
-    from raccoon.diagnose.recordings.kinds import diagnose_recording
-    from raccoon.sim.effects.parameters import Parameters
+    from raccoon.core.errors import TraceError
     from raccoon.trace.loading import load_run
 
-    loaded = load_run(job.path)
-    start = Parameters.from_model_file(job.model) if isinstance(job.model, Path) else job.model
-    recording = loaded.recording
-    own = () if job.causes is None else load_own(job.causes)
-    holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
+    run = load_run(job.path)
     try:
-        robot, file, told = robot_of(loaded, job.robot)
-        found = diagnose_recording(
-            recording.columns,
-            robot if start is None else start.robot,
-            holdout=holdout,
-            model=start,
-            truth_free=job.truth_free,
-            device=recording.device,
-            problems=(*recording.problems, *(told if start is None else ())),
-            own=own,
-            port=job.port or _port_written(file),
-        )
-        return Answer(found, loaded.whose or robot.name, file)
-    except HoldoutError as error:
-        raise TraceError(f"--holdout {job.holdout}: {error}") from None
+        whose = robot_of(run, job.robot)
     except TraceError as error:  # that of several files it is this one
         raise TraceError(f"{job.path}: {error}") from None
+    robot, file, _ = whose
+    return Answer(_diagnosed(job, [run], [job.path], whose), run.whose or robot.name, file)
 
 
 def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis:
     """One diagnosis of several drives of one robot. Raises as `diagnose_recording`, and ConfigError where
     they are not of one robot and controller."""
     from raccoon.cli.diagnose_files import robot_names
-    from raccoon.core.errors import ConfigError, HoldoutError, TraceError
-    from raccoon.diagnose.own import load_own
-    from raccoon.diagnose.recordings.kinds import diagnose_recording
-    from raccoon.sim.effects.parameters import Parameters
+    from raccoon.core.errors import ConfigError
     from raccoon.trace.loading import load_run
 
     runs = [load_run(path) for path in paths]
-    found = [robot_of(each, args.robot) for each in runs]
-    names = dict.fromkeys(
-        robot_names(
-            [(each.whose or robot.name, file) for each, (robot, file, _) in zip(runs, found, strict=True)]
-        )
-    )
+    whose = [robot_of(each, args.robot) for each in runs]
+    called = [(each.whose or robot.name, file) for each, (robot, file, _) in zip(runs, whose, strict=True)]
+    names = dict.fromkeys(robot_names(called))
     if len(names) > 1:
         raise ConfigError(f"--together: the recordings are of {len(names)} robots, {', '.join(names)}")
-    devices = [each.recording.device for each in runs]
-    for path, device in zip(paths, devices, strict=True):
-        if device != devices[0]:
-            raise ConfigError(f"--together: {paths[0]} is of {devices[0].name}, {path} of {device.name}")
-    job = job_of(args, paths[0])
-    start = Parameters.from_model_file(args.model) if args.model is not None else None
-    robot, file, told = found[0]
-    columns = [each.recording.columns for each in runs]
-    problems = [
-        f"{path}: {it}" for path, each in zip(paths, runs, strict=True) for it in each.recording.problems
-    ]
-    try:
-        diagnosis = diagnose_recording(
-            columns[0],
-            robot if start is None else start.robot,
-            holdout=None if job.holdout is None else load_run(job.holdout).recording.columns,
-            more=columns[1:],
-            model=start,
-            truth_free=args.truth_free,
-            device=devices[0],
-            problems=(*problems, *(told if start is None else ())),
-            own=() if args.causes is None else load_own(args.causes),
-            port=args.port or _port_written(file),
-        )
-    except HoldoutError as error:
-        raise TraceError(f"--holdout {job.holdout}: {error}") from None
-    except TraceError as error:
-        raise TraceError(_NUMBERED.sub(lambda it: str(paths[int(it[1]) - 1]), str(error))) from None
+    device = runs[0].recording.device
+    for path, each in zip(paths, runs, strict=True):
+        if each.recording.device != device:
+            other = each.recording.device.name
+            raise ConfigError(f"--together: {paths[0]} is of {device.name}, {path} of {other}")
+    found = _diagnosed(job_of(args, paths[0]), runs, paths, whose[0])
     listed = ", ".join(f"{number} {path.name}" for number, path in enumerate(paths, 1))
-    return replace(diagnosis, notes=(f"recordings that are fitted together: {listed}", *diagnosis.notes))
+    return replace(found, notes=(f"recordings that are fitted together: {listed}", *found.notes))
 
 
 _NUMBERED = re.compile(r"recording (\d+)")
 
 
-def robot_of(run: Run, named: Path | None) -> tuple[RobotConfig, Path | None, tuple[str, ...]]:
+def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whose) -> Diagnosis:
+    """The diagnosis of runs of one robot, as one where they are several."""
+    from raccoon.core.errors import HoldoutError, TraceError
+    from raccoon.diagnose.own import load_own
+    from raccoon.diagnose.recordings.kinds import diagnose_recording
+    from raccoon.sim.effects.parameters import Parameters
+    from raccoon.trace.loading import load_run
+
+    start = Parameters.from_model_file(job.model) if isinstance(job.model, Path) else job.model
+    own = () if job.causes is None else load_own(job.causes)
+    holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
+    robot, file, told = whose
+    first, *others = (each.recording for each in runs)
+    problems = list(first.problems) if not others else [
+        f"{path}: {each}" for path, run in zip(paths, runs, strict=True) for each in run.recording.problems
+    ]  # fmt: skip
+    try:
+        return diagnose_recording(
+            first.columns,
+            robot if start is None else start.robot,
+            holdout=holdout,
+            more=[each.columns for each in others],
+            model=start,
+            truth_free=job.truth_free,
+            device=first.device,
+            problems=(*problems, *(told if start is None else ())),
+            own=own,
+            port=job.port or _port_written(file),
+        )
+    except HoldoutError as error:
+        raise TraceError(f"--holdout {job.holdout}: {error}") from None
+    except TraceError as error:
+        if others and _NUMBERED.search(str(error)):
+            raise TraceError(_NUMBERED.sub(lambda it: str(paths[int(it[1]) - 1]), str(error))) from None
+        raise TraceError(f"{job.path}: {error}" if not others else f"--together: {error}") from None
+
+
+def robot_of(run: Run, named: Path | None) -> Whose:
     """The robot of a run, the robot.toml that it is of, and a note where nobody said which it is.
 
     Raises ConfigError, and TraceError for a recording without samples.
