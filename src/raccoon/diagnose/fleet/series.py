@@ -53,33 +53,35 @@ def series_of(
     courses, levels = [], {}
     off: dict[str, float] = {}
     for robot in dict.fromkeys(robots[each] for each in found):
-        own = [each for each in robots if robots[each] == robot]
-        rows = [row for row, each in enumerate(own) if each in found]
+        own = tuple(each for each in robots if robots[each] == robot)
+        rows = np.array([row for row, each in enumerate(own) if each in found])
         values = np.array([found[own[row]].value for row in rows])
         series, stds = _series(own, found, silent)
         pieces = course_of(series.tolist(), stds.tolist())
         if pieces:
-            courses.append(Course(robot, tuple(own), pieces))
-        known = np.flatnonzero(np.isfinite(series))
-        left = values - usual(np.array(rows), values, known, pieces)
+            courses.append(Course(robot, own, pieces))
+        left = values - usual(rows, values, np.flatnonzero(np.isfinite(series)), pieces)
         off |= {own[row]: float(each) for row, each in zip(rows, left, strict=True)}
         levels[robot] = float(np.median(values))
-    stds = np.array([found[each].std for each in off])
-    alone = len(levels) == len(found) > 1  # of as many robots: each is compared with the others
-    if alone:
+    odd_robots = []
+    if len(levels) == len(found):  # as many robots: each is compared with the others
         middle = float(np.median([*levels.values()]))
         off = {each: found[each].value - middle for each in off}
-    left = np.array([*off.values()])
-    spread = SPREAD * float(np.median(np.abs(left)))
-    far = np.abs(left) > FAR * np.hypot(spread, np.nan_to_num(stds))
-    outliers = [each for each, odd in zip(off, far, strict=True) if odd and len(found) > 1]
-    if not alone:
-        outliers += [f"robot {each}" for each in _odd_robots(found, robots, levels)]
+    else:
+        odd_robots = [f"robot {each}" for each in _odd_robots(found, robots, levels)]
+    stds = np.array([found[each].std for each in off])
+    spread = SPREAD * float(np.median(np.abs([*off.values()])))
+    odd = [each for each, far in zip(off, _far([*off.values()], spread, stds), strict=True) if far]
     if (
         spread == 0.0 and np.isfinite(stds).any()
     ):  # most are equal to the last digit, which says nothing of one
         spread = float(np.nanmedian(stds))
-    return Series(tuple(courses), levels, spread, tuple(outliers))
+    return Series(tuple(courses), levels, spread, (*(odd if len(found) > 1 else ()), *odd_robots))
+
+
+def _far(left: Sequence[float], spread: float, stds: Array) -> list[bool]:
+    """Which are farther from what is usual than their spread and their own deviation explain."""
+    return list(np.abs(left) > FAR * np.hypot(spread, np.nan_to_num(stds)))
 
 
 def _series(
@@ -106,12 +108,10 @@ def _odd_robots(
     """Robots whose number is far from that of the other robots; none of fewer than four."""
     if len(levels) < FEWEST_FOR_OUTLIERS:
         return []
-    left = np.array([*levels.values()])
-    left = left - np.median(left)
+    left = np.array([*levels.values()]) - np.median([*levels.values()])
     spread = SPREAD * float(np.median(np.abs(left)))
     own = np.array([_deviation([found[name] for name in found if robots[name] == each]) for each in levels])
-    far = np.abs(left) > FAR * np.hypot(spread, own)
-    return [each for each, odd in zip(levels, far, strict=True) if odd]
+    return [each for each, far in zip(levels, _far(left.tolist(), spread, own), strict=True) if far]
 
 
 def _deviation(numbers: Sequence[ParameterResult]) -> float:
