@@ -117,10 +117,11 @@ class _Pool:
 
 def _with_refits(common: Parameters, pool: _Pool, fleet: Fleet) -> Parameters:
     """With what most drives have without its being a cause there."""
-    refitted = {name: each.effects.keys() - _named(fleet.results[name]) for name, each in pool.models.items()}
+    named = {name: _named(fleet.results[name]) for name in pool.models}
+    refitted = {name: each.effects.keys() - named[name] for name, each in pool.models.items()}
     drives = [name for name, each in refitted.items() if each]
     for key in sorted({key for each in refitted.values() for key in each}, key=str):
-        able = [name for name in drives if key not in _named(fleet.results[name])]
+        able = [name for name in drives if key not in named[name]]
         having = [name for name in able if key in refitted[name]]
         if len(having) >= COMMON_SHARE * len(able):
             common = pool.added(common, key, having, Origin({}, REFITTED.format(len(having))))
