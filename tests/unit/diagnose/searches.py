@@ -12,7 +12,8 @@ from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fits import fit_at, fit_point
 from raccoon.diagnose.fit.linear import linearise, tabulate
 from raccoon.diagnose.fit.noise import white_noise
-from raccoon.diagnose.fit.problem import Point, Problem, Whitener
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.habits.others import Under, started
 from raccoon.diagnose.hypotheses.candidates import drive_causes

@@ -28,9 +28,10 @@ from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE
 from raccoon.diagnose.findings.naming import ONE_CLASS
-from raccoon.diagnose.fit.linear import Group, linearise, slow_battery, slow_friction
+from raccoon.diagnose.fit.linear import Group, linearise
 from raccoon.diagnose.fit.noise import CHANGING, EVENT, white_noise
 from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.fit.wander import slow_battery, slow_friction
 from raccoon.diagnose.fit.whitening import faint_parts, regimes_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.fit.linear import FLOOR_SECONDS, courses, speed_of
+from raccoon.diagnose.fit.linear import speed_of
 from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.wander import FLOOR_SECONDS, courses
 from raccoon.diagnose.fit.whitening import STANDSTILL
 from raccoon.sim.effects.parameters import SIDES
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.features import EVENT_SECONDS, Features
 from raccoon.diagnose.fit.fits import fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.linear import FLOOR_SECONDS
 from raccoon.diagnose.fit.noise import event_means
-from raccoon.diagnose.fit.problem import Point, Problem, Whitener
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.wander import FLOOR_SECONDS
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.select.outlook import Search, steadied
 from raccoon.sim.effects.parameters import SIDES
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit.descent import Lost, Track
 from raccoon.diagnose.fit.evidence import bounded_least
 from raccoon.diagnose.fit.fitted import Fit, cost_of
-from raccoon.diagnose.fit.problem import Point, Problem, Whitening, neighbours
+from raccoon.diagnose.fit.problem import Point, Problem, neighbours
+from raccoon.diagnose.fit.whitener import Whitening
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
+
+from raccoon.diagnose.fit.evidence import Gram
 
 Array = NDArray[np.float64]
 
@@ -13,37 +18,88 @@ SHOWN = 0.003
 """Part of a direction's variance that noise must make for other half seconds to foresee it."""
 
 
-def foreseen_error(
-    gram: Array,
-    white: Array,
-    columns: Array,
-    goal: Array,
-    target: Array,
-    sizes: Array,
-    event: int,
-) -> Array:
-    """target less what columns fitted to all other half seconds make of each half second, (bins, channels).
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a recording: what may differ in all of it, and what wanders in this part alone.
 
-    With priors of variance S the fit's mean is m = C X' y, C = (S^-1 + X' X)^-1. Leaving rows b out moves it
-    to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury). white, goal: X' and y; gram: X' X; sizes: the
-    root of S, (columns,); columns and target: the same as white and goal before whitening.
-    event: bins in half a second.
+    white (columns, rows), goal (rows,): whitened columns of what wanders, which are so many, then of what may
+    differ, and the target. columns (columns, bins, channels), target (bins, channels): before whitening.
     """
-    powers, vectors = np.linalg.eigh(gram * np.outer(sizes, sizes))
+
+    columns: Array
+    white: Array
+    target: Array
+    goal: Array
+    gram: Gram
+    slow: int
+
+    @classmethod
+    def of(cls, columns: Array, white: Array, target: Array, goal: Array, slow: int) -> Part:
+        """white, goal: columns and target whitened. The first `slow` columns are of what wanders."""
+        rows, flat = white.reshape(len(white), -1), goal.reshape(-1)
+        return cls(columns, rows, target, flat, Gram.of(rows.T, flat), slow)
+
+    def sizes(self, known: Array, wander: float) -> Array:
+        """Prior standard deviations of its columns."""
+        return np.concatenate([np.full(self.slow, wander), known])
+
+
+def evidence_of(parts: Sequence[Part], wander: float) -> float:
+    """Log evidence of all columns, of what wanders with that standard deviation and of the others with 1."""
+    total, found = None, 0.0
+    for each in parts:
+        gram = each.gram.scaled(each.sizes(np.ones(len(each.columns) - each.slow), wander))
+        found += gram.take(range(each.slow)).evidence()
+        left = gram.without(each.slow)
+        total = left if total is None else total + left
+    return found if total is None else found + total.evidence()
+
+
+def foreseen_error(parts: Sequence[Part], sizes: Array, wander: float, event: int) -> Array:
+    """What was measured less what columns fitted to all other half seconds make of each half second, (bins,
+    channels).
+
+    sizes (known,), wander: standard deviations of the priors of what may differ in the whole recording, and
+    of what wanders. To a part the others say of the former no more than a mean and a covariance (what wanders
+    is eliminated there), which are its prior. event: bins in half a second; parts are of whole ones.
+    """
+    others = [each.gram.scaled(each.sizes(np.ones_like(sizes), wander)).without(each.slow) for each in parts]
+    whole = sum((each.matrix for each in others), np.diag(1.0 / sizes**2))
+    pulled = sum((each.projection for each in others), np.zeros(len(sizes)))
+    errors = []
+    for part, own in zip(parts, others, strict=True):
+        covariance = np.linalg.inv(whole - own.matrix)
+        prior = np.zeros((len(part.columns),) * 2)
+        prior[: part.slow, : part.slow] = wander * np.eye(part.slow)
+        prior[part.slow :, part.slow :] = np.linalg.cholesky(0.5 * (covariance + covariance.T))
+        mean = np.zeros(len(prior))
+        mean[part.slow :] = covariance @ (pulled - own.projection)
+        errors.append(_foreseen_in(part, prior, mean, event))
+    return np.concatenate(errors)
+
+
+def _foreseen_in(part: Part, prior: Array, expected: Array, event: int) -> Array:
+    """The same of a part, for a prior of that mean and of the covariance S = prior prior'.
+
+    The fit's mean is m = C X' y, C = (S^-1 + X' X)^-1, y without what the prior's mean makes of it. Leaving
+    rows b out moves it to m - C X_b' (1 - X_b C X_b')^-1 (y_b - X_b m) (Woodbury).
+    """
+    powers, vectors = np.linalg.eigh(prior.T @ part.gram.matrix @ prior)
     strong = powers > FEEBLE
-    vectors = sizes[:, None] * (vectors[:, strong] / np.sqrt(1.0 + powers[strong]))  # C = vectors vectors'
-    turned = vectors.T @ white
+    vectors = prior @ (vectors[:, strong] / np.sqrt(1.0 + powers[strong]))  # C = vectors vectors'
+    turned = vectors.T @ part.white
+    goal = part.goal - expected @ part.white
     mean = turned @ goal
     rest = goal - mean @ turned
-    event *= target.shape[1]
-    flat = columns.reshape(len(columns), -1)
-    error = target.reshape(-1).copy()
+    event *= part.target.shape[1]
+    flat = part.columns.reshape(len(part.columns), -1)
+    error = part.target.reshape(-1) - expected @ flat
     for start in range(0, len(error), event):
         rows = slice(start, start + event)
-        part = turned[:, rows]
-        others = vectors @ (mean - _pulled(part, rest[rows]))
+        share = turned[:, rows]
+        others = vectors @ (mean - _pulled(share, rest[rows]))
         error[rows] -= others @ flat[:, rows]
-    return error.reshape(target.shape)
+    return np.asarray(error.reshape(part.target.shape), float)
 
 
 def _pulled(part: Array, rest: Array) -> Array:

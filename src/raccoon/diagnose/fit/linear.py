@@ -11,17 +11,13 @@ from numpy.typing import NDArray
 
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.problem import Point, Problem, Whitener, neighbours
-from raccoon.sim.effects.parameters import SIDES
+from raccoon.diagnose.fit.problem import Point, Problem, neighbours
+from raccoon.diagnose.fit.whitener import Whitener
 
 Array = NDArray[np.float64]
 
-FLOOR_SECONDS = 4.0
-"""Correlation time of friction that wanders with the floor."""
 A_LITTLE = 0.1
 """Widths of Coulomb friction over which its torque is as good as straight."""
-GRID_PART = 0.2
-"""Distance of the knots of a wandering torque's course, of its correlation time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,67 +110,6 @@ def _group(problem: Problem, name: str, found: list[tuple[Array, tuple[float, ..
     columns = np.stack([column for column, _ in found])
     one_sided = problem.causes[name].one_sided
     return Group(name, columns, found[0][1] if len(found) == 1 else (), one_sided)
-
-
-def slow_friction(problem: Problem, linear: Linear, seconds: float = FLOOR_SECONDS) -> Array:
-    """Columns of a torque that wanders within `seconds`, at either wheel, for a wander of all of Coulomb
-    friction.
-
-    The robot forgets a torque within 0.1 s, so friction that changes over seconds acts as its constant
-    response times its course. Only the angle that a wheel lost by it stays lost, which shows where wheels are
-    not round.
-    """
-    course = courses(problem.features.time, seconds)
-    torque = problem.neutral[("friction.coulomb", "left", "torque")]
-    columns = []
-    for response in (coulomb_response(problem, linear, side) for side in SIDES):
-        if response is None:
-            continue
-        at_once = response[None] - _lost_angle(problem, linear, response[None])
-        column = course[:, :, None] * torque * at_once
-        columns.append(column + _lost_angle(problem, linear, column))
-    return np.concatenate(columns) if columns else np.zeros((0, *linear.residual.shape))
-
-
-def slow_battery(problem: Problem, linear: Linear) -> Array:
-    """Columns of a battery whose voltage creeps: after each change of its current by some mV, for seconds."""
-    roles = problem.features.roles
-    course = courses(problem.features.time, problem.creep.seconds) if "battery" in roles else np.zeros((0, 0))
-    columns = np.zeros((len(course), *linear.residual.shape))
-    if len(course):
-        columns[:, :, roles.index("battery")] = problem.creep.volts * course
-    return columns
-
-
-def courses(time: Array, seconds: float) -> Array:
-    """What a wander of size 1 and that correlation time is made of, (knots, bins): each times a normal number
-    is an Ornstein-Uhlenbeck process on a grid of hats."""
-    grid = GRID_PART * seconds
-    knots = np.arange(time[0], time[-1] + grid, grid)
-    hats = np.maximum(0.0, 1.0 - np.abs(time[None, :] - knots[:, None]) / grid)
-    factor = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / seconds))
-    return np.asarray(factor.T @ hats, float)
-
-
-def _lost_angle(problem: Problem, linear: Linear, columns: Array) -> Array:
-    """What the angles that wheels lose or gain by columns (columns, bins, channels) change from then on."""
-    changed = np.zeros_like(columns)
-    for side in SIDES:
-        wheel = _turned(linear, side)
-        speeds = None if wheel is None else speed_of(problem, columns, side)
-        if wheel is not None and speeds is not None:
-            changed += problem.features.width * np.cumsum(speeds, axis=1)[:, :, None] * wheel
-    return changed
-
-
-def _turned(linear: Linear, side: str) -> Array | None:
-    """Response to a rad of a wheel that is not round, (bins, channels); None for one that is."""
-    name = f"drive.wheel_eccentricity@{side}"
-    span = linear.point.spans().get(name)
-    if span is None:
-        return None
-    along, across = linear.point.active[name]  # amplitude times cosine and sine of the phase
-    return np.asarray(along * linear.own[span.start + 1] - across * linear.own[span.start], float)
 
 
 def speed_of(problem: Problem, columns: Array, side: str) -> Array | None:

@@ -57,6 +57,10 @@ class NoiseModel:
         """Number of past bins that a residual depends on."""
         return len(self.coefficients)
 
+    def part(self, bins: slice) -> NoiseModel:
+        """The same of a part of the bins."""
+        return replace(self, regimes=self.regimes[bins], weights=self.weights[bins])
+
     def whiten(self, signals: Array) -> Array:
         """(..., n, c) -> (..., n, c); the first `order` bins have no past and become 0.
 

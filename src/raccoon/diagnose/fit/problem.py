@@ -1,4 +1,4 @@
-"""A recording and a simulator brought to one linear algebra: residuals and directions, whitened."""
+"""A recording and a simulator brought to one linear algebra: points, and what is simulated there."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ from collections import Counter, OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.fit.noise import NoiseModel
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
 from raccoon.diagnose.rollout.variants import Rollout
 
@@ -60,65 +58,6 @@ class Point:
     def without_cause(self, name: str) -> Point:
         """All but this cause."""
         return Point(self.base, {key: value for key, value in self.active.items() if key != name})
-
-
-@dataclass(frozen=True, slots=True)
-class Whitener:
-    """Makes independent unit-variance numbers of residuals: VAR noise, then slow floor friction.
-
-    slow (rows, k): orthonormal directions in which slow friction adds variance; shrink (k,) takes it away:
-    (1 + R R')^(-1/2) = 1 - U diag(1 - 1/sqrt(1 + s^2)) U' for R = U s V'. Of what is taken away seven digits
-    do, in half of the time: a residual is some units of the noise. rest (bins, channels): what nothing
-    explained when this was made. spread (bins, channels): variance in channel units that wandering friction
-    and what no model gets right have on unseen data; a fit of everything takes it away, so it is not in
-    `rest`. wander: by what share of Coulomb friction the floor is expected to let it wander.
-    """
-
-    noise: NoiseModel
-    slow: NDArray[np.float32]
-    shrink: Array
-    rest: Array
-    spread: Array
-    wander: float = 0.0
-
-    @classmethod
-    def plain(cls, noise: NoiseModel, rest: Array) -> Whitener:
-        """Of noise alone, without slow friction."""
-        return cls(noise, np.zeros((0, 0), np.float32), np.zeros(0), rest, np.zeros_like(rest))
-
-    def without_slow(self) -> Whitener:
-        """The same without slow friction."""
-        return replace(self.plain(self.noise, self.rest), spread=self.spread, wander=self.wander)
-
-    def with_part(self, part: float) -> Whitener:
-        """The same with slow friction of a part of its size."""
-        variance = part**2 * (1.0 / (1.0 - self.shrink) ** 2 - 1.0)
-        return replace(self, shrink=1.0 - 1.0 / np.sqrt(1.0 + variance))
-
-    def __call__(self, signals: Array) -> Array:
-        """(..., bins, channels) -> (..., rows)."""
-        white = self.noise.whiten(signals)
-        return self.slowed(np.asarray(white.reshape(*white.shape[:-2], -1), float))
-
-    def slowed(self, rows: Array) -> Array:
-        """Rows that are white but for slow friction, white with it too."""
-        if self.shrink.size == 0:
-            return rows
-        along = rows.astype(np.float32) @ self.slow * self.shrink.astype(np.float32)
-        return np.asarray(rows - along @ self.slow.T, float)
-
-    def taken(self, rows: Array) -> Array:
-        """By how much less the inner products are of `slowed` rows, (rows, rows), at half of the cost."""
-        along = rows @ self.slow if self.shrink.size else np.zeros((len(rows), 0))
-        return np.asarray((along * (1.0 - (1.0 - self.shrink) ** 2)) @ along.T, float)
-
-
-class Whitening(Protocol):
-    """A linear map from residuals to independent unit-variance numbers."""
-
-    def __call__(self, signals: Array) -> Array:
-        """(..., bins, channels) -> (..., rows)."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

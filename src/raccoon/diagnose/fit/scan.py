@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit.descent import SETTLED
 from raccoon.diagnose.fit.fits import costs_at, fit_afresh, fit_point
 from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.problem import Point, Problem, Whitening
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.whitener import Whitening
 
 Array = NDArray[np.float64]
 

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.binned import runs
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.drives.log import WHEELS
-from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.left_out import FEEBLE, foreseen_error
-from raccoon.diagnose.fit.linear import Group, Linear, slow_battery, slow_friction
+from raccoon.diagnose.fit.left_out import Part, evidence_of, foreseen_error
+from raccoon.diagnose.fit.linear import Group, Linear
 from raccoon.diagnose.fit.noise import (
     CHANGING,
     CREEPING,
@@ -32,7 +31,9 @@ from raccoon.diagnose.fit.noise import (
     fit_noise,
     white_noise,
 )
-from raccoon.diagnose.fit.problem import Problem, Whitener
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.fit.wander import Piece, pieces
+from raccoon.diagnose.fit.whitener import Uncertain, Whitener
 from raccoon.diagnose.hypotheses.forms import form_factor, form_weight
 
 Array = NDArray[np.float64]
@@ -86,7 +87,8 @@ def whitener_for(
     unknown: probes that were found to matter; from then on their curves are part of the noise, so that no
     known cause is blamed for what they do.
     """
-    slow, creep = slow_friction(problem, linear), slow_battery(problem, linear)
+    order = ORDER if problem.features.width > BIN / 2 else FINER_ORDER
+    slow = [Piece.of(problem, linear, bins, order) for bins in pieces(problem.features)]
     known = [linear.own, *(each.columns for each in (*linear.groups, *extra))]
     floors, event, regimes = problem.features.floors, problem.features.event, regimes_of(problem)
     noise = (
@@ -94,7 +96,6 @@ def whitener_for(
         if before is not None
         else white_noise(np.maximum(linear.residual.std(axis=0), floors), regimes)
     )
-    order = ORDER if problem.features.width > BIN / 2 else FINER_ORDER
     rest, wander = linear.residual, 0.0
     few = len(runs(regimes == CHANGING)) <= FEW
     left = np.maximum(_levels(rest, regimes), floors) if few else None
@@ -110,12 +111,15 @@ def whitener_for(
     width = problem.features.width / BIN
     parts = faint_parts(names, own, white, acting(linear.acting, noise), width)[:, None, None]
     one = [i for i, place in enumerate(places) if last[names[i]] == place]  # of variants one
-    spread = ((parts[one] * columns[one]) ** 2).sum(axis=0) + ((wander * slow) ** 2).sum(axis=0)
-    spread += (creep**2).sum(axis=0)
-    unnamed = [each.columns for each in extra if each.name in unknown]
-    more = noise.whiten(np.concatenate([wander * slow, creep, *unnamed]))
-    directions = np.concatenate([more, parts * white] if tolerant else [more])
-    return Whitener(noise, *_slow_directions(directions), rest, spread, wander)
+    spread = ((parts[one] * columns[one]) ** 2).sum(axis=0)
+    wandering = []
+    for piece in slow:
+        every = np.concatenate([wander * piece.friction, piece.creep])
+        spread[piece.bins] += (piece.inside(every) ** 2).sum(axis=0)
+        wandering.append(Uncertain.of(piece.whitened(noise, every), piece.bins.start * rest.shape[1]))
+    unnamed = [noise.whiten(each.columns) for each in extra if each.name in unknown]
+    common = np.concatenate([white[:0], *unnamed, *([parts * white] if tolerant else [])])
+    return Whitener.of(noise, wandering, common, rest, spread, wander)
 
 
 def acting(responses: Mapping[str, Array], noise: NoiseModel) -> float:
@@ -180,7 +184,12 @@ def _widened(flags: NDArray[np.bool_], before: int, after: int) -> NDArray[np.bo
 
 
 def _unexplained(
-    noise: NoiseModel, known: Sequence[Array], slow: Array, target: Array, left: Array | None, event: int
+    noise: NoiseModel,
+    known: Sequence[Array],
+    slow: Sequence[Piece],
+    target: Array,
+    left: Array | None,
+    event: int,
 ) -> tuple[Array, float]:
     """The foreseen error, (bins, channels), and the share of wandering friction that is expected.
 
@@ -191,18 +200,18 @@ def _unexplained(
     error is then what is not known, as smooth as a model is, and beside such noise smooth errors of a model
     cost nothing. There all but the model's own are kept as small as foresees best.
     """
-    columns = np.concatenate([*known, slow])
-    white = noise.whiten(columns).reshape(len(columns), -1)
-    goal = noise.whiten(target).reshape(-1)
-    gram = Gram.of(white.T, goal)
-    sizes = partial(wandering, len(columns) - len(slow), len(slow))
-    wander = expected_share([gram.scaled(sizes(share)).evidence() for share in FLOOR_SHARES])
+    goal = noise.whiten(target)
+    parts = []
+    for piece in slow:
+        columns = np.concatenate([piece.friction, *(each[:, piece.span] for each in known)])
+        white, bins = piece.whitened(noise, columns), piece.bins
+        parts.append(Part.of(piece.inside(columns), white, target[bins], goal[bins], len(piece.friction)))
+    wander = expected_share([evidence_of(parts, share) for share in FLOOR_SHARES])
 
     def foreseen(part: float) -> Array:
         """The error with all but the model's own so much smaller."""
-        its = sizes(wander)
-        its[len(known[0]) : len(columns) - len(slow)] *= part
-        return foreseen_error(gram.matrix, white, columns, goal, target, its, event)
+        sizes = np.repeat([1.0, part], [len(known[0]), sum(len(each) for each in known[1:])])
+        return foreseen_error(parts, sizes, wander, event)
 
     rest = foreseen(1.0)
     if left is not None and _far(rest, left) > FORESEEN:
@@ -224,11 +233,6 @@ def _levels(values: Array, regimes: NDArray[np.intp]) -> Array:
     return levels
 
 
-def wandering(known: int, slow: int, share: float) -> Array:
-    """Prior standard deviations of so many known directions, and of slow friction with that share."""
-    return np.repeat([1.0, share], [known, slow])
-
-
 def expected_share(evidence: Sequence[float]) -> float:
     """Root mean square share of wandering friction by the log evidence of `FLOOR_SHARES`, all alike before.
 
@@ -237,14 +241,3 @@ def expected_share(evidence: Sequence[float]) -> float:
     """
     weights = np.exp(np.array(evidence) - max(evidence))
     return float(np.sqrt(weights @ np.square(FLOOR_SHARES) / weights.sum()))
-
-
-def _slow_directions(white: Array) -> tuple[NDArray[np.float32], Array]:
-    """`Whitener.slow` and `Whitener.shrink` of whitened directions, (directions, bins, channels)."""
-    if len(white) == 0:
-        return np.zeros((0, 0), np.float32), np.zeros(0)
-    rows = white.reshape(len(white), -1).T
-    powers, right = np.linalg.eigh(rows.T @ rows)
-    strong = powers > FEEBLE
-    left = rows @ (right[:, strong] / np.sqrt(powers[strong]))
-    return left.astype(np.float32), 1.0 - 1.0 / np.sqrt(1.0 + powers[strong])

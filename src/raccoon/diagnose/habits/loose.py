@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.fits import fit_many, fit_point
 from raccoon.diagnose.fit.noise import white_noise
-from raccoon.diagnose.fit.problem import Point, Problem, Whitener, carried, carried_rows
+from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.coordinates import added, multiplied
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, Wheels, base_coordinates
 from raccoon.diagnose.rollout.variants import Habits

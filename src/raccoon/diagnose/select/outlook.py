@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit.evidence import Gram, foreseen, parts_of
 from raccoon.diagnose.fit.fits import fit_at, fit_point
 from raccoon.diagnose.fit.fitted import Fit
-from raccoon.diagnose.fit.linear import Group, Linear, Table, linearise, slow_friction, tabulate
-from raccoon.diagnose.fit.problem import Point, Problem, Whitener
+from raccoon.diagnose.fit.linear import Group, Linear, Table, linearise, tabulate
+from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.scan import fit_scanned
-from raccoon.diagnose.fit.whitening import FLOOR_SHARES, wandering, whitener_for
+from raccoon.diagnose.fit.wander import slow_friction
+from raccoon.diagnose.fit.whitener import Whitener
+from raccoon.diagnose.fit.whitening import FLOOR_SHARES, whitener_for
 from raccoon.diagnose.hypotheses.coordinates import Settings
 
 Array = NDArray[np.float64]
@@ -287,7 +289,7 @@ def _beside_wander(search: Search, group: Group) -> tuple[float, float]:
     for columns in (np.vstack([own, search.whitener(group.columns)]), own):
         every = np.vstack([columns, slow])
         gram = Gram.of(every.T, fit.target)
-        wanders = [wandering(len(columns), len(slow), share) for share in FLOOR_SHARES]
+        wanders = [np.repeat([1.0, share], [len(columns), len(slow)]) for share in FLOOR_SHARES]
         sizes = max(wanders, key=lambda each: gram.scaled(each).evidence())
         mean, its, _ = gram.scaled(sizes).solve()
         residuals.append(fit.target - (mean * sizes) @ every)

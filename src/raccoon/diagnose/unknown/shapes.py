@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.problem import Whitener
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.fit.whitening import whitener_for
 from raccoon.diagnose.result import Shape
 from raccoon.diagnose.select.outlook import Search

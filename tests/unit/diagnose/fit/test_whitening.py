@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from raccoon.diagnose.fit.evidence import Gram
-from raccoon.diagnose.fit.left_out import SHOWN, _pulled, foreseen_error
+from raccoon.diagnose.fit.left_out import SHOWN, Part, _pulled, evidence_of, foreseen_error
 from raccoon.diagnose.fit.noise import EVENT, white_noise
+from raccoon.diagnose.fit.wander import Piece
 from raccoon.diagnose.fit.whitening import (
     FAINT,
     FLOOR_SHARES,
@@ -24,9 +27,8 @@ BINS, CHANNELS = 6 * EVENT, 2
 
 
 def foreseen(columns: np.ndarray, target: np.ndarray, sizes: float | np.ndarray = 1.0) -> np.ndarray:
-    white, goal = columns.reshape(len(columns), -1), target.reshape(-1)
-    gram = Gram.of(white.T, goal).matrix
-    return foreseen_error(gram, white, columns, goal, target, np.broadcast_to(sizes, len(columns)), EVENT)
+    part = Part.of(columns, columns, target, target, 0)
+    return foreseen_error([part], np.broadcast_to(sizes, len(columns)), 1.0, EVENT)
 
 
 @pytest.mark.parametrize(("directions", "rows"), [(3, 50), (50, 3), (12, 12)])
@@ -45,7 +47,7 @@ def test_fewer_directions_than_rows_are_as_many_equations(directions: int, rows:
 def test_a_prior_is_as_wide_as_its_size_says() -> None:
     rng = np.random.default_rng(6)
     columns, target = rng.standard_normal((5, BINS, CHANNELS)), rng.standard_normal((BINS, CHANNELS))
-    sizes = np.array([1.0, 0.05, 0.3, 2.0, 0.0])
+    sizes = np.array([1.0, 0.05, 0.3, 2.0, 1e-6])
     narrow = foreseen(columns, target, sizes)
     assert narrow == pytest.approx(foreseen(columns * sizes[:, None, None], target))
     assert narrow != pytest.approx(foreseen(columns, target), abs=1e-3)
@@ -63,6 +65,30 @@ def test_each_half_second_is_foreseen_by_a_fit_of_all_others() -> None:
         mean = np.linalg.solve(np.eye(5) + x @ x.T, x @ y)
         direct = target[inside] - np.tensordot(mean, columns[:, inside], axes=1)
         assert error[inside] == pytest.approx(direct)
+
+
+def test_what_wanders_in_a_part_is_foreseen_there_and_the_rest_from_everywhere() -> None:
+    """Equal to one fit of all columns, those of a part being 0 elsewhere."""
+    rng = np.random.default_rng(3)
+    known, target = rng.standard_normal((4, BINS, CHANNELS)), rng.standard_normal((BINS, CHANNELS))
+    edges = (0, 2 * EVENT, 5 * EVENT, BINS)
+    sizes, wander = np.array([1.0, 0.3, 2.0, 0.1]), 0.7
+    parts, every = [], [known]
+    for start, stop in pairwise(edges):
+        slow = rng.standard_normal((3, stop - start, CHANNELS))
+        columns = np.concatenate([slow, known[:, start:stop]])
+        parts.append(Part.of(columns, columns, target[start:stop], target[start:stop], 3))
+        wide = np.zeros((3, BINS, CHANNELS))
+        wide[:, start:stop] = slow
+        every.append(wide)
+    whole = np.concatenate(every)
+    error = foreseen_error(parts, sizes, wander, EVENT)
+    np.testing.assert_allclose(
+        error, foreseen(whole, target, np.concatenate([sizes, np.full(9, wander)])), rtol=1e-6, atol=1e-9
+    )
+    gram = Gram.of(whole.reshape(len(whole), -1).T, target.reshape(-1))
+    evidence = gram.scaled(np.concatenate([np.ones(4), np.full(9, wander)])).evidence()
+    assert evidence_of(parts, wander) == pytest.approx(evidence)
 
 
 def test_noise_in_a_moment_in_which_everything_acts_is_not_swallowed() -> None:
@@ -132,7 +158,8 @@ def test_a_cause_counts_for_as_much_as_its_form_is_inexact() -> None:
 def test_what_a_drive_shows_once_is_not_foreseen_from_elsewhere() -> None:
     """Where each half second has directions of its own beside one for all, what these may be is no noise."""
     rng = np.random.default_rng(4)
-    own, slow = rng.standard_normal((1, BINS, CHANNELS)), np.zeros((0, BINS, CHANNELS))
+    own, none = rng.standard_normal((1, BINS, CHANNELS)), np.zeros((0, BINS, CHANNELS))
+    slow = [Piece(slice(0, BINS), 0, none, none)]
     noise = white_noise(np.ones(CHANNELS), np.zeros(BINS, np.intp))
     target = 0.5 * own[0] + rng.standard_normal((BINS, CHANNELS))
     level = np.ones((BINS, CHANNELS))

@@ -18,7 +18,8 @@ from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.linear import linearise, tabulate
 from raccoon.diagnose.fit.noise import EVENT, white_noise
-from raccoon.diagnose.fit.problem import Point, Problem, Whitener
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.whitener import Uncertain, Whitener
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
@@ -224,7 +225,10 @@ def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
     search = start_search(real, probes_for(real))
     last = estimated(search)
-    assert last.whitener.slow.shape[1] < search.whitener.slow.shape[1]
+    assert search.whitener.common is not None
+    assert last.whitener.common is None
+    with pytest.raises(ValueError, match="beside what wanders"):
+        search.whitener.with_part(0.3)
     assert (last.whitener.spread > 0.0).any()  # unseen data must still be allowed to be as wrong as that
 
 
@@ -232,11 +236,10 @@ def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
     """(1 + p^2 R R')^(-1/2), with R = U s V' of two columns."""
     rng = np.random.default_rng(5)
     columns = rng.normal(size=(40, 2))
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     noise = white_noise(np.ones(1), np.zeros(40, np.intp))
     rest = np.zeros((40, 1))
-    shrink = 1.0 - 1.0 / np.sqrt(1.0 + sizes**2)
-    whitener = Whitener(noise, left.astype(np.float32), shrink, rest, rest).with_part(0.3)
+    wandering = [Uncertain.of(columns.T[:, :, None])]
+    whitener = Whitener.of(noise, wandering, np.zeros((0, 40, 1)), rest, rest, 0.0).with_part(0.3)
     rows = rng.normal(size=(3, 40))
     powers, vectors = np.linalg.eigh(np.eye(40) + 0.09 * columns @ columns.T)
     exact, slowed = rows @ (vectors / np.sqrt(powers)) @ vectors.T, whitener.slowed(rows)
@@ -244,6 +247,27 @@ def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
     np.testing.assert_allclose(rows @ rows.T - whitener.taken(rows), exact @ exact.T, rtol=1e-6)
     nothing = whitener.without_slow()
     np.testing.assert_allclose(nothing.taken(rows), np.zeros((len(rows), len(rows))))
+
+
+def test_what_wanders_by_pieces_and_what_is_common_are_whitened_together() -> None:
+    """The inner product of two rows is x' (1 + W W' + C C')^-1 y."""
+    rng = np.random.default_rng(8)
+    noise, rest = white_noise(np.ones(2), np.zeros(30, np.intp)), np.zeros((30, 2))
+    pieces = [(0, rng.normal(size=(2, 12, 2))), (24, 2.0 * rng.normal(size=(3, 18, 2)))]
+    common = rng.normal(size=(4, 30, 2))
+    wandering = [Uncertain.of(columns, start) for start, columns in pieces]
+    whitener = Whitener.of(noise, wandering, common, rest, rest, 0.0)
+    covariance = np.eye(60) + common.reshape(4, 60).T @ common.reshape(4, 60)
+    for start, columns in pieces:
+        span = slice(start, start + columns[0].size)
+        flat = columns.reshape(len(columns), -1)
+        covariance[span, span] += flat.T @ flat
+    rows = rng.normal(size=(5, 60))
+    exact = rows @ np.linalg.solve(covariance, rows.T)
+    slowed = whitener.slowed(rows)
+    np.testing.assert_allclose(slowed @ slowed.T, exact, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(rows @ rows.T - whitener.taken(rows), exact, rtol=1e-5, atol=1e-5)
+    np.testing.assert_allclose(whitener(rows.reshape(5, 30, 2)), slowed)
 
 
 def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Problem) -> None:

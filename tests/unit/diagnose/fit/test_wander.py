@@ -1,6 +1,9 @@
-"""The model around a working point: what is a straight line, and what is not."""
+"""What wanders slowly: its columns against the simulator, and long recordings in pieces."""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,8 +13,11 @@ from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.experiment.advice import planned_log
-from raccoon.diagnose.fit.linear import FLOOR_SECONDS, GRID_PART, courses, linearise, slow_friction
+from raccoon.diagnose.fit import wander
+from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.noise import NoiseModel
 from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.wander import FLOOR_SECONDS, GRID_PART, Piece, courses, pieces, slow_friction
 from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
@@ -89,6 +95,60 @@ def test_friction_that_wandered_leaves_a_wheel_that_is_not_round_turned(out_of_r
         assert _unlike(foretold[late, gyro], truth[late, gyro]) < 0.1
     else:
         assert np.abs(foretold[late, gyro]).max() < 1e-4
+
+
+def test_a_recording_is_followed_in_pieces_of_whole_half_seconds() -> None:
+    """So the directions of what wanders, and their time and memory, do not grow in each."""
+    features = planned(exciting(np.random.default_rng(4), 20.0)).features
+    assert pieces(features) == [slice(0, len(features.time))]
+    for seconds in (59.0, 61.0, 100.0, 233.3):
+        long = replace(features, time=np.arange(0.0, seconds, features.width))
+        found = pieces(long)
+        assert found[0].start == 0
+        assert found[-1].stop == len(long.time)
+        for one, other in pairwise(found):
+            assert one.stop == other.start
+            assert one.stop % long.event == 0
+        assert all(25.0 < (each.stop - each.start) * long.width < 60.0 for each in found)
+
+
+def test_a_piece_is_white_in_the_noise_that_remembers_what_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem = planned(exciting(np.random.default_rng(4), 10.0))
+    monkeypatch.setattr(wander, "PIECE_SECONDS", 4.0)
+    first, second = pieces(problem.features)
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb@left"])
+    bins, channels = linear.residual.shape
+    rng = np.random.default_rng(2)
+    regimes = np.asarray(rng.integers(0, 4, bins), np.intp)
+    noise = NoiseModel(
+        0.1 * rng.normal(size=(6, channels, channels)),
+        np.stack([np.eye(channels) * each for each in (1.0, 2.0, 3.0, 4.0)]),
+        regimes,
+        np.asarray(rng.uniform(0.5, 1.0, bins), float),
+    )
+    for bins_of in (first, second):
+        piece = Piece.of(problem, linear, bins_of, 12)
+        whole = rng.normal(size=(2, bins, channels))
+        np.testing.assert_allclose(
+            piece.whitened(noise, whole[:, piece.span]), noise.whiten(whole)[:, bins_of], atol=1e-12
+        )
+        assert piece.inside(piece.friction).shape[1] == bins_of.stop - bins_of.start
+        assert np.abs(piece.creep).max() > 0.0
+
+
+def test_in_pieces_much_the_same_wanders_as_in_one() -> None:
+    """The variance of each reading, which for a wheel that is not round holds all angles lost before."""
+    problem = planned(exciting(np.random.default_rng(4), 24.0))
+    width = 2.0 * next(each.prior_width for each in problem.causes[RUNOUT].effect.parameters)
+    round_, odd = problem.nominal(), problem.nominal().with_cause(RUNOUT, np.array([0.05 / width, 0.0]))
+    for point in (round_, odd):
+        linear = linearise(problem, point, ["friction.coulomb@left"])
+        late = slice(600, None)
+        whole = (slow_friction(problem, linear)[:, late] ** 2).sum(axis=0)
+        piece = (slow_friction(problem, linear, bins=late) ** 2).sum(axis=0)
+        np.testing.assert_allclose(piece.mean(axis=0), whole.mean(axis=0), rtol=0.1)
 
 
 def _unlike(one: Array, other: Array) -> float:

@@ -1,0 +1,164 @@
+"""What wanders slowly and is no robot's fault: the friction of its floor, and the voltage of its battery.
+
+Either is a course over time that forgets itself within seconds, so a long recording is followed in pieces: as
+a whole it would take time and memory by the square of its length.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.fit.linear import Linear, coulomb_response, speed_of
+from raccoon.diagnose.fit.noise import NoiseModel
+from raccoon.diagnose.fit.problem import Problem
+from raccoon.sim.effects.parameters import SIDES
+
+Array = NDArray[np.float64]
+
+FLOOR_SECONDS = 4.0
+"""Correlation time of friction that wanders with the floor."""
+GRID_PART = 0.2
+"""Distance of the knots of a course, of its correlation time."""
+PIECE_SECONDS = 40.0
+"""What is followed as one: 10 times as long as a floor is remembered, 4 times as a battery is."""
+
+
+def pieces(features: Features) -> list[slice]:
+    """Bins of the pieces in which what wanders is followed, of whole half seconds and some 40 s each."""
+    bins, event = len(features.time), features.event
+    count = max(int(bins * features.width / PIECE_SECONDS + 0.5), 1)
+    edges = [event * round(bins / event * part / count) for part in range(count)]
+    return [slice(start, end) for start, end in zip(edges, [*edges[1:], bins], strict=True)]
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """What wanders in a part of a recording. friction, creep (columns, bins, channels): what courses of all
+    of Coulomb friction, and of a battery as it usually creeps, change there and in the `margin` bins before,
+    which the noise's memory needs. bins: those of the part itself."""
+
+    bins: slice
+    margin: int
+    friction: Array
+    creep: Array
+
+    @classmethod
+    def of(cls, problem: Problem, linear: Linear, bins: slice, memory: int) -> Piece:
+        """memory: bins that the noise remembers at most."""
+        margin = min(memory, bins.start)
+        span = slice(bins.start - margin, bins.stop)
+        friction = slow_friction(problem, linear, bins=span)
+        return cls(bins, margin, friction, slow_battery(problem, linear, span))
+
+    @property
+    def span(self) -> slice:
+        """The part's bins and those before."""
+        return slice(self.bins.start - self.margin, self.bins.stop)
+
+    def inside(self, columns: Array) -> Array:
+        """Columns of the span in the part itself."""
+        return columns[:, self.margin :]
+
+    def whitened(self, noise: NoiseModel, columns: Array) -> Array:
+        """Columns of the span, without correlation in time and among channels, in the part itself."""
+        return self.inside(noise.part(self.span).whiten(columns))
+
+
+def slow_friction(
+    problem: Problem, linear: Linear, seconds: float = FLOOR_SECONDS, bins: slice = slice(None)
+) -> Array:
+    """Columns of a torque that wanders within `seconds`, at either wheel, for a wander of all of Coulomb
+    friction, in these bins.
+
+    The robot forgets a torque within 0.1 s, so friction that changes over seconds acts as its constant
+    response times its course. Only the angle that a wheel lost by it stays lost, which shows where wheels are
+    not round. What it lost before these bins is one number more.
+    """
+    course = courses(problem.features.time[bins], seconds)
+    torque = problem.neutral[("friction.coulomb", "left", "torque")]
+    columns = []
+    for response in (coulomb_response(problem, linear, side) for side in SIDES):
+        if response is None:
+            continue
+        at_once = torque * (response - _lost_angle(problem, linear, response[None], slice(None))[0])
+        column = course[:, :, None] * at_once[bins]
+        columns.append(column + _lost_angle(problem, linear, column, bins))
+        columns.append(_lost_before(problem, linear, at_once, bins, seconds))
+    return np.concatenate(columns) if columns else np.zeros((0, *linear.residual[bins].shape))
+
+
+def slow_battery(problem: Problem, linear: Linear, bins: slice = slice(None)) -> Array:
+    """Columns of a battery whose voltage creeps: after each change of its current by some mV, for seconds."""
+    roles, shape = problem.features.roles, linear.residual[bins].shape
+    if "battery" not in roles:
+        return np.zeros((0, *shape))
+    course = courses(problem.features.time[bins], problem.creep.seconds)
+    columns = np.zeros((len(course), *shape))
+    columns[:, :, roles.index("battery")] = problem.creep.volts * course
+    return columns
+
+
+def courses(time: Array, seconds: float) -> Array:
+    """What a wander of size 1 and that correlation time is made of, (knots, bins): each times a normal number
+    is an Ornstein-Uhlenbeck process on a grid of hats."""
+    grid = GRID_PART * seconds
+    knots = np.arange(time[0], time[-1] + grid, grid)
+    hats = np.maximum(0.0, 1.0 - np.abs(time[None, :] - knots[:, None]) / grid)
+    factor = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / seconds))
+    return np.asarray(factor.T @ hats, float)
+
+
+def _lost_angle(problem: Problem, linear: Linear, columns: Array, bins: slice) -> Array:
+    """What the angles that wheels lose or gain by columns (columns, bins, channels) change from then on, in
+    these bins."""
+    changed = np.zeros_like(columns)
+    for side in SIDES:
+        wheel = _turned(linear, side)
+        speeds = None if wheel is None else speed_of(problem, columns, side)
+        if wheel is not None and speeds is not None:
+            changed += problem.features.width * np.cumsum(speeds, axis=1)[:, :, None] * wheel[bins]
+    return changed
+
+
+def _lost_before(problem: Problem, linear: Linear, at_once: Array, bins: slice, seconds: float) -> Array:
+    """What the angle changes, in these bins, that each wheel usually lost before them, (wheels, bins,
+    channels).
+    """
+    start = bins.indices(len(at_once))[0]
+    found = [np.zeros((0, *at_once[bins].shape))]
+    for side in SIDES if start else ():
+        wheel = _turned(linear, side)
+        speeds = None if wheel is None else speed_of(problem, at_once[:start], side)
+        if wheel is not None and speeds is not None:
+            found.append(_usual_angle(speeds, problem.features.width, seconds) * wheel[None, bins])
+    return np.concatenate(found)
+
+
+def _usual_angle(speeds: Array, width: float, seconds: float) -> float:
+    """Standard deviation, rad, of the angle that a wheel has lost after bins of that width, s, in each of
+    which a course of size 1 changes its speed by so many rad/s.
+
+    Of the course c, dc = -c / T dt + noise with cov(c, c) = 1, and the angle a, da = v c dt:
+    d cov(a, c) = (v - cov(a, c) / T) dt, d cov(a, a) = 2 v cov(a, c) dt.
+    """
+    fades = math.exp(-width / seconds)
+    both, power = 0.0, 0.0
+    for step in (width * speeds).tolist():
+        power += step * (2.0 * both + step)
+        both = fades * (both + step)
+    return math.sqrt(max(power, 0.0))
+
+
+def _turned(linear: Linear, side: str) -> Array | None:
+    """Response to a rad of a wheel that is not round, (bins, channels); None for one that is."""
+    name = f"drive.wheel_eccentricity@{side}"
+    span = linear.point.spans().get(name)
+    if span is None:
+        return None
+    along, across = linear.point.active[name]  # amplitude times cosine and sine of the phase
+    return np.asarray(along * linear.own[span.start + 1] - across * linear.own[span.start], float)

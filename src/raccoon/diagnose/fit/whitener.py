@@ -1,0 +1,144 @@
+"""From residuals to independent unit-variance numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit.left_out import FEEBLE
+from raccoon.diagnose.fit.noise import NoiseModel
+
+Array = NDArray[np.float64]
+
+
+class Whitening(Protocol):
+    """A linear map from residuals to independent unit-variance numbers."""
+
+    def __call__(self, signals: Array) -> Array:
+        """(..., bins, channels) -> (..., rows)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertain:
+    """Directions in which some rows have more than unit variance, and that taken away.
+
+    directions (rows, k): orthonormal; shrink (k,): (1 + R R')^(-1/2) = 1 - U diag(1 - 1/sqrt(1 + s^2)) U' for
+    R = U s V'. Of what is taken away seven digits do, in half of the time: a residual is some units of the
+    noise.
+    """
+
+    rows: slice
+    directions: NDArray[np.float32]
+    shrink: Array
+
+    @classmethod
+    def of(cls, white: Array, start: int = 0) -> Uncertain:
+        """Of whitened directions (directions, bins, channels) from that row on."""
+        rows = white.reshape(len(white), -1).T
+        powers, right = np.linalg.eigh(rows.T @ rows)
+        strong = powers > FEEBLE
+        left = rows @ (right[:, strong] / np.sqrt(powers[strong]))
+        shrink = 1.0 - 1.0 / np.sqrt(1.0 + powers[strong])
+        return cls(slice(start, start + len(rows)), left.astype(np.float32), shrink)
+
+    def with_part(self, part: float) -> Uncertain:
+        """The same with a part of what makes it uncertain."""
+        variance = part**2 * (1.0 / (1.0 - self.shrink) ** 2 - 1.0)
+        return replace(self, shrink=1.0 - 1.0 / np.sqrt(1.0 + variance))
+
+    def take_away(self, rows: Array) -> None:
+        """Rows (..., rows) of the whole recording become white in these directions too."""
+        mine = rows[..., self.rows]
+        along = mine.astype(np.float32) @ self.directions * self.shrink.astype(np.float32)
+        mine -= along @ self.directions.T
+
+
+@dataclass(frozen=True, slots=True)
+class Whitener:
+    """Makes independent unit-variance numbers of residuals: VAR noise, then what wanders slowly, piece by
+    piece, then what the whole recording has in common.
+
+    (1 + W W' + C C')^-1 = A' (1 + A C C' A')^-1 A with A = (1 + W W')^(-1/2), so the directions of `common`
+    are those that were white but for what wanders, made white with it.
+
+    rest (bins, channels): what nothing explained when this was made. spread (bins, channels): variance in
+    channel units that wandering friction and what no model gets right have on unseen data; a fit of
+    everything takes it away, so it is not in `rest`. wander: by what share of Coulomb friction the floor is
+    expected to let it wander.
+    """
+
+    noise: NoiseModel
+    wandering: tuple[Uncertain, ...]
+    common: Uncertain | None
+    rest: Array
+    spread: Array
+    wander: float = 0.0
+
+    @classmethod
+    def plain(cls, noise: NoiseModel, rest: Array) -> Whitener:
+        """Of noise alone."""
+        return cls(noise, (), None, rest, np.zeros_like(rest))
+
+    @classmethod
+    def of(
+        cls,
+        noise: NoiseModel,
+        wandering: Sequence[Uncertain],
+        common: Array,
+        rest: Array,
+        spread: Array,
+        wander: float,
+    ) -> Whitener:
+        """common (directions, bins, channels): whitened by the noise alone."""
+        local = cls(noise, tuple(wandering), None, rest, spread, wander)
+        if not len(common):
+            return local
+        rows = local.slowed(common.reshape(len(common), -1))
+        return replace(local, common=Uncertain.of(rows[:, :, None]))
+
+    def without_slow(self) -> Whitener:
+        """The same of noise alone."""
+        return replace(self, wandering=(), common=None)
+
+    def with_part(self, part: float) -> Whitener:
+        """The same with a part of what wanders, where nothing else is uncertain."""
+        if self.common is not None:
+            raise ValueError("what is uncertain beside what wanders does not depend on it in this form")
+        return replace(self, wandering=tuple(each.with_part(part) for each in self.wandering))
+
+    def __call__(self, signals: Array) -> Array:
+        """(..., bins, channels) -> (..., rows)."""
+        white = self.noise.whiten(signals)
+        return self._slowed(white.reshape(*white.shape[:-2], -1))
+
+    def slowed(self, rows: Array) -> Array:
+        """Rows (..., rows) that are white but for what is uncertain, white with it too."""
+        return self._slowed(rows.copy())
+
+    def _slowed(self, rows: Array) -> Array:
+        for each in self.wandering:
+            each.take_away(rows)
+        if self.common is not None:
+            self.common.take_away(rows)
+        return rows
+
+    def taken(self, rows: Array) -> Array:
+        """By how much less the inner products are of `slowed` rows, (rows, rows), at half of the cost."""
+        less = np.zeros((len(rows), len(rows)))
+        common = np.zeros((rows.shape[1], 0)) if self.common is None else self.common.directions
+        left = rows @ common
+        for each in self.wandering:
+            along = rows[:, each.rows] @ each.directions
+            less += _lost(along, each.shrink)
+            left -= (along * each.shrink) @ (each.directions.T @ common[each.rows])
+        return less if self.common is None else less + _lost(left, self.common.shrink)
+
+
+def _lost(along: Array, shrink: Array) -> Array:
+    """What inner products lose where so much is taken away of the parts along some directions."""
+    return np.asarray((along * (1.0 - (1.0 - shrink) ** 2)) @ along.T, float)
