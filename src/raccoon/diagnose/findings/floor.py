@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.linear import speed_of
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.wander import FLOOR_SECONDS, courses
+from raccoon.diagnose.fit.wander import FLOOR_SECONDS, summed
 from raccoon.diagnose.fit.whitening import STANDSTILL
 from raccoon.sim.effects.parameters import SIDES
 
@@ -53,8 +53,7 @@ def line_covariance(time: Array, speed: Array) -> Array:
     floor of size 1 adds while a wheel moves. Where the speed is not known, 0, it is the mean and no slope."""
     moves = np.abs(speed) >= STANDSTILL * np.abs(speed).max()
     line = np.stack([np.ones(int(moves.sum())), np.abs(speed[moves])], axis=1)
-    chance = np.linalg.pinv(line) @ courses(time, FLOOR_SECONDS)[:, moves].T
-    return np.asarray(chance @ chance.T, float)
+    return summed(np.linalg.pinv(line), time[moves], FLOOR_SECONDS)
 
 
 def _line(problem: Problem, index: int) -> Array:

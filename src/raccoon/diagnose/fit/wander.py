@@ -6,7 +6,6 @@ a whole it would take time and memory by the square of its length.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -113,6 +112,19 @@ def courses(time: Array, seconds: float) -> Array:
     return np.asarray(factor.T @ hats, float)
 
 
+def summed(weights: Array, time: Array, seconds: float) -> Array:
+    """Covariance (sums, sums) of sums over bins of a course of size 1 and that correlation time, each bin
+    counted by weights (sums, bins): those of bins i and j times exp(-|t_i - t_j| / seconds)."""
+    fades = np.exp(-np.diff(time, prepend=time[0]) / seconds)
+    before, remembered = np.empty_like(weights), np.zeros(len(weights))
+    for place, fade in enumerate(fades.tolist()):
+        remembered *= fade
+        before[:, place] = remembered
+        remembered += weights[:, place]
+    cross = weights @ before.T
+    return np.asarray(weights @ weights.T + cross + cross.T, float)
+
+
 def _lost_angle(problem: Problem, linear: Linear, columns: Array, bins: slice) -> Array:
     """What the angles that wheels lose or gain by columns (columns, bins, channels) change from then on, in
     these bins."""
@@ -135,23 +147,10 @@ def _lost_before(problem: Problem, linear: Linear, at_once: Array, bins: slice, 
         wheel = _turned(linear, side)
         speeds = None if wheel is None else speed_of(problem, at_once[:start], side)
         if wheel is not None and speeds is not None:
-            found.append(_usual_angle(speeds, problem.features.width, seconds) * wheel[None, bins])
+            turned = problem.features.width * speeds[None]
+            angle = np.sqrt(summed(turned, problem.features.time[:start], seconds)[0, 0])
+            found.append(angle * wheel[None, bins])
     return np.concatenate(found)
-
-
-def _usual_angle(speeds: Array, width: float, seconds: float) -> float:
-    """Standard deviation, rad, of the angle that a wheel has lost after bins of that width, s, in each of
-    which a course of size 1 changes its speed by so many rad/s.
-
-    Of the course c, dc = -c / T dt + noise with cov(c, c) = 1, and the angle a, da = v c dt:
-    d cov(a, c) = (v - cov(a, c) / T) dt, d cov(a, a) = 2 v cov(a, c) dt.
-    """
-    fades = math.exp(-width / seconds)
-    both, power = 0.0, 0.0
-    for step in (width * speeds).tolist():
-        power += step * (2.0 * both + step)
-        both = fades * (both + step)
-    return math.sqrt(max(power, 0.0))
 
 
 def _turned(linear: Linear, side: str) -> Array | None:

@@ -61,7 +61,7 @@ class Uncertain:
 @dataclass(frozen=True, slots=True)
 class Whitener:
     """Makes independent unit-variance numbers of residuals: VAR noise, then what wanders slowly, piece by
-    piece, then what the whole recording has in common.
+    piece, then what the whole recording has in common; where there is one piece, both at once.
 
     (1 + W W' + C C')^-1 = A' (1 + A C C' A')^-1 A with A = (1 + W W')^(-1/2), so the directions of `common`
     are those that were white but for what wanders, made white with it.
@@ -88,14 +88,19 @@ class Whitener:
     def of(
         cls,
         noise: NoiseModel,
-        wandering: Sequence[Uncertain],
+        wandering: Sequence[Array],
         common: Array,
         rest: Array,
         spread: Array,
         wander: float,
     ) -> Whitener:
-        """common (directions, bins, channels): whitened by the noise alone."""
-        local = cls(noise, tuple(wandering), None, rest, spread, wander)
+        """wandering: directions (directions, bins, channels) of one piece after the other; common: of all of
+        them. Both whitened by the noise."""
+        if len(wandering) == 1:
+            wandering, common = [np.concatenate([*wandering, common])], common[:0]
+        starts = np.cumsum([0, *(each.shape[1] * each.shape[2] for each in wandering)])
+        steps = [Uncertain.of(each, start) for each, start in zip(wandering, starts[:-1], strict=True)]
+        local = cls(noise, tuple(steps), None, rest, spread, wander)
         if not len(common):
             return local
         rows = local.slowed(common.reshape(len(common), -1))
@@ -106,9 +111,10 @@ class Whitener:
         return replace(self, wandering=(), common=None)
 
     def with_part(self, part: float) -> Whitener:
-        """The same with a part of what wanders, where nothing else is uncertain."""
+        """The same with a part of what wanders. Raises ValueError where more is uncertain in all pieces: made
+        white after it, that depends on it."""
         if self.common is not None:
-            raise ValueError("what is uncertain beside what wanders does not depend on it in this form")
+            raise ValueError("what is uncertain beside what wanders would have to be made white anew")
         return replace(self, wandering=tuple(each.with_part(part) for each in self.wandering))
 
     def __call__(self, signals: Array) -> Array:

@@ -33,7 +33,7 @@ from raccoon.diagnose.fit.noise import (
 )
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import Piece, pieces
-from raccoon.diagnose.fit.whitener import Uncertain, Whitener
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.forms import form_factor, form_weight
 
 Array = NDArray[np.float64]
@@ -116,7 +116,7 @@ def whitener_for(
     for piece in slow:
         every = np.concatenate([wander * piece.friction, piece.creep])
         spread[piece.bins] += (piece.inside(every) ** 2).sum(axis=0)
-        wandering.append(Uncertain.of(piece.whitened(noise, every), piece.bins.start * rest.shape[1]))
+        wandering.append(piece.whitened(noise, every))
     unnamed = [noise.whiten(each.columns) for each in extra if each.name in unknown]
     common = np.concatenate([white[:0], *unnamed, *([parts * white] if tolerant else [])])
     return Whitener.of(noise, wandering, common, rest, spread, wander)

@@ -97,8 +97,8 @@ def test_a_channel_that_one_of_them_lacks_is_missing() -> None:
 
 
 def test_more_than_fits_into_memory_is_refused() -> None:
-    with pytest.raises(TraceError, match=r"have 25\d s; at most 240 s are fitted together.*name fewer"):
-        joined([log(1)] * 65)
+    with pytest.raises(TraceError, match=r"have 6\d\d s; at most 600 s are fitted together.*name fewer"):
+        joined([log(1)] * 160)
 
 
 @pytest.mark.parametrize("known", [True, False])

@@ -19,7 +19,7 @@ from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.linear import linearise, tabulate
 from raccoon.diagnose.fit.noise import EVENT, white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.whitener import Uncertain, Whitener
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
@@ -225,10 +225,8 @@ def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
     search = start_search(real, probes_for(real))
     last = estimated(search)
-    assert search.whitener.common is not None
-    assert last.whitener.common is None
-    with pytest.raises(ValueError, match="beside what wanders"):
-        search.whitener.with_part(0.3)
+    every, less = search.whitener.wandering[0], last.whitener.wandering[0]
+    assert less.directions.shape[1] < every.directions.shape[1]
     assert (last.whitener.spread > 0.0).any()  # unseen data must still be allowed to be as wrong as that
 
 
@@ -238,7 +236,7 @@ def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
     columns = rng.normal(size=(40, 2))
     noise = white_noise(np.ones(1), np.zeros(40, np.intp))
     rest = np.zeros((40, 1))
-    wandering = [Uncertain.of(columns.T[:, :, None])]
+    wandering = [columns.T[:, :, None]]
     whitener = Whitener.of(noise, wandering, np.zeros((0, 40, 1)), rest, rest, 0.0).with_part(0.3)
     rows = rng.normal(size=(3, 40))
     powers, vectors = np.linalg.eigh(np.eye(40) + 0.09 * columns @ columns.T)
@@ -249,14 +247,27 @@ def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
     np.testing.assert_allclose(nothing.taken(rows), np.zeros((len(rows), len(rows))))
 
 
+def test_where_nothing_wanders_only_what_is_common_is_made_white() -> None:
+    rng = np.random.default_rng(9)
+    noise, rest, common = (
+        white_noise(np.ones(1), np.zeros(20, np.intp)),
+        np.zeros((20, 1)),
+        np.ones((1, 20, 1)),
+    )
+    rows = rng.normal(size=(3, 20))
+    exact = rows @ np.linalg.solve(np.eye(20) + np.ones((20, 20)), rows.T)
+    for parts in ([np.zeros((0, 20, 1))], [np.zeros((0, 5, 1)), np.zeros((0, 15, 1))]):
+        slowed = Whitener.of(noise, parts, common, rest, rest, 0.0).slowed(rows)
+        np.testing.assert_allclose(slowed @ slowed.T, exact, rtol=1e-5, atol=1e-5)
+
+
 def test_what_wanders_by_pieces_and_what_is_common_are_whitened_together() -> None:
     """The inner product of two rows is x' (1 + W W' + C C')^-1 y."""
     rng = np.random.default_rng(8)
     noise, rest = white_noise(np.ones(2), np.zeros(30, np.intp)), np.zeros((30, 2))
     pieces = [(0, rng.normal(size=(2, 12, 2))), (24, 2.0 * rng.normal(size=(3, 18, 2)))]
     common = rng.normal(size=(4, 30, 2))
-    wandering = [Uncertain.of(columns, start) for start, columns in pieces]
-    whitener = Whitener.of(noise, wandering, common, rest, rest, 0.0)
+    whitener = Whitener.of(noise, [columns for _, columns in pieces], common, rest, rest, 0.0)
     covariance = np.eye(60) + common.reshape(4, 60).T @ common.reshape(4, 60)
     for start, columns in pieces:
         span = slice(start, start + columns[0].size)
@@ -268,6 +279,8 @@ def test_what_wanders_by_pieces_and_what_is_common_are_whitened_together() -> No
     np.testing.assert_allclose(slowed @ slowed.T, exact, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(rows @ rows.T - whitener.taken(rows), exact, rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(whitener(rows.reshape(5, 30, 2)), slowed)
+    with pytest.raises(ValueError, match="beside what wanders"):
+        whitener.with_part(0.3)
 
 
 def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Problem) -> None:
