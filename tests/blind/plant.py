@@ -97,7 +97,8 @@ def _current(duty: float, bus: float, w: float, resistance: float, ke: float, li
     if abs(duty) < 1e-9:
         return 0.0
     current = (duty * bus - ke * w) / resistance
-    saturated: float = current / (1.0 + abs(current / limit) ** 12) ** (1.0 / 12.0)
+    beyond = 1.0 + abs(current / limit) ** 12
+    saturated: float = current / beyond ** (1.0 / 12.0) if beyond > 1.0 else current
     return saturated
 
 
@@ -130,7 +131,8 @@ def simulate(
     cycle_times: s; duty (n, 2) is commanded at the cycle and holds until the next, and becomes what a speed
     loop makes of it where there is one; torque_noise (n, 2) N m and
     floor (n, 2) (share of Coulomb friction) hold likewise; bemf_noise (n, 2) counts. The gyro column is the
-    true turn rate with its scale, bias, drift and latency, without noise.
+    true turn rate with its scale, bias, drift and latency, without noise. What is neutral is not
+    computed, where that leaves every bit as it is.
     """
     (
         voc, rint, discharge, res_l, res_r, ke_l, ke_r, heat_gain, heat_tau, limit,
@@ -155,6 +157,7 @@ def simulate(
     window, filtered, position = np.zeros((2, 3)), np.zeros(2), np.zeros(2)
     reported, waited = np.zeros(2), np.array([0.0, 0.25 * own_cycle])
     x = y = heading = charge = draw = seen = 0.0
+    cosine, sine = 1.0, 0.0
     on_left = False
     bus = voc
     idle = np.zeros(2)
@@ -182,6 +185,7 @@ def simulate(
         out[k, 9], out[k, 10] = angle[0], angle[1]
         steps = max(int((cycle_times[k + 1] - cycle_times[k]) / STEP + 0.5), 1)
         dt = (cycle_times[k + 1] - cycle_times[k]) / steps
+        smooths = 1.0 - np.exp(-dt / max(0.5 * gyro_smooth, 1e-9))
         follows = 1.0 - np.exp(-dt / max(slip, 1e-9))  # creep: a tyre pushes as much as it turns too fast
         for step in range(steps):
             now = cycle_times[k] + step * dt
@@ -202,16 +206,21 @@ def simulate(
                 square = current[side] ** 2 / (1.0 - coast_share)  # a mean of what flows while it is driven
                 heat_fast[side] += dt * (square - heat_fast[side]) / (0.5 * heat_tau)
                 heat_slow[side] += dt * (square - heat_slow[side]) / (1.2 * heat_tau)
-                drive = ke[side] * current[side] + slope_x * np.cos(heading) + slope_y * np.sin(heading)
+                drive = ke[side] * current[side] + slope_x * cosine + slope_y * sine
                 turn = 1.0 if side == 0 else -1.0
-                drive += turn * scrub * np.tanh((w[1] - w[0]) / 0.05)
-                drive += torque_noise[k, side] + cog[side] * np.sin(5.0 * angle[side])
-                direction = np.tanh(w[side] / 0.02)
+                if scrub != 0.0:
+                    drive += turn * scrub * np.tanh((w[1] - w[0]) / 0.05)
+                wave = cog[side] * np.sin(5.0 * angle[side]) if cog[side] != 0.0 else 0.0
+                drive += torque_noise[k, side] + wave
+                direction = np.tanh(w[side] / 0.02) if dir_c != 0.0 or dir_v != 0.0 else 0.0
                 level = coulomb * (1.0 + dir_c * direction) * (1.0 + floor[k, side])
-                level += stiction * np.exp(-((w[side] / stiction_speed) ** 2))
+                if stiction != 0.0:
+                    level += stiction * np.exp(-((w[side] / stiction_speed) ** 2))
                 level += load_friction * abs(ke[side] * current[side])
-                level += rub[side] * (np.cos(angle[side]) > 0.5)
-                level *= 1.0 + patch * (x % (3.0 * patch_length) < patch_length)
+                if rub[side] != 0.0:
+                    level += rub[side] * (np.cos(angle[side]) > 0.5)
+                if patch != 0.0:
+                    level *= 1.0 + patch * (x % (3.0 * patch_length) < patch_length)
                 slope = viscous * (1.0 + dir_v * direction)
                 if smooth > 0.0:
                     against = level * np.tanh(w[side] / smooth) + w[side] * (slope + quadratic * abs(w[side]))
@@ -238,17 +247,19 @@ def simulate(
                 else:
                     load[side] = w[side]
                 roll[side] += follows * (load[side] - roll[side])
-            rim_l = radius[0] * (1.0 + ecc[0] * np.sin(angle[0] + ecc_phase[0])) * roll[0]
-            rim_r = radius[1] * (1.0 + ecc[1] * np.sin(angle[1] + ecc_phase[1])) * roll[1]
+            rim_l, rim_r = radius[0] * roll[0], radius[1] * roll[1]
+            if ecc[0] != 0.0 or ecc[1] != 0.0:
+                rim_l = radius[0] * (1.0 + ecc[0] * np.sin(angle[0] + ecc_phase[0])) * roll[0]
+                rim_r = radius[1] * (1.0 + ecc[1] * np.sin(angle[1] + ecc_phase[1])) * roll[1]
             rate = (rim_r - rim_l) / track
             forward = 0.5 * (rim_l + rim_r)
             heading += dt * rate
-            x += dt * forward * np.cos(heading)
-            y += dt * forward * np.sin(heading)
+            cosine, sine = np.cos(heading), np.sin(heading)
+            x += dt * forward * cosine
+            y += dt * forward * sine
             ticks += 1
-            share = 1.0 - np.exp(-dt / max(0.5 * gyro_smooth, 1e-9))
-            chip[0] += share * (rate - chip[0])
-            chip[1] += share * (chip[0] - chip[1])
+            chip[0] += smooths * (rate - chip[0])
+            chip[1] += smooths * (chip[0] - chip[1])
             rate_history[ticks % 4096] = chip[1]
             left_to_read = steps - 1 - step
             for side in range(2):

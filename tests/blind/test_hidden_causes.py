@@ -100,7 +100,7 @@ def test_an_effect_at_a_third_of_its_size_is_never_taken_for_another() -> None:
 def test_a_cause_of_a_few_large_moments_is_not_called_unknown() -> None:
     """What reversals leave of it bends base numbers, so that everything between them is off as well."""
     hidden = draw("motor.current_limit", np.random.default_rng(1))
-    said = diagnose(make(1, [hidden], drive=manoeuvre("spin")).columns, RobotConfig())
+    said = diagnose(make(1, [hidden], drive=manoeuvre("spin")[:1200]).columns, RobotConfig())
     assert [each.name for each in said.causes] == [hidden.name]
     assert not said.unexplained.depends_on
 
@@ -155,7 +155,7 @@ def test_a_robot_whose_gyro_smooths_has_nothing_wrong_for_that() -> None:
 def test_motors_that_are_read_by_encoders_need_not_coast(cause: str | None) -> None:
     hidden = [] if cause is None else [draw(cause, np.random.default_rng(8))]
     seed = 3 if cause is None else 8
-    said = diagnose(make(seed, hidden, seconds=12.0, encoders=True).columns, RobotConfig())
+    said = diagnose(make(seed, hidden, seconds=8.0, encoders=True).columns, RobotConfig())
     assert [each.name for each in said.causes] == [each.name for each in hidden]
     assert not any("pause" in each or "standard deviations off" in each for each in said.notes)
 

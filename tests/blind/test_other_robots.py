@@ -24,7 +24,7 @@ HIDDEN = {
 def test_a_hidden_cause_is_named_alone_of_another_robot(name: str) -> None:
     with other_robot(name) as robot:
         hidden = fitting(draw(HIDDEN[name], np.random.default_rng(5)))
-        blind = make(6, [hidden], noise=noise_of())
+        blind = make(6, [hidden], noise=noise_of(), seconds=20.0)
         found = diagnose(blind.columns, robot)
     assert [each.id for each in found.causes] == [hidden.id]
     (parameter, true), *_ = hidden.values.items()

@@ -18,7 +18,7 @@ AGED = Hidden("battery.internal_resistance", None, {"resistance": 0.2}, {"rint":
 
 def test_another_battery_and_a_motor_that_is_weak_all_the_time() -> None:
     hidden = [[WEAK], [WEAK], [WEAK, AGED], [WEAK, AGED], [WEAK, AGED]]
-    drives = [make(810 + day, each, seconds=6.0, robot=3).columns for day, each in enumerate(hidden)]
+    drives = [make(810 + day, each, seconds=4.0, robot=3).columns for day, each in enumerate(hidden)]
     fleet = fleet_of({f"day{day}": diagnose(each, RobotConfig()) for day, each in enumerate(drives)})
     found = {each.name: each for each in fleet.causes}
     assert set(found) == {"motor.back_emf_constant@right", "battery.internal_resistance"}

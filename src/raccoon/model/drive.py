@@ -38,13 +38,6 @@ class DriveGeometry:
         """The geometry of `[model.drive]`."""
         return cls(robot.model.drive.wheel_radius.value, robot.model.drive.track_width.value)
 
-    def wheel_speeds(self, velocity: float, turn_rate: float) -> tuple[float, float]:
-        """Left and right wheel speed, rad/s, that move the robot with `velocity` m/s and `turn_rate`
-        rad/s.
-        """
-        side = 0.5 * turn_rate * self.track_width
-        return (velocity - side) / self.wheel_radius, (velocity + side) / self.wheel_radius
-
     def body_motion(self, left: float, right: float) -> tuple[float, float]:
         """(velocity m/s, turn rate rad/s) of wheel speeds in rad/s, or (travel m, turn rad) of wheel
         angles.

@@ -36,21 +36,6 @@ def steady_speed(
     return math.copysign(speed, voltage)
 
 
-def voltage_for_speed(
-    speed: float, resistance: float, back_emf_constant: float, coulomb: float = 0.0, viscous: float = 0.0
-) -> float:
-    """V that hold a steady speed: the inverse of `steady_speed`; 0 for speed 0."""
-    if speed == 0.0:
-        return 0.0
-    friction = math.copysign(coulomb, speed) + viscous * speed
-    return back_emf_constant * speed + resistance * friction / back_emf_constant
-
-
-def stall_torque(voltage: float, resistance: float, back_emf_constant: float) -> float:
-    """N m at standstill."""
-    return back_emf_constant * voltage / resistance
-
-
 def time_constant(inertia: float, resistance: float, back_emf_constant: float, viscous: float = 0.0) -> float:
     """s in which the speed covers 63 % of a step: J / (K^2 / R + B)."""
     return inertia / (back_emf_constant * back_emf_constant / resistance + viscous)

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from raccoon.core.readings import Status
-from raccoon.estimate.battery.curves import CURVES, charge_at, voltage_at
+from raccoon.estimate.battery.curves import CURVES, charge_at
 from raccoon.estimate.battery.state import PackState
+
+
+def voltage_at(chemistry: str, charge: float) -> float:
+    """Resting V of a cell."""
+    charges, volts = zip(*CURVES[chemistry], strict=True)
+    return float(np.interp(charge, charges, volts))
 
 
 def drive(pack: PackState, chemistry: str, resistance: float, charge: float, seconds: float = 40.0) -> None:

@@ -9,14 +9,9 @@ from raccoon.model.drive import DriveGeometry, arc_end
 GEOMETRY = DriveGeometry(wheel_radius=0.05, track_width=0.2)
 
 
-def test_turning_left_runs_the_right_wheel_faster() -> None:
-    left, right = GEOMETRY.wheel_speeds(0.1, 0.5)
-    assert left == pytest.approx((0.1 - 0.05) / 0.05)
-    assert right == pytest.approx((0.1 + 0.05) / 0.05)
-
-
-def test_body_motion_undoes_wheel_speeds() -> None:
-    assert GEOMETRY.body_motion(*GEOMETRY.wheel_speeds(0.13, -0.7)) == pytest.approx((0.13, -0.7))
+def test_a_right_wheel_that_runs_faster_turns_left() -> None:
+    assert GEOMETRY.body_motion((0.1 - 0.05) / 0.05, (0.1 + 0.05) / 0.05) == pytest.approx((0.1, 0.5))
+    assert GEOMETRY.body_motion((0.13 + 0.07) / 0.05, (0.13 - 0.07) / 0.05) == pytest.approx((0.13, -0.7))
 
 
 def test_quarter_circle_to_the_left_ends_ahead_and_left() -> None:

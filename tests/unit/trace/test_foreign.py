@@ -8,7 +8,7 @@ from raccoon.core.errors import TraceError
 from raccoon.trace.columns import inputs_of
 from raccoon.trace.foreign.fleet_steps import read_fleet_steps
 from raccoon.trace.foreign.motor_steps import FILTER_SHARE, read_motor_steps
-from raccoon.trace.foreign.optiodom import read_robot, read_run, read_session
+from raccoon.trace.foreign.optiodom import read_robot, read_run
 from raccoon.trace.loading import load_run
 
 METADATA = "type,diff,\nngear,43.7,\nencRes,64,\nLi,0.2,\nDi,0.085,0.083\n"
@@ -26,7 +26,7 @@ def session(folder: Path, metadata: str = METADATA, run: str = RUN) -> Path:
 
 
 def test_optiodom_counts_ticks_up_and_unwraps_the_heading(tmp_path: Path) -> None:
-    [run] = read_session(session(tmp_path)).runs.values()
+    run = read_run(session(tmp_path) / "run-01.csv")
     np.testing.assert_array_equal(run["motor.0.position"], [0, 12, 17])  # left is the last column
     np.testing.assert_array_equal(run["motor.1.position"], [0, 10, 6])
     np.testing.assert_allclose(run["truth.heading"], [3.1, 3.14, 2 * math.pi - 3.1])
@@ -54,17 +54,12 @@ def test_optiodom_robot_has_the_geometry_of_its_metadata(tmp_path: Path) -> None
         (METADATA, "0,0,0,0,0\n", "line 1: 5 values: expected are"),
         (METADATA, RUN + "0.15,x,0,0,0,0\n", "line 4: truth.x is 'x'"),
         (METADATA, RUN + "0.01,0,0,0,0,0\n", "row 3: t is 0.01: it goes back"),
-        (METADATA, "", "no row of numbers"),
+        (METADATA, "\n", "no row of numbers"),
     ],
 )
 def test_optiodom_says_what_is_wrong(tmp_path: Path, metadata: str, run: str, message: str) -> None:
     with pytest.raises(TraceError, match=message):
-        read_session(session(tmp_path, metadata, run))
-
-
-def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(TraceError, match=r"no run\*\.csv"):
-        read_session(tmp_path)
+        load_run(session(tmp_path, metadata, run) / "run-01.csv")
 
 
 def motor_steps(folder: Path, raw: list[float], first: float) -> Path:

@@ -76,17 +76,18 @@ def turned(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     return recording_of(read_trace(path))
 
 
-@pytest.mark.parametrize("every", [1, 4])
 @pytest.mark.parametrize(
-    ("column", "factor", "said"),
+    ("column", "factor", "said", "every"),
     [
-        ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians"),
-        ("imu.gyro", 939.0, "the sensor's own counts"),
-        (".bemf", 1.0 / 303.4, "it looks like volts or radians a second, not counts"),
-        (".bemf", 1000.0 / 303.4, "it looks like millivolts, not counts"),
-        ("battery.voltage", 1000.0, "it looks like millivolts, not volts"),
-        ("imu.accel", 1.0 / 9.81, "it looks like g, not m/s2"),
-        ("imu.gyro", 1.0, ""),
+        ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians", 1),
+        ("imu.gyro", math.degrees(1.0), "it looks like degrees, not radians", 4),
+        ("imu.gyro", 939.0, "the sensor's own counts", 4),
+        (".bemf", 1.0 / 303.4, "it looks like volts or radians a second, not counts", 4),
+        (".bemf", 1000.0 / 303.4, "it looks like millivolts, not counts", 1),
+        ("battery.voltage", 1000.0, "it looks like millivolts, not volts", 4),
+        ("imu.accel", 1.0 / 9.81, "it looks like g, not m/s2", 4),
+        ("imu.gyro", 1.0, "", 1),
+        ("imu.gyro", 1.0, "", 4),
     ],
 )
 def test_readings_in_another_unit_are_said(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from statistics import median
-from typing import Any, TypeVar
+from typing import Any
 
 from raccoon.diagnose.fleet.course import Piece
 from raccoon.diagnose.fleet.series import FEWEST_FOR_OUTLIERS, Course, Series, series_of
@@ -14,8 +13,6 @@ from raccoon.diagnose.fleet.telling import is_silent
 from raccoon.diagnose.result import Diagnosis, ParameterResult
 
 COMMON_SHARE = 0.6
-Job = TypeVar("Job")
-Found = TypeVar("Found")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,15 +86,6 @@ class Fleet:
             "causes": [{**_plain(each), "common": each.common} for each in self.causes],
             "numbers": [_plain(each) for each in self.numbers],
         }
-
-
-def diagnose_all(
-    work: Callable[[Job], Found], jobs: Sequence[Job], executor: Executor | None = None
-) -> list[Found]:
-    """`work` for every job, in their order, on any concurrent.futures executor (it stays open) or here."""
-    if executor is None:
-        return [work(each) for each in jobs]
-    return list(executor.map(work, jobs))
 
 
 def fleet_of(results: Mapping[str, Diagnosis], robots: Mapping[str, str] | None = None) -> Fleet:

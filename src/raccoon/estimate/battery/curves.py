@@ -38,17 +38,6 @@ def charge_at(chemistry: str, cell_voltage: float) -> float:
     return 1.0
 
 
-def voltage_at(chemistry: str, charge: float) -> float:
-    """Resting V of a cell at a state of charge 0..1."""
-    curve = _curve(chemistry)
-    if not 0.0 <= charge <= 1.0:
-        raise ValueError(f"charge is {charge}: allowed are numbers from 0 to 1")
-    for (low, low_volts), (high, high_volts) in itertools.pairwise(curve):
-        if charge <= high:
-            return low_volts + (high_volts - low_volts) * (charge - low) / (high - low)
-    return curve[-1][1]
-
-
 def _curve(chemistry: str) -> Curve:
     try:
         return CURVES[chemistry]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -33,23 +32,6 @@ DIAMETER_SPREAD = 0.01
 TRACK_SPREAD = 0.02
 """Standard deviations as shares: the sessions name 84 and 85 mm, 200 and 205 mm for the same robot."""
 _NAMES = ("t", "truth.x", "truth.y", "truth.heading", "right", "left")
-
-
-@dataclass(frozen=True, slots=True)
-class Session:
-    """The robot as its metadata describes it, and its runs by file name in their order."""
-
-    robot: RobotConfig
-    runs: dict[str, Recording]
-
-
-def read_session(folder: str | Path) -> Session:
-    """Every run of a session. Raises TraceError where metadata or a run is not as described."""
-    folder = Path(folder)
-    runs = {path.stem: read_run(path) for path in sorted(folder.glob("run*.csv"))}
-    if not runs:
-        raise TraceError(f"{folder}: there is no run*.csv in it")
-    return Session(read_robot(folder / METADATA), runs)
 
 
 def read_run(path: str | Path) -> Recording:

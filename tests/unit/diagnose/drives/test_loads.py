@@ -106,7 +106,7 @@ def test_a_drive_without_is_the_same_log(name: str) -> None:
     rng = np.random.default_rng(len(name))
     hidden = [draw(name, rng)] if name else []
     for kind in ("contest", "exciting"):
-        log = log_from_columns(columns := dict(make(7, hidden, kind, 20.0).columns), ROBOT)
+        log = log_from_columns(columns := dict(make(7, hidden, kind, 14.0).columns), ROBOT)
         assert with_loads(log, columns, ROBOT) is log
 
 

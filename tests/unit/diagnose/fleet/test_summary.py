@@ -2,14 +2,13 @@ from __future__ import annotations
 
 import json
 import re
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fleet.summary import FleetCause, FleetNumber, diagnose_all, fleet_of
+from raccoon.diagnose.fleet.summary import FleetCause, FleetNumber, fleet_of
 from raccoon.diagnose.reports.fleet_text import fleet_report
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.result import (
@@ -111,12 +110,6 @@ def test_numbers_in_other_units_count_and_are_not_compared() -> None:
     assert friction.share == 1.0
     assert friction.unit == "N m"
     assert max(friction.values) < 0.01
-
-
-def test_any_executor_keeps_the_order() -> None:
-    with ThreadPoolExecutor(3) as pool:
-        assert diagnose_all(lambda each: each * 2, list(range(20)), pool) == [2 * each for each in range(20)]
-    assert diagnose_all(str, [1, 2]) == ["1", "2"]
 
 
 def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def test_what_was_unknown_is_named_with_its_number_once_somebody_has_an_idea(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     hidden = draw_unknown("gyro_speed", np.random.default_rng(1))
-    path = written(tmp_path / "run.csv", dict(make(1, [hidden], seconds=12.0).columns))
+    path = written(tmp_path / "run.csv", dict(make(1, [hidden], seconds=8.0).columns))
     out, model = tmp_path / "out.json", tmp_path / "model.toml"
     command = ["diagnose", str(path), "--causes", str(EXAMPLE), "--json", str(out)]
     assert main([*command, "--save-model", str(model)]) == 0

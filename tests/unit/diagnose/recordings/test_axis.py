@@ -59,7 +59,7 @@ def test_a_hidden_cause_is_named_alone_with_its_size(
 
 
 def test_a_torque_and_a_voltage_without_current_are_axes_too() -> None:
-    columns = carriage(Axis(), 3, seconds=5.0)
+    columns = carriage(Axis(), 3, seconds=3.0)
     turned = {
         "t": columns["t"],
         "motor.2.torque": columns["motor.0.force"],

@@ -46,7 +46,7 @@ def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself(
 
 
 def test_dry_friction_by_direction_is_listed_beside_a_constant_force() -> None:
-    found = diagnose_recording(bench(1, coulomb=0.05, asymmetry=0.25, seconds=4.0), ROBOT)
+    found = diagnose_recording(bench(1, coulomb=0.05, asymmetry=0.25, seconds=2.0), ROBOT)
     pull = next(each for each in found.causes if each.id != "friction.coulomb")
     assert {pull.id, *pull.confounded_with} == {"drive.slope", "friction.direction_dependent"}
     assert pull.probability < 0.7
@@ -57,7 +57,7 @@ def test_dry_friction_by_direction_is_listed_beside_a_constant_force() -> None:
     [({"dead_below": 0.8}, "larger ones act in full"), ({"deadband": 0.8}, "add that much")],
 )
 def test_a_dead_band_is_found_by_either_rule(band: dict[str, float], words: str) -> None:
-    found = diagnose_recording(bench(2, **band, seconds=4.0), ROBOT)
+    found = diagnose_recording(bench(2, **band, seconds=2.0), ROBOT)
     (cause,) = found.causes
     assert cause.id == "actuation.deadband"
     assert cause.parameters["duty"].value == pytest.approx(0.8, rel=0.03)
@@ -68,7 +68,7 @@ def test_a_dead_band_is_found_by_either_rule(band: dict[str, float], words: str)
 
 @pytest.mark.parametrize("late", [0.002, 0.0083])
 def test_a_latency_is_found_to_a_part_of_a_sample_and_no_surer(late: float) -> None:
-    found = diagnose_recording(bench(3, late=late, seconds=4.0), ROBOT)
+    found = diagnose_recording(bench(3, late=late, seconds=2.0), ROBOT)
     (cause,) = found.causes
     assert cause.id == "actuation.latency"
     number = cause.parameters["seconds"]
@@ -81,7 +81,7 @@ def test_a_latency_is_found_to_a_part_of_a_sample_and_no_surer(late: float) -> N
 
 def test_a_number_at_its_bound_is_not_given_as_measured() -> None:
     place = Place(None, "the axis")
-    judged = judge_axis(axis_log(bench(4, seconds=4.0), 0), None)
+    judged = judge_axis(axis_log(bench(4, seconds=2.0), 0), None)
     assert "inductance" in _diagnosis(judged, place, 0.0).identified
     ends = np.where([each.name == "inductance" for each in judged.final.numbers], -20.0, judged.final.u)
     found = _diagnosis(replace(judged, final=replace(judged.final, u=ends)), place, 0.0)

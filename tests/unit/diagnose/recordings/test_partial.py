@@ -23,7 +23,7 @@ Columns = dict[str, np.ndarray]
 def weak_right() -> Columns:
     """A drive whose right motor has another K_E."""
     hidden = draw("motor.back_emf_constant", np.random.default_rng(8))
-    return dict(make(8, [hidden], seconds=6.0).columns)
+    return dict(make(8, [hidden], seconds=4.0).columns)
 
 
 def without(columns: Columns, *words: str) -> Columns:

@@ -50,7 +50,7 @@ def diagnosed(firmware: Firmware, seconds: float, **factor: float) -> Diagnosis:
 
 def test_a_sound_robot_with_the_stock_firmware_has_no_cause() -> None:
     """Its filter in whole counts, its dead zone, pauses and clock were nine causes of one."""
-    said = diagnosed("stock", 8.0)
+    said = diagnosed("stock", 5.5)
     assert said.causes == ()
     assert said.verdict is Verdict.ADEQUATE
     assert any("the stock firmware" in note for note in said.notes)
@@ -65,7 +65,7 @@ def test_a_sound_robot_with_the_stock_firmware_has_no_cause() -> None:
 def test_a_strong_motor_is_all_that_is_named(firmware: Firmware) -> None:
     """`benchmarks/diagnosis_wombat.py` has each cause behind each firmware. What the stock firmware's filter
     holds the battery's reading off by, for a second each, was a discharge beside it."""
-    said = diagnosed(firmware, 8.0, factor=1.08)
+    said = diagnosed(firmware, 5.5, factor=1.08)
     assert [each.name for each in said.causes] == ["motor.back_emf_constant@left"]
     number = said.causes[0].parameters["factor"]
     assert abs(number.value - 1.08) < 2.5 * number.std < 0.05

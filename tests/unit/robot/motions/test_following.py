@@ -61,8 +61,17 @@ def test_a_line_is_followed_around_a_bend(side: str) -> None:
     assert port._robot.pose[2] > deg(30)
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize(("before", "behind"), [(0.0, 0.1), (0.0, 0.3), (0.0, 1.0), (0.3, 0.0), (1.0, 0.3)])
+@pytest.mark.parametrize(
+    ("before", "behind", "side"),
+    [
+        (0.0, 0.1, "left"),
+        (0.0, 0.1, "right"),
+        (0.0, 0.3, "right"),
+        (0.0, 1.0, "left"),
+        (0.3, 0.0, "left"),
+        (1.0, 0.3, "right"),
+    ],
+)
 def test_a_line_is_followed_across_an_edge_of_light(before: float, behind: float, side: str) -> None:
     """The levels of before say that the sensor is beside the line: it was lost within 0.1 m."""
     lights = (
@@ -77,9 +86,20 @@ def test_a_line_is_followed_across_an_edge_of_light(before: float, behind: float
     assert robot.time < 20.0
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("light", [0.06, 0.07, 0.08])
-@pytest.mark.parametrize("width", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize(
+    ("width", "light", "side"),
+    [
+        (0.0, 0.06, "left"),
+        (0.0, 0.07, "left"),
+        (0.0, 0.08, "right"),
+        (0.05, 0.06, "right"),
+        (0.05, 0.07, "left"),
+        (0.05, 0.08, "left"),
+        (0.2, 0.06, "right"),
+        (0.2, 0.07, "right"),
+        (0.2, 0.08, "left"),
+    ],
+)
 def test_a_floor_that_reads_like_half_an_edge_is_told_from_one(width: float, light: float, side: str) -> None:
     """In less light by little more than half of what black and white are apart; the robot circled on it."""
     ends = [0.45 + width * k / 8 for k in range(9)]
@@ -127,12 +147,20 @@ def test_a_robot_beside_the_line_that_steers_away_from_it_finds_it(
     assert abs(y) == pytest.approx(HALF, abs=0.003)
 
 
-@pytest.mark.parametrize("speed", [0.05, 0.1, 0.2])
 @pytest.mark.parametrize(
-    ("side", "angle"),
+    ("side", "angle", "speed"),
     [
-        *((side, angle) for side in ("left", "right") for angle in (-110, -90, -60, 75, 90, 110, 135)),
-        ("left", -135),
+        *((side, angle, 0.2) for side in ("left", "right") for angle in (-110, -90, -60, 75, 90, 110, 135)),
+        ("left", -135, 0.2),
+        ("left", -135, 0.05),
+        ("left", 135, 0.05),
+        ("right", -110, 0.05),
+        ("right", 135, 0.05),
+        ("right", 90, 0.05),
+        ("left", -90, 0.1),
+        ("left", 75, 0.1),
+        ("right", -60, 0.1),
+        ("right", 110, 0.1),
     ],
 )
 def test_a_line_is_followed_around_a_sharp_corner(angle: float, side: str, speed: float) -> None:

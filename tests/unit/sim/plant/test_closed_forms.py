@@ -9,7 +9,7 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.core.schema import Measured
-from raccoon.model.motor import stall_torque, steady_speed, time_constant, torque, voltage_for_speed
+from raccoon.model.motor import steady_speed, time_constant, torque
 from raccoon.model.paper import MOTORS
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -37,7 +37,8 @@ def run(robot: Parameters, left: float, right: float, brake: bool = True, **init
 def test_steady_speed(duty: float) -> None:
     expected = steady_speed(duty * VOLTAGE, R, K, COULOMB, VISCOUS)
     assert run(stiff(), duty, duty)["motor.0.speed"][0, -1] == pytest.approx(expected, rel=1e-9)
-    assert voltage_for_speed(expected, R, K, COULOMB, VISCOUS) == pytest.approx(duty * VOLTAGE)
+    friction = math.copysign(COULOMB, expected) + VISCOUS * expected
+    assert K * expected + R * friction / K == pytest.approx(duty * VOLTAGE)
 
 
 def test_the_paper_s_motors_turn_as_it_measured() -> None:
@@ -59,7 +60,7 @@ def test_a_stalled_motor_draws_the_stall_current_and_the_battery_sags_by_it() ->
     current = VOLTAGE / (R + 2 * sag)
     ended = run(robot, 1.0, 1.0)
     assert ended["motor.0.current"][0, -1] == pytest.approx(current)
-    assert torque(current, K) == pytest.approx(stall_torque(VOLTAGE - 2 * sag * current, R, K))
+    assert torque(current, K) == pytest.approx(K * (VOLTAGE - 2 * sag * current) / R)
     assert ended["battery.voltage"][0, -1] == pytest.approx(VOLTAGE - 2 * sag * current)
 
 
