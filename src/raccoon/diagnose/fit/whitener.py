@@ -39,7 +39,7 @@ class Uncertain:
     @classmethod
     def of(cls, white: Array, start: int = 0) -> Uncertain:
         """Of whitened directions (directions, bins, channels) from that row on."""
-        rows = white.reshape(len(white), -1).T
+        rows = white.reshape(len(white), white.shape[1] * white.shape[2]).T
         powers, right = np.linalg.eigh(rows.T @ rows)
         strong = powers > FEEBLE
         left = rows @ (right[:, strong] / np.sqrt(powers[strong]))
