@@ -17,6 +17,7 @@ from raccoon.diagnose.drives.log import BEMF, Log
 from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.habits.controller import (
     AT_ITS_END,
+    PAUSING,
     controller_of,
     drive_problem,
     other_chains,
@@ -166,6 +167,25 @@ def _under_another_filter(
             starts.append(without(search.fit.point, scaled))
             far = wanted = 0.0
         search, habits = if_ahead(search, habits, under, other, under(other), starts, far, wanted, by)
+    return _median_and_chip(search, habits, under, by) if read else (search, habits)
+
+
+def _median_and_chip(search: Search, habits: Habits, under: Under, by: Way) -> tuple[Search, Habits]:
+    """The search with a median and a gyro that smooths at once, where late commands were named without both
+    and that is as likely: each by itself leaves the other half of what they delay unexplained."""
+    if habits.chain.median or habits.low_pass or LATE not in search.fit.point.active:
+        return search, habits
+    taken = [name for name in search.fit.point.active if name.startswith((LATE, *SCALE))]
+    starts = [search.fit.point.without_cause(LATE), without(search.fit.point, taken)]
+    chains = (
+        replace(each, battery_time_constant=habits.chain.battery_time_constant)
+        for each in (PAUSING, AT_ITS_END)
+    )
+    others = [replace(habits, chain=each, low_pass=True) for each in chains]
+    for other in under.new(search, habits, others):
+        found, now = if_ahead(search, habits, under, other, under(other), starts, 0.0, 0.0, by)
+        if now == other:
+            return found, now
     return search, habits
 
 
