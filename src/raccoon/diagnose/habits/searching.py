@@ -175,8 +175,12 @@ def _median_and_chip(search: Search, habits: Habits, under: Under, by: Way) -> t
     and that is as likely: each by itself leaves the other half of what they delay unexplained."""
     if habits.chain.median or habits.low_pass or LATE not in search.fit.point.active:
         return search, habits
-    taken = [name for name in search.fit.point.active if name.startswith((LATE, *SCALE))]
-    starts = [search.fit.point.without_cause(LATE), without(search.fit.point, taken)]
+    point, (late,) = search.fit.point, search.problem.causes[LATE].coordinates
+    sooner = point.active[LATE] - habits.chain.cycle / late.value(1.0)
+    less = [point.without_cause(LATE)]
+    less += [point.with_cause(LATE, sooner)] if sooner[0] > 0.0 else []
+    scaled = [name for name in point.active if name.startswith(SCALE)]
+    starts = [each for one in less for each in (one, without(one, scaled))]
     chains = (
         replace(each, battery_time_constant=habits.chain.battery_time_constant)
         for each in (PAUSING, AT_ITS_END)

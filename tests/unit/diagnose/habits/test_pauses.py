@@ -13,10 +13,12 @@ from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.controller import AT_ITS_END, FREE_RUNNING, PAUSING, pauses
 from raccoon.diagnose.habits.others import DOUBT, Under
 from raccoon.diagnose.habits.searching import _under_another_filter
+from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.sim.effects.chain import Chain
 
+CAUSES = {each.name: each for each in drive_causes() if each.name == "actuation.latency"}
 NAMED = ("motor.armature_resistance", "friction.stiction")
 BACK_EMF, ENCODERS = ("bemf_left", "bemf_right", "gyro"), ("speed_left", "speed_right", "gyro")
 
@@ -35,7 +37,7 @@ def asked(
 
     monkeypatch.setattr("raccoon.diagnose.habits.searching.if_ahead", note)
     point = Point(np.zeros(1), {name: np.ones(1) for name in named})
-    problem = SimpleNamespace(causes={}, features=SimpleNamespace(roles=roles))
+    problem = SimpleNamespace(causes=CAUSES, features=SimpleNamespace(roles=roles))
     search = SimpleNamespace(fit=SimpleNamespace(point=point), unknown=(), problem=problem)
     under = Under(lambda _: cast(Any, problem))
     _under_another_filter(cast(Search, search), Habits(chain, False), under)
@@ -70,7 +72,8 @@ def test_a_median_and_a_chip_are_asked_for_at_once_where_late_commands_were_name
     """A limit of the current hid the median, and a latency of 4.7 ms stood for it and for the chip."""
     named = ("motor.current_limit", "actuation.latency", "motor.armature_resistance")
     found = asked(Chain(), BACK_EMF, monkeypatch, named)
-    starts = [(named[0], named[2]), named[:1]]
+    without = [(named[0], named[2]), named[:1]]
+    starts = [*without, named, named[:2]]
     assert found[PAUSING] == found[AT_ITS_END] == (0.0, 0.0, starts, True)
     for chain, roles in ((Chain.firmware(), BACK_EMF), (Chain(), ENCODERS)):
         assert not any(each[-1] for each in asked(chain, roles, monkeypatch, named).values())
