@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.core.files import named
@@ -37,6 +38,10 @@ _SURFACE = re.compile(r"truth\.surface\.\d+")
 _COLORS = {"black": 1.0, "white": 0.0}
 _FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
 _DUTY = re.compile(r"motor\.\d+\.duty")
+_OURS = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
+"""Columns of the format. What others hold is kept where it is numbers."""
+FEW_WORDS = 10
+"""Lines with no number in a column of others that are reported one by one."""
 _ORDER = ("t", "motor", "servo", "battery", "imu", "analog", "digital", "truth")
 
 
@@ -46,8 +51,8 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
     strict: raise TraceError at the first bad row or value, naming line, column and value. Otherwise a bad
     value is left blank, a bad row and a last one without an end left out, and each is listed in
     `Recording.problems`. A file that has no usable header, is too large or is wrong almost everywhere is
-    refused in any case. Columns may also be parted by semicolons or tabs, and halves written 0,5 then, as
-    spreadsheets do in many countries.
+    refused in any case. A column that is none of the format and holds words is said once. Columns may also
+    be parted by semicolons or tabs, and halves written 0,5 then, as spreadsheets do in many countries.
     """
     path = Path(path)
     try:
@@ -71,6 +76,7 @@ class _Reader:
         self._events: list[Event] = []
         self._count = 0
         self._backward = 0
+        self._words: dict[str, int] = {}  # of columns of others: how many lines hold no number
         self._beyond: dict[str, tuple[int, float]] = {}  # duties beyond -1..1: how many, the largest
 
     def recording(self) -> Recording:
@@ -93,11 +99,23 @@ class _Reader:
                     f"{name} is beyond -1..1 in {bad} of {self._count} lines and reaches {largest:g}: "
                     f"{mistaken_duty(largest)}"
                 )
-        return Recording(
-            {name: np.array(column, np.float64) for name, column in columns.items()},
-            self._events,
-            problems=self._problems,
-        )
+        found = {name: np.array(column, np.float64) for name, column in columns.items()}
+        self._leave_out_words(found)
+        return Recording(found, self._events, problems=self._problems)
+
+    def _leave_out_words(self, columns: dict[str, NDArray[np.float64]]) -> None:
+        """A column of others that holds words, such as the names of states, is said once."""
+        for name, lines in self._words.items():
+            if lines <= FEW_WORDS:
+                continue
+            place = f", column {name}: "
+            first = next(each for each in self._problems if place in each)
+            self._problems = [each for each in self._problems if place not in each]
+            self._problems.append(f"column {name} holds no numbers in {lines} lines, left out; {first}")
+            if np.isnan(columns[name]).all():
+                del columns[name]
+            if columns.keys() == {"t"} and lines > MAX_PROBLEMS:
+                raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {first}")
 
     def _whole_rows(self) -> Iterator[list[str]]:
         try:
@@ -134,14 +152,17 @@ class _Reader:
     def _value(self, name: str, cell: str) -> float:
         if not cell or cell.isspace():
             return math.nan
-        text = self._with_point(cell) if self._commas else cell
+        text = self._with_point(cell) if self._commas and _of_numbers(name, cell) else cell
         value, allowed = _parse(name, text)
         if value is None:
             if _DUTY.fullmatch(name) and (wrong := _number(text)) is not None:
                 bad, largest = self._beyond.get(name, (0, 0.0))
                 self._beyond[name] = bad + 1, max(largest, abs(wrong))
             blank = "" if name == "t" else " and blank"
-            self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed}{blank}")
+            if not _of_numbers(name, cell):
+                self._words[name] = self._words.get(name, 0) + 1
+            if self._strict or self._words.get(name, 0) <= FEW_WORDS:
+                self._report(f"column {name}: {cell[:40]!r}: allowed are {allowed}{blank}")
             return math.nan
         return value
 
@@ -206,6 +227,11 @@ def _parse(name: str, cell: str) -> tuple[float | None, str]:
     if _DUTY.fullmatch(name):
         return (value if value is not None and -1.0 <= value <= 1.0 else None), "numbers from -1 to 1"
     return value, "finite numbers"
+
+
+def _of_numbers(name: str, cell: str) -> bool:
+    """Whether a cell must be a number, or is one: columns of others may hold words."""
+    return _OURS.fullmatch(name) is not None or _number(cell.replace(",", ".", 1)) is not None
 
 
 def _number(cell: str) -> float | None:

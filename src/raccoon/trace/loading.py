@@ -88,7 +88,10 @@ def _is_recording(path: Path) -> bool:
 def load_run(path: str | Path) -> Run:
     """One run, of whatever kind its name and first line say. Raises as `load_runs`."""
     path = recording_file(path)
-    return replace(_loaded(path), path=path)
+    run = replace(_loaded(path), path=path)
+    if run.recording.problems and len(run.recording["t"]) == 0:
+        raise TraceError(f"{path}: nothing of it can be used: {run.recording.problems[0]}")
+    return run
 
 
 def robot_near(run: Run) -> tuple[RobotConfig, Path | None, str]:

@@ -243,3 +243,24 @@ def test_a_cell_of_spaces_is_blank(tmp_path: Path) -> None:
     recording = read_csv(tmp_path / "run.csv")
     assert recording["battery.voltage"][0] == 7.1
     assert np.isnan(recording["battery.voltage"][1])
+
+
+def test_words_in_columns_of_others_are_said_once_a_column(tmp_path: Path) -> None:
+    rows = "".join(f"{each / 100},{each % 2},idle v1.2,{'7' if each else '-'}\n" for each in range(1500))
+    path = write(tmp_path / "run.csv", "t,motor.0.duty,state,loop\n" + rows)
+    found = read_csv(path, strict=False)
+    assert set(found.columns) == {"t", "motor.0.duty", "loop"}
+    assert np.isnan(found["loop"][0])
+    assert (found["loop"][1:] == 7.0).all()
+    loop, state = found.problems
+    assert loop == "line 2, column loop: '-': allowed are finite numbers and blank"
+    assert state.startswith(
+        "column state holds no numbers in 1500 lines, left out; line 2, column state: 'idle"
+    )
+    with pytest.raises(TraceError, match=r"column state: 'idle v1\.2'"):
+        read_csv(path)
+
+
+def test_words_of_others_have_no_decimal_mark(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "t;battery.voltage;state\n0;6,5;v1.2\n0,1;6,6;v1.2\n")
+    assert read_csv(path, strict=False)["battery.voltage"].tolist() == [6.5, 6.6]

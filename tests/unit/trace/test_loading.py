@@ -130,3 +130,11 @@ def test_other_folders_of_a_folder_do_not_matter(tmp_path: Path) -> None:
     assert recordings_in(tmp_path) == recordings([tmp_path]) == found
     assert len(load_runs(tmp_path)) == 3
     assert recordings_in(tmp_path / ".venv") == [tmp_path / ".venv" / "run.csv"]
+
+
+def test_a_recording_of_which_nothing_can_be_used_says_why(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl"
+    header = '{"format": "raccoon trace", "version": 1, "library": "1", "port": "Own", "seed": null}\n'
+    path.write_text(header + '{"device": {"name": "own", "bemf_volts": 0.0}}\n')
+    with pytest.raises(TraceError, match=r"run.jsonl: nothing of it can be used: line 2.*bemf_volts"):
+        load_run(path)

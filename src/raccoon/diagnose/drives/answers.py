@@ -38,11 +38,13 @@ usual size."""
 LOST_GYRO, TURNED = 0.5, 0.1
 """The same of a gyro, of which it was 0.06 at most; and how much commands must turn a robot to say so."""
 WAYS = ((1.0, "below"), (-1.0, "above"))
-RAMPS, SLOW_RAMP = (2.0, 3.0, 5.0, 8.0, 12.0), 5.0
+RAMPS, SLOW_RAMP = (2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0, 8.0, 12.0), 5.0
 """Duty a second, and up to which it is a ramp: a limit of the current may look like a ramp of 8."""
-RAMPED, SEEN = 0.3, 0.005
+RAMPED, SEEN = 0.1, 0.005
 """Part of the error that a ramp leaves where there is one, and part of a reading's power that it is without.
-It was 0.1 of drives behind a ramp of 4 a second."""
+It was 0.01 to 0.03 of drives behind a ramp. A motor whose current is limited speeds up by a ramp as well, but
+brakes by a steeper one, since friction helps it then: of one with a fifth of the current that it draws when
+it stalls, on a heavy robot, 0.2 of the error was left by a ramp of 5."""
 UNDRIVEN = 0.5
 """Part of the other wheel's range that no wheel has which is not driven."""
 DRIVEN, TURNS, OFTEN = 0.2, 0.3, 0.05

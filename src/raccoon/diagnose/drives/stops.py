@@ -20,8 +20,9 @@ SURELY, SURELY_NOT = 0.25, 0.5
 MORE = 1.6
 """Times what coasting takes of a speed, which is the same of any, that braking takes at least: friction alone
 stops a wheel that is slow."""
-FREE = 0.9
-"""Part of a usual wheel's speed for its command that it had before: at a wall it stops by that."""
+FREE, SLOWED = 0.9, 1.5
+"""Parts of a usual wheel's speed for its command between which it was before: at a wall it stops by that, and
+at the end of a ramp the command has slowed it down already, which its reading is late to show."""
 EACH = 2
 """Moments of either kind from which a robot does both."""
 TOGETHER = 0.05
@@ -62,11 +63,11 @@ def with_stops(log: Log) -> Log:
         return log
     usual = [one for each in coasting for one in each]
     lost = MORE * float(np.median([one.lost for one in usual]))
-    share = FREE * float(np.median([one.share for one in usual]))
+    share = float(np.median([one.share for one in usual]))
     braking = [
         each
         for each in moments
-        if all(one.left < SURELY and one.lost > lost and one.share > share for one in each)
+        if all(one.left < SURELY and one.lost > lost and FREE < one.share / share < SLOWED for one in each)
     ]
     if len(braking) < EACH:
         return log

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
+from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, RACCOON_COASTS
 from raccoon.diagnose.drives.features import Features, answered
 from raccoon.diagnose.drives.log import BEMF, WHEELS, Log
 from raccoon.diagnose.drives.stops import brakes
@@ -23,6 +23,7 @@ from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
 from raccoon.diagnose.hypotheses.runs import run_coordinates, run_settings
+from raccoon.diagnose.rollout.encoders import encoder_coordinates, encoder_settings
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.joined import rollout_of
 from raccoon.diagnose.rollout.silence import told
@@ -32,9 +33,12 @@ from raccoon.sim.effects.parameters import Parameters
 
 USUAL_CHAINS = (Chain.firmware(), Chain())
 FREE_RUNNING = replace(Chain.firmware(), slots=False, free_running=True)
-CHAINS = (*USUAL_CHAINS, FREE_RUNNING, Chain(median=True))
+AT_ITS_END = Chain(median=True)
+PAUSING = replace(AT_ITS_END, coast_share=RACCOON_COASTS)
+CHAINS = (*USUAL_CHAINS, FREE_RUNNING, AT_ITS_END, PAUSING)
 """The firmware by its own clock differs from one in step by a millisecond of each wheel, and is asked for
-beside causes. So is a median without slots, which is rare: to wheels with play it looks right."""
+beside causes. So is a median without slots, which is rare: to wheels with play it looks right. Whoever
+samples all motors at the end of a cycle may let them coast for it, or be a simulation."""
 USUAL = 0.06
 """How much log misfit another filter than the firmware's must save, unless it alone has robot.toml's time
 constant: then nothing is asked of it."""
@@ -62,7 +66,7 @@ def drive_problem(
     """The problem of a drive under a controller's habits."""
     own = [each.own for each in causes if each.own is not None]
     by_name = {each.name: each for each in causes}
-    settings = starting_settings(robot, model) | run_settings(len(log.runs))
+    settings = starting_settings(robot, model) | run_settings(len(log.runs)) | encoder_settings(log)
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
@@ -78,6 +82,7 @@ def drive_problem(
                 free_running=habits.chain.free_running,
                 wombat=habits.wombat,
             ),
+            *encoder_coordinates(log),
             *run_coordinates(len(log.runs)),
         ),
         by_name,
@@ -218,9 +223,15 @@ def usual_chain(chain: Chain) -> Chain:
     return next((each for each in alike if each in CHAINS), chain)
 
 
+def pauses(chain: Chain) -> bool:
+    """Whether it is that of a controller that lets motors coast while it samples all of them at once."""
+    return usual_chain(chain) == PAUSING
+
+
 def other_chains(chain: Chain) -> list[Chain]:
     """Those that a controller may have if not this one, with the filter of the battery's readings kept where
-    that is none of theirs."""
+    that is none of theirs. Whether all motors pause at once is asked last, and of no use unless all are
+    sampled at once."""
     usual = usual_chain(chain)
     others = [each for each in CHAINS if each != usual]
     if chain == usual:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.log import BEMF
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, USUAL_CHAINS, with_battery
@@ -97,7 +98,8 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
         return search, habits
     other = replace(habits, low_pass=False)
     if clock:
-        other = with_battery(replace(other, chain=Chain.firmware()), habits.chain.battery_time_constant)
+        usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share)
+        other = with_battery(replace(other, chain=usual), habits.chain.battery_time_constant)
     problem = under(other)  # asked for in vain or not: without lags, the usual filter is far behind a clock
     fit = best_of(search, problem, _with_lags_instead(search, problem))
     if lead(problem, search.fit, fit) < (-DOUBT if clock else CLEARLY):
@@ -143,10 +145,13 @@ def starts_with_a_chip(search: Search, seen: Sequence[str], late: Sequence[str])
 
 def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
     """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
-    readings that suits them; one that was seen is kept."""
+    readings that suits them; one that was seen is kept. Whoever reads no back-EMF need not pause for it."""
     time = habits.chain.battery_time_constant
+    chain = FREE_RUNNING
+    if not any(each in BEMF for each in search.problem.features.roles):
+        chain = replace(chain, coast_share=habits.chain.coast_share)
     times = (time,) if time in SLOW_BATTERY else {each.battery_time_constant for each in USUAL_CHAINS}
-    others = [with_battery(replace(habits, chain=FREE_RUNNING), each) for each in sorted(times)]
+    others = [with_battery(replace(habits, chain=chain), each) for each in sorted(times)]
     if len(others) == 1 or "battery" not in search.problem.features.roles:
         return others[0]
     return by_the_battery(search, {each: under(each) for each in others}, [search.fit.point])

@@ -18,6 +18,7 @@ from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.coordinates import added, multiplied
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, Wheels, base_coordinates
+from raccoon.diagnose.rollout.encoders import WINDOW
 from raccoon.diagnose.rollout.variants import Habits
 
 Array = NDArray[np.float64]
@@ -81,6 +82,7 @@ def loosened(problem: Problem, wheels: Wheels) -> Problem:
         for each in base_coordinates(problem.robot, inside=FAR, wheels=wheels)
         if each.settings[0][0] not in (FILTER, LATENCY)
     ]
+    base.extend(each for each in problem.base if each.settings == (WINDOW,))
     std = problem.robot.model.bemf.filter_time_constant.std
     if std > 0.0:
         base.append(added(FILTER, None, "time_constant", std, low=-FAR, high=FAR))

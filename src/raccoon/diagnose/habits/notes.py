@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.habits.controller import SLOW_BATTERY
+from raccoon.diagnose.habits.controller import SLOW_BATTERY, pauses
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.result import CauseResult
+from raccoon.diagnose.rollout.encoders import WINDOW
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.refits import SMOOTHS
 
+WORTH_SAYING = 0.004
+"""s, from which on the window of encoders is said: half of it would be a latency to no team."""
 PAST = (
     "each row's command is taken for what was in force until then, not from then on, as the readings answer"
 )
@@ -20,7 +23,12 @@ PAST = (
 def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:
     """How the log was read, where that is not the usual way, and what the usual way may be taken for."""
     known = () if habits.firmware is None else (_of_the_firmware(habits.firmware),)
-    return (*known, *_of_the_controller(habits, causes), *_of_the_gyro(habits, causes, spread))
+    return (
+        *known,
+        *_of_the_controller(habits, causes),
+        *_of_the_encoders(spread),
+        *_of_the_gyro(habits, causes, spread),
+    )
 
 
 def _of_the_firmware(firmware: Firmware) -> str:
@@ -55,8 +63,14 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
         )
     if chain.free_running and habits.firmware is None:
         notes.append(
-            "back-EMF readings are taken for samples of a controller whose cycle has a clock of its own: up "
+            "wheels are taken to be read by a controller whose cycle has a clock of its own: readings are up "
             "to a cycle old when a row reads them, as commands are when it takes them up"
+        )
+    if pauses(chain):
+        notes.append(
+            f"motors are taken to coast for {100.0 * chain.coast_share:.0f} % of the time, in which their "
+            "back-EMF is read: without that their resistance would be as much higher than robot.toml's, "
+            "which is the same drive"
         )
     unpaused = 1.0 - chain.coast_share
     factors = [each.parameters["factor"] for each in causes if each.name == "motor.armature_resistance"]
@@ -66,6 +80,17 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             "not pause for its samples, or a robot.toml whose value has the pause in it"
         )
     return tuple(notes)
+
+
+def _of_the_encoders(spread: Spread) -> tuple[str, ...]:
+    """Over what they count."""
+    window = spread.here.get(WINDOW, 0.0)
+    if window < WORTH_SAYING:
+        return ()
+    return (
+        f"the encoders' speeds are taken for means over {1000.0 * window:.2g} ms, so half of that late; "
+        "where no gyro and no battery's reading tells, late commands look the same",
+    )
 
 
 def _of_the_gyro(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> tuple[str, ...]:

@@ -13,12 +13,15 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.log import BEMF, Log
 from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.habits.controller import (
+    AT_ITS_END,
+    PAUSING,
     controller_of,
     drive_problem,
     other_chains,
+    pauses,
     usual_chain,
     with_lost_changes,
 )
@@ -138,11 +141,18 @@ def _under_another_filter(
     lag stands in for it, or for its pause a resistance or what has its scale, and need not be ahead before it
     has been searched under. A late gyro may be all that
     is commanded, under a filter that delays by as much less, and a latency of a sample the gyro alone under a
-    median.
+    median. That motors coast while they are sampled is the same drive with a resistance that is less by their
+    share of the time, so it is taken where that is as likely. To encoders the firmware's filter is no more
+    than that.
     """
     if habits.firmware is not None or sound(search):
         return search, habits
+    read = any(each in BEMF for each in search.problem.features.roles)
     chains = other_chains(habits.chain)
+    if not read:  # of these the firmware's alone is asked for its pause
+        share = habits.chain.coast_share
+        chains = [replace(each, coast_share=share) if each.free_running else each for each in chains]
+    chains = [each for each in chains if each != habits.chain]
     for other in under.new(search, habits, (replace(habits, chain=each) for each in chains)):
         firmware = usual_chain(other.chain) == Chain.firmware()
         like = LIKE_A_FILTER if habits.chain.coast_share else (*LIKE_A_FILTER, *SCALE)
@@ -150,7 +160,36 @@ def _under_another_filter(
         late, gyro = lags_instead(search, LATE_GYRO, (LATE,)), lags_instead(search, LATE, (LATE_GYRO, SLIP))
         starts = [search.fit.point, *late, *gyro]
         far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
+        if pauses(other.chain) and (not read or usual_chain(habits.chain) != AT_ITS_END):
+            continue
+        if pauses(other.chain) or (firmware and not read):
+            scaled = [name for name in search.fit.point.active if name.startswith(SCALE)]
+            starts.append(without(search.fit.point, scaled))
+            far = wanted = 0.0
         search, habits = if_ahead(search, habits, under, other, under(other), starts, far, wanted, by)
+    return _median_and_chip(search, habits, under, by) if read else (search, habits)
+
+
+def _median_and_chip(search: Search, habits: Habits, under: Under, by: Way) -> tuple[Search, Habits]:
+    """The search with a median and a gyro that smooths at once, where late commands were named without both
+    and that is as likely: each by itself leaves the other half of what they delay unexplained."""
+    if habits.chain.median or habits.low_pass or LATE not in search.fit.point.active:
+        return search, habits
+    point, (late,) = search.fit.point, search.problem.causes[LATE].coordinates
+    sooner = point.active[LATE] - habits.chain.cycle / late.value(1.0)
+    less = [point.without_cause(LATE)]
+    less += [point.with_cause(LATE, sooner)] if sooner[0] > 0.0 else []
+    scaled = [name for name in point.active if name.startswith(SCALE)]
+    starts = [each for one in less for each in (one, without(one, scaled))]
+    chains = (
+        replace(each, battery_time_constant=habits.chain.battery_time_constant)
+        for each in (PAUSING, AT_ITS_END)
+    )
+    others = [replace(habits, chain=each, low_pass=True) for each in chains]
+    for other in under.new(search, habits, others):
+        found, now = if_ahead(search, habits, under, other, under(other), starts, 0.0, 0.0, by)
+        if now == other:
+            return found, now
     return search, habits
 
 

@@ -15,6 +15,7 @@ from raccoon.diagnose.drives.sample_clock import in_force
 from raccoon.diagnose.hypotheses.coordinates import Settings, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
+from raccoon.diagnose.rollout.encoders import WINDOW, counted
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
 from raccoon.diagnose.rollout.robots import Variant, gyro_numbers, with_inertia
@@ -140,6 +141,10 @@ class PlantRollout:
     def _compared(self, variants: Sequence[Settings], lanes: Lanes, step: float) -> Array:
         """Samples as they are compared with the log's: silent where a dead zone makes them so."""
         samples = self._with_own(variants, step) if self._own else self._samples(lanes, self._commands, step)
+        windows = np.array([each.get(WINDOW, 0.0) for each in variants])
+        for index, role in enumerate(self._roles):
+            if role.startswith("speed_") and windows.any():
+                samples[:, index] = counted(self._time, samples[:, index], windows)
         for index, (side, measured, flickers) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)

@@ -10,11 +10,15 @@ import pytest
 from blind.drives import exciting
 from blind.generator import make
 from blind.hidden import draw
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.answers import answer_of, check_answers, check_signs
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
+from raccoon.diagnose.experiment.advice import planned_log
+from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.rollout.variants import Habits, PlantRollout
+from raccoon.sim.effects.chain import Chain
 
 ROBOT = RobotConfig()
 DUTIES, READINGS = ("motor.0.duty", "motor.1.duty"), ("motor.0.bemf", "motor.1.bemf")
@@ -97,6 +101,20 @@ def test_commands_before_a_ramp_are_said(rate: float) -> None:
     columns |= {name: asked[rows, index] for index, name in enumerate(DUTIES)}
     with pytest.raises(TraceError, match=r"as if a ramp of about \d a second were between them"):
         check_answers(log_from_columns(columns, ROBOT))
+
+
+@pytest.mark.parametrize("limit", [0.7, 0.9])
+def test_a_limit_of_the_current_is_no_ramp(limit: float) -> None:
+    """A heavy robot speeds up by a ramp then, and brakes by a steeper one."""
+    model = ROBOT.model
+    inertias = {"inertia_straight": Measured(0.045), "inertia_turn": Measured(0.04)}
+    heavy = replace(ROBOT, model=replace(model, drive=replace(model.drive, **inertias)))
+    log = planned_log(exciting(np.random.default_rng(3), 12.0))
+    limited = {("motor.current_limit", side, "limit"): limit for side in ("left", "right")}
+    rollout = PlantRollout(log, heavy, Habits(Chain.firmware(), brake=False), plain=True)
+    readings = rollout.samples([neutral_settings(heavy) | limited])[0]
+    channels = [replace(each, values=values) for each, values in zip(log.channels, readings, strict=True)]
+    check_answers(replace(log, channels=tuple(channels)))
 
 
 def test_a_gyro_of_another_time_is_said(good: Columns) -> None:

@@ -22,15 +22,25 @@ ROBOT = RobotConfig()
 TIME = 0.005 * np.arange(3600)
 
 
-def stops(kinds: tuple[bool, ...]) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
-    """Power for half a second, rest for as long, to both sides; each rest in its turn brakes or coasts."""
+def stops(
+    kinds: tuple[bool, ...], ramp: float = 0.0
+) -> tuple[dict[str, NDArray[np.float64]], NDArray[np.bool_]]:
+    """Power for half a second, rest for as long, to both sides; each rest in its turn brakes or coasts.
+
+    ramp: s in which the power of every third second ends before its rest, of a robot with little friction.
+    """
     braking = np.zeros(len(TIME), bool)
     for second, kind in zip(range(18), cycle(kinds), strict=False):
         braking[np.floor(TIME) == second] = kind
     duty = np.where(TIME % 1.0 < 0.5, 0.8, 0.0) * np.where(TIME % 4.0 < 2.0, 1.0, -0.6)
+    if ramp:
+        duty *= np.where(TIME % 3.0 >= 2.0, np.clip((0.5 - TIME % 1.0) / ramp, 0.0, 1.0), 1.0)
     left, right = duty, np.where(TIME % 3.0 < 1.0, 0.6 * duty, duty)
     commands = Commands.of_wheels(TIME, left, right, braking)
-    run = rollout([Parameters.from_robot(ROBOT)], commands, channels=tuple(NOISE), longest_step=0.001)
+    robot = Parameters.from_robot(ROBOT)
+    if ramp:
+        robot = robot.with_effect("friction.coulomb", torque=0.1)
+    run = rollout([robot], commands, channels=tuple(NOISE), longest_step=0.001)
     rng = np.random.default_rng(7)
     columns = {name: run[name][0] + size * rng.standard_normal(len(TIME)) for name, size in NOISE.items()}
     return columns | {"t": TIME, "motor.0.duty": left, "motor.1.duty": right}, braking & (duty == 0.0)
@@ -80,5 +90,13 @@ def test_walls_and_slow_wheels_are_no_brakes() -> None:
             columns[f"motor.{port}.bemf"] = (
                 np.where(np.abs(late - 0.125) < 0.375, held, 1.0) * columns[f"motor.{port}.bemf"]
             )
+    log = log_from_columns(columns, ROBOT)
+    assert with_stops(log) is log
+
+
+@pytest.mark.parametrize("ramp", [0.15, 0.2, 0.25])
+def test_a_ramp_down_is_no_brake(ramp: float) -> None:
+    """Its reading is late to show what the command has slowed down before it ends."""
+    columns, _ = stops((False,), ramp)
     log = log_from_columns(columns, ROBOT)
     assert with_stops(log) is log

@@ -1,0 +1,68 @@
+"""What an encoder says of a wheel's speed: counts over a window, so it is half of that late."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.hypotheses.coordinates import Coordinate, Setting, Settings
+
+Array = NDArray[np.float64]
+
+WINDOW: Setting = ("encoder", None, "window")
+"""s over which a speed is counted."""
+WIDTH, MOST = 0.01, 3.5
+"""s, one standard deviation of how much longer than a row of the recording that is (a row, where rows are
+longer), and how many of them it may be. No robot.toml says, and it is no cause: a board counts over its
+cycle, or over some of them where a count is coarse."""
+AT_ONCE = 1e-6
+"""s; a shorter window is none."""
+
+
+def has_encoders(log: Log) -> bool:
+    """Whether a wheel is read by an encoder, beside its back-EMF or instead of it."""
+    return any(each.role.startswith("speed_") for each in log.channels)
+
+
+def encoder_settings(log: Log) -> Settings:
+    """A row of the log as the window, where it has encoders."""
+    return {WINDOW: _row(log)} if has_encoders(log) else {}
+
+
+def encoder_coordinates(log: Log) -> tuple[Coordinate, ...]:
+    """By how much the window differs from a row; none where there is no encoder."""
+    if not has_encoders(log):
+        return ()
+    row = _row(log)
+    width = max(WIDTH, row)
+    return (Coordinate("encoder.window", (WINDOW,), lambda u: width * u, low=-row / width, high=MOST),)
+
+
+def _row(log: Log) -> float:
+    return float(np.median(np.diff(log.time)))
+
+
+def counted(time: Array, speeds: Array, windows: Array) -> Array:
+    """Means of speeds (robots, rows) over the window of each robot (robots,) that ends with each row.
+
+    The speed goes straight from row to row, and before the first it was what it is there.
+    """
+    found = np.array(speeds, dtype=np.float64)
+    for window in np.unique(windows[windows > AT_ONCE]):
+        which = windows == window
+        found[which] = _means(time, found[which], float(window))
+    return found
+
+
+def _means(time: Array, speeds: Array, window: float) -> Array:
+    steps = np.diff(time)
+    angles = np.zeros_like(speeds)
+    np.cumsum(0.5 * (speeds[:, 1:] + speeds[:, :-1]) * steps, axis=1, out=angles[:, 1:])
+    begin = time - window
+    row = np.clip(np.searchsorted(time, begin, side="right") - 1, 0, len(time) - 2)
+    since = begin - time[row]
+    early = since < 0.0
+    slope = np.where(early, 0.0, (speeds[:, row + 1] - speeds[:, row]) / steps[row])
+    before = angles[:, row] + speeds[:, row] * since + 0.5 * slope * since**2
+    return np.asarray((angles - before) / window, np.float64)
