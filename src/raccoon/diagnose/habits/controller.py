@@ -47,8 +47,11 @@ CLEARLY = 0.2
 STIFF = 0.006
 """The same for wheels that do not give before they slide. Of 60 robots whose wheels did, rigid ones saved
 0.004 at most, with two numbers less."""
+QUICK_BATTERY = (0.005, 0.01)
 SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
-"""s, of filters of the battery's reading that are tried."""
+"""s, of filters of the battery's reading that are tried, beside none and the firmware's. A recording that
+falls between two of them is nearer to wrong habits: behind one of 5 ms a controller by its own clock was
+taken for one that pauses at the end of a row, with a latency of 5 ms."""
 LESS_OFF = 0.85
 """Part of the battery's error that is left with another filter of its readings, up to which it is taken at
 once. With the firmware's own filter none left less than 0.9; RaccoonOS's further one of 0.1 s leaves 0.3 to

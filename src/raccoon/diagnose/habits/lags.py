@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from raccoon.diagnose.drives.log import BEMF
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.controller import FREE_RUNNING, SLOW_BATTERY, USUAL_CHAINS, with_battery
+from raccoon.diagnose.habits.controller import (
+    FREE_RUNNING,
+    QUICK_BATTERY,
+    SLOW_BATTERY,
+    USUAL_CHAINS,
+    with_battery,
+)
 from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
 from raccoon.diagnose.rollout.variants import Habits
@@ -150,7 +156,9 @@ def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
     chain = FREE_RUNNING
     if not any(each in BEMF for each in search.problem.features.roles):
         chain = replace(chain, coast_share=habits.chain.coast_share)
-    times = (time,) if time in SLOW_BATTERY else {each.battery_time_constant for each in USUAL_CHAINS}
+    times = {time}
+    if time not in SLOW_BATTERY:
+        times = {*QUICK_BATTERY, *(each.battery_time_constant for each in USUAL_CHAINS)}
     others = [with_battery(replace(habits, chain=chain), each) for each in sorted(times)]
     if len(others) == 1 or "battery" not in search.problem.features.roles:
         return others[0]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit.fits import fit_at, fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
-from raccoon.diagnose.habits.controller import CHAINS, SLOW_BATTERY, battery_off, with_battery
+from raccoon.diagnose.habits.controller import CHAINS, QUICK_BATTERY, SLOW_BATTERY, battery_off, with_battery
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.joint import explains_more
@@ -213,7 +213,8 @@ def with_a_slow_battery(
     """
     if "battery" not in search.problem.features.roles:
         return search, habits
-    times = dict.fromkeys((*(each.battery_time_constant for each in CHAINS), *SLOW_BATTERY))
+    usual = (each.battery_time_constant for each in CHAINS)
+    times = dict.fromkeys((*usual, *QUICK_BATTERY, *SLOW_BATTERY))
     others = [each for each in (with_battery(habits, time) for time in times) if each != habits]
     if len(under.new(search, habits, others)) < len(others):
         return search, habits

@@ -22,7 +22,8 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.descent import ROUGH
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
-from raccoon.diagnose.habits.controller import FREE_RUNNING, drive_problem, problem_of
+from raccoon.diagnose.habits.controller import FREE_RUNNING, PAUSING, drive_problem, problem_of
+from raccoon.diagnose.habits.lags import with_readings_that_lag
 from raccoon.diagnose.habits.notes import PAST, notes_of
 from raccoon.diagnose.habits.others import (
     DOUBT,
@@ -462,6 +463,17 @@ def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_
     search, habits = with_a_slow_battery(search, slow, under)
     assert habits.chain == chain
     assert list(search.fit.point.active) == ["motor.armature_resistance@left"]
+
+
+def test_a_clock_is_asked_for_behind_a_quick_filter_of_the_battery() -> None:
+    """Between none and the firmware's neither fits, and a pause at the end of a row with a latency did."""
+    chain = replace(FREE_RUNNING, battery_time_constant=0.005)
+    columns = recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0)
+    seen = Habits(PAUSING, brake=False)
+    search, under = standing(columns, seen, {"actuation.latency": 0.25})
+    search, habits = with_readings_that_lag(search, seen, under)
+    assert habits.chain == chain
+    assert list(search.fit.point.active) == []
 
 
 def test_commands_from_their_rows_on_are_taken_so() -> None:
