@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.errors import CalibrationError, ConfigError
-from raccoon.estimate.tophat import Verdict, calibrate
+from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
 from raccoon.estimate.tophat.quality import restless
 
 PAPER = [(180, 2930), (50, 170), (1270, 3800), (140, 250), (1830, 3810), (50, 130), (3440, 4030), (130, 220)]
@@ -29,6 +29,9 @@ def test_accepts_every_condition_of_the_paper(white: float, black: float) -> Non
     assert found.low is not None
     assert found.high is not None
     assert white < found.low < found.threshold < found.high < black
+    low, high = found.probability_black([white, black])
+    assert low < 0.001
+    assert high > 0.999
 
 
 def test_separation_share_and_error_are_those_of_the_data() -> None:
@@ -57,7 +60,7 @@ def test_bare_floor_gives_no_threshold(floor) -> None:  # type: ignore[no-untype
         assert found.verdict is Verdict.ONE_SURFACE
         assert found.threshold is None
         with pytest.raises(CalibrationError, match="one_surface"):
-            found.surfaces()
+            found.probability_black([1000.0])
 
 
 def test_rare_line_on_an_uneven_floor() -> None:
@@ -105,6 +108,17 @@ def test_open_input_is_floating() -> None:
 def test_impossible_readings_are_refused(samples: list[object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         calibrate(samples)  # type: ignore[arg-type]
+
+
+def test_two_phases() -> None:
+    rng = np.random.default_rng(9)
+    found = calibrate_two_phase(rng.normal(1270, 18, 200), rng.normal(3800, 9, 200))
+    assert found.verdict is Verdict.OK
+    assert found.white is not None
+    assert found.white.mean == pytest.approx(1270, abs=5)
+    same = calibrate_two_phase(rng.normal(1270, 18, 200), rng.normal(1275, 18, 200))
+    assert same.verdict is Verdict.ONE_SURFACE
+    assert calibrate_two_phase([], rng.normal(3800, 9, 200)).verdict is Verdict.TOO_FEW
 
 
 @pytest.mark.parametrize("flicker", [0.0, 200.0])

@@ -5,7 +5,7 @@
 
 from raccoon.estimate.tophat.calibration import TophatCalibration, Verdict
 from raccoon.estimate.tophat.classifier import Edge, Tophat, TophatGroup, TophatReading
-from raccoon.estimate.tophat.cluster import calibrate
+from raccoon.estimate.tophat.cluster import calibrate, calibrate_two_phase
 
 __all__ = [
     "Edge",
@@ -15,4 +15,5 @@ __all__ = [
     "TophatReading",
     "Verdict",
     "calibrate",
+    "calibrate_two_phase",
 ]

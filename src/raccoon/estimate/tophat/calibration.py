@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import CalibrationError
 
@@ -70,6 +74,19 @@ class TophatCalibration:
         """There is a threshold."""
         return self.threshold is not None
 
+    def probability_black(self, counts: ArrayLike) -> NDArray[np.float64]:
+        """P(black | reading), same shape as `counts`: 0.5 at the threshold.
+
+        The odds of two normal densities (see `log_odds`), whatever the reading.
+
+        Raises CalibrationError without a threshold.
+        """
+        white, black = self.surfaces()
+        threshold = white.mean if self.threshold is None else self.threshold
+        inside = np.clip(np.asarray(counts, dtype=float), white.mean, black.mean)
+        odds = log_odds(inside, white, black) - log_odds(threshold, white, black)
+        return np.asarray(1.0 / (1.0 + np.exp(-np.clip(odds, -700.0, 700.0))))
+
     def surfaces(self) -> tuple[Surface, Surface]:
         """(white, black).
 
@@ -78,6 +95,21 @@ class TophatCalibration:
         if self.white is None or self.black is None or self.threshold is None:
             raise CalibrationError(f"the calibration has no threshold ({self.verdict}): {self.reason}")
         return self.white, self.black
+
+
+Number = TypeVar("Number", float, NDArray[np.float64])
+
+
+def log_odds(counts: Number, white: Surface, black: Surface) -> Number:
+    """Log of (density over black / density over white) at readings between the two means.
+
+    Beyond them it would fall again where the spreads differ, so clip first. Where the surfaces are far apart
+    what lies between is an edge, no noise: each spread counts as at least a twelfth of the contrast.
+    """
+    least = (black.mean - white.mean) / (2.0 * CLEAR)
+    sd_white, sd_black = max(white.sd, least), max(black.sd, least)
+    from_white, from_black = (counts - white.mean) / sd_white, (counts - black.mean) / sd_black
+    return 0.5 * (from_white * from_white - from_black * from_black) + math.log(sd_white / sd_black)
 
 
 def normal_tail(z: float) -> float:

@@ -144,6 +144,27 @@ def _middle(white: Surface, black: Surface) -> float:
     return white.mean + (black.mean - white.mean) * white.sd / (white.sd + black.sd)
 
 
+def calibrate_two_phase(floor: ArrayLike, line: ArrayLike, *, prior_black: float = 0.5) -> TophatCalibration:
+    """The same from two collections: the robot stood or drove on white first, then on black.
+
+    Raises ConfigError as `calibrate` does.
+    """
+    sets = [checked(floor), checked(line)]
+    refused = [each for each in map(refusal, sets) if each is not None]
+    for each in refused:
+        # Black alone may stand at the top of the converter, and white at its bottom.
+        if each.verdict is Verdict.TOO_FEW or len(refused) == 2:
+            return each
+    white, black = (_bulk(counts) for counts in sets)
+    if _separation(white, black) < APART:
+        return TophatCalibration(
+            Verdict.ONE_SURFACE,
+            f"floor {white.mean:.0f} and line {black.mean:.0f} counts do not stand apart",
+            white=white,
+        )
+    return _judged(white, black, prior_black)
+
+
 @dataclass(frozen=True, slots=True)
 class Clusters:
     """What a search found: surfaces, bright first; the readings it saw, ascending; the BIC of its mixture."""
@@ -241,3 +262,8 @@ def _shrunk(surface: Surface, other: Surface) -> Surface:
 
 def _surface(counts: Array) -> Surface:
     return Surface(float(counts.mean()), max(float(counts.std()), LEAST_SD), len(counts))
+
+
+def _bulk(counts: Array) -> Surface:
+    """The surface that most of the readings come from."""
+    return max(clusters(counts[settled(counts)]).surfaces, key=lambda each: each.count)

@@ -36,7 +36,7 @@ def plant_numbers(parameters: Parameters) -> Plant:
 
     Raises ConfigError naming a nominal value that no robot can have.
     """
-    _check_once(parameters.robot.model)
+    check_nominal(parameters.robot.model)
     sides = _Sides(parameters)
     return Plant._make(
         (
@@ -47,16 +47,6 @@ def plant_numbers(parameters: Parameters) -> Plant:
             *_controller_numbers(parameters, sides),
         )
     )
-
-
-_checked: list[NominalModel] = []
-"""The last one: to look one up by its numbers takes a tenth of the time in which a plant is made."""
-
-
-def _check_once(model: NominalModel) -> None:
-    if not _checked or _checked[0] is not model:
-        check_nominal(model)
-        _checked[:] = [model]
 
 
 @lru_cache(maxsize=64)
