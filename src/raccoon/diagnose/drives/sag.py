@@ -87,13 +87,13 @@ class Sight:
         step = _resolution(battery.values)
         noise = max(LEAST_NOISE, 0.5 * step, _scatter(np.diff(voltage[known])) / np.sqrt(2.0))
         given = np.nan_to_num(voltage)
-        fits = []
+        fits: list[tuple[float, Array]] = []
         for seconds in FILTERS:
             columns = _columns(time, log.duty, speeds, seconds)
             known = known & np.isfinite(columns).all(axis=1)
             columns = np.nan_to_num(columns)
-            for start_at in _starts(columns, given, known, noise):
-                fits.append(_fitted(columns, given, known, noise, start_at))
+            starts = _starts(columns, given, known, noise)
+            fits.extend(_fitted(columns, given, known, noise, starts))
         able = [each for each in fits if (each[1][known] > NEAR * noise).mean() <= ADDED]
         if not able:
             return None
@@ -176,58 +176,64 @@ def _per_duty(duty: Array, speed: Array) -> Array:
     return speed / factor if factor > 0.0 else np.zeros(len(speed))
 
 
-def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Iterator[Array]:
-    """Numbers of the columns from which a fit goes: of all readings; of how they change within some tenths of
-    a second, with the level of what is left at several heights, and of the same without charge and recovery,
-    which make much of what they have not seen."""
-    yield _solved(columns, voltage, known, noise)
+def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Array:
+    """Numbers of the columns (starts, columns) from which a fit goes: of all readings; of how they change
+    within some tenths of a second, with the level of what is left at several heights, and of the same without
+    charge and recovery, which make much of what they have not seen."""
     quick = columns[:, 1:5]
     both = known[EDGE:] & known[:-EDGE]
     found = np.zeros(columns.shape[1])
     changes = quick[EDGE:] - quick[:-EDGE], voltage[EDGE:] - voltage[:-EDGE]
     found[1:5] = _solved(*changes, both, noise)
     left = voltage - columns @ found
-    for level in LEVELS:
-        found[0] = np.percentile(left[known], level)
-        yield found.copy()
-        start = np.zeros(columns.shape[1])
-        start[:5] = _near(columns[:, :5], voltage, known, noise, found[:5])
-        yield start
+    levels = np.tile(found, (len(LEVELS), 1))
+    levels[:, 0] = np.percentile(left[known], LEVELS)
+    without = np.zeros_like(levels)
+    without[:, :5] = _near(columns[:, :5], voltage, known, noise, levels[:, :5])
+    return np.concatenate([_solved(columns, voltage, known, noise)[None], levels, without])
 
 
 def _solved(columns: Array, target: Array, known: Flags, noise: float) -> Array:
     """A fit to which a reading that is far off counts as one that is a noise off."""
-    found = np.zeros(columns.shape[1])
+    found, products = np.zeros(columns.shape[1]), _products(columns)
     weights = known.astype(float)
     for _ in range(15):
-        found = _weighted(columns, target, weights)
+        (found,) = _weighted(columns, products, target, weights[None])
         weights = known / np.maximum(1.0, np.abs(target - columns @ found) / noise)
     return found
 
 
-def _fitted(columns: Array, voltage: Array, known: Flags, noise: float, start: Array) -> tuple[float, Array]:
-    """How bad the fit is to which one goes from start, and what it leaves. What is far below it costs no more
-    than what is below it; to be above it costs more and more, as nothing adds voltage."""
-    found = _near(columns, voltage, known, noise, start)
-    rest = voltage - columns @ found
-    far = rest / (NEAR * noise)
-    cost = np.where(far > 1.0, far**2, 1.0 - np.maximum(0.0, 1.0 - far**2) ** 3)
-    return float(cost[known].sum()), rest
+def _fitted(
+    columns: Array, voltage: Array, known: Flags, noise: float, starts: Array
+) -> Iterator[tuple[float, Array]]:
+    """How bad the fit is to which one goes from each start, and what it leaves. What is far below it costs no
+    more than what is below it; to be above it costs more and more, as nothing adds voltage."""
+    for rest in voltage - _near(columns, voltage, known, noise, starts) @ columns.T:
+        far = rest / (NEAR * noise)
+        cost = np.where(far > 1.0, far**2, 1.0 - np.maximum(0.0, 1.0 - far**2) ** 3)
+        yield float(cost[known].sum()), rest
 
 
-def _near(columns: Array, target: Array, known: Flags, noise: float, start: Array) -> Array:
-    """The fit from start on in which a reading that is far off does not count (Tukey's biweight)."""
-    found = start
+def _near(columns: Array, target: Array, known: Flags, noise: float, starts: Array) -> Array:
+    """The fits (starts, columns) from starts on in which a reading that is far off does not count (Tukey's
+    biweight)."""
+    found, products = starts, _products(columns)
     for _ in range(30):
-        far = (target - columns @ found) / (NEAR * noise)
-        found = _weighted(columns, target, known * np.maximum(0.0, 1.0 - far**2) ** 2)
+        far = (target - found @ columns.T) / (NEAR * noise)
+        found = _weighted(columns, products, target, known * np.maximum(0.0, 1.0 - far**2) ** 2)
     return found
 
 
-def _weighted(columns: Array, target: Array, weights: Array) -> Array:
-    heavy = columns * weights[:, None]
-    ridge = 1e-6 * np.eye(columns.shape[1])
-    return np.asarray(np.linalg.solve(heavy.T @ columns + ridge, heavy.T @ target), float)
+def _products(columns: Array) -> Array:
+    """Of each column with each in every bin, (bins, columns * columns)."""
+    return (columns[:, :, None] * columns[:, None, :]).reshape(len(columns), -1)
+
+
+def _weighted(columns: Array, products: Array, target: Array, weights: Array) -> Array:
+    """Least squares (fits, columns) under weights (fits, bins)."""
+    count = columns.shape[1]
+    inner = (weights @ products).reshape(-1, count, count) + 1e-6 * np.eye(count)
+    return np.asarray(np.linalg.solve(inner, ((weights * target) @ columns)[:, :, None])[:, :, 0], float)
 
 
 def _resolution(values: Array) -> float:
