@@ -63,17 +63,17 @@ def foreseen_error(parts: Sequence[Part], sizes: Array, wander: float, event: in
     of what wanders. To a part the others say of the former no more than a mean and a covariance (what wanders
     is eliminated there), which are its prior. event: bins in half a second; parts are of whole ones.
     """
-    others = [each.gram.scaled(each.sizes(np.ones_like(sizes), wander)).without(each.slow) for each in parts]
-    whole = sum((each.matrix for each in others), np.diag(1.0 / sizes**2))
-    pulled = sum((each.projection for each in others), np.zeros(len(sizes)))
+    said = [each.gram.scaled(each.sizes(np.ones_like(sizes), wander)).without(each.slow) for each in parts]
     errors = []
-    for part, own in zip(parts, others, strict=True):
-        covariance = np.linalg.inv(whole - own.matrix)
+    for number, part in enumerate(parts):
+        others = [*said[:number], *said[number + 1 :]]  # less one of the sum of all would lose digits
+        covariance = np.linalg.inv(sum((each.matrix for each in others), np.diag(1.0 / sizes**2)))
+        pulled = sum((each.projection for each in others), np.zeros(len(sizes)))
         prior = np.zeros((len(part.columns),) * 2)
         prior[: part.slow, : part.slow] = wander * np.eye(part.slow)
         prior[part.slow :, part.slow :] = np.linalg.cholesky(0.5 * (covariance + covariance.T))
         mean = np.zeros(len(prior))
-        mean[part.slow :] = covariance @ (pulled - own.projection)
+        mean[part.slow :] = covariance @ pulled
         errors.append(_foreseen_in(part, prior, mean, event))
     return np.concatenate(errors)
 
