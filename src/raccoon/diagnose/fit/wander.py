@@ -7,6 +7,7 @@ a whole it would take time and memory by the square of its length.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,8 @@ FLOOR_SECONDS = 4.0
 """Correlation time of friction that wanders with the floor."""
 GRID_PART = 0.2
 """Distance of the knots of a course, of its correlation time."""
+MOST_GROWTH = 300.0
+"""Correlation times in which a sum may grow by the exponential function before it is scaled anew."""
 PIECE_SECONDS = 40.0
 """What is followed as one: 10 times as long as a floor is remembered, 4 times as a battery is."""
 
@@ -115,12 +118,16 @@ def courses(time: Array, seconds: float) -> Array:
 def summed(weights: Array, time: Array, seconds: float) -> Array:
     """Covariance (sums, sums) of sums over bins of a course of size 1 and that correlation time, each bin
     counted by weights (sums, bins): those of bins i and j times exp(-|t_i - t_j| / seconds)."""
-    fades = np.exp(-np.diff(time, prepend=time[0]) / seconds)
-    before, remembered = np.empty_like(weights), np.zeros(len(weights))
-    for place, fade in enumerate(fades.tolist()):
-        remembered *= fade
-        before[:, place] = remembered
-        remembered += weights[:, place]
+    since = (time - time[0]) / seconds
+    before, remembered = np.empty_like(weights), np.zeros((len(weights), 1))
+    edges = np.searchsorted(since, np.arange(0.0, since[-1] + MOST_GROWTH, MOST_GROWTH))
+    for begin, end in pairwise(np.unique([*edges, len(since)]).tolist()):
+        growth = np.exp(since[begin:end] - since[begin])
+        grown = remembered + np.cumsum(weights[:, begin:end] * growth, axis=1)
+        before[:, begin : begin + 1] = remembered
+        before[:, begin + 1 : end] = grown[:, :-1] / growth[1:]
+        if end < len(since):
+            remembered = grown[:, -1:] * np.exp(since[begin] - since[end])
     cross = weights @ before.T
     return np.asarray(weights @ weights.T + cross + cross.T, float)
 

@@ -17,7 +17,15 @@ from raccoon.diagnose.fit import wander
 from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.noise import NoiseModel
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.fit.wander import FLOOR_SECONDS, GRID_PART, Piece, courses, pieces, slow_friction
+from raccoon.diagnose.fit.wander import (
+    FLOOR_SECONDS,
+    GRID_PART,
+    Piece,
+    courses,
+    pieces,
+    slow_friction,
+    summed,
+)
 from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.rollout.variants import Habits
@@ -149,6 +157,18 @@ def test_in_pieces_much_the_same_wanders_as_in_one() -> None:
         whole = (slow_friction(problem, linear)[:, late] ** 2).sum(axis=0)
         piece = (slow_friction(problem, linear, bins=late) ** 2).sum(axis=0)
         np.testing.assert_allclose(piece.mean(axis=0), whole.mean(axis=0), rtol=0.1)
+
+
+@pytest.mark.parametrize("seconds", [4.0, 0.05])
+def test_sums_over_a_course_have_the_covariance_of_its_correlation(seconds: float) -> None:
+    """Also of a long one, over which the exponential function is beyond any number, and with a gap."""
+    rng = np.random.default_rng(3)
+    time = np.cumsum(rng.uniform(0.01, 0.2, 700))
+    time[300:] += 30.0
+    weights = rng.normal(size=(2, len(time)))
+    exact = weights @ np.exp(-np.abs(time[:, None] - time) / seconds) @ weights.T
+    np.testing.assert_allclose(summed(weights, time, seconds), exact, rtol=1e-9)
+    np.testing.assert_allclose(summed(weights[:, :1], time[:1], seconds), weights[:, :1] @ weights[:, :1].T)
 
 
 def _unlike(one: Array, other: Array) -> float:
