@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,20 +41,16 @@ class Part:
         rows, flat = white.reshape(len(white), -1), goal.reshape(-1)
         return cls(columns, rows, target, flat, Gram.of(rows.T, flat), slow)
 
-    def sizes(self, known: Array, wander: float) -> Array:
-        """Prior standard deviations of its columns."""
-        return np.concatenate([np.full(self.slow, wander), known])
+    def scaled(self, wander: float) -> Gram:
+        """Its products, for what wanders with that standard deviation."""
+        return self.gram.scaled(np.repeat([wander, 1.0], [self.slow, len(self.columns) - self.slow]))
 
 
 def evidence_of(parts: Sequence[Part], wander: float) -> float:
     """Log evidence of all columns, of what wanders with that standard deviation and of the others with 1."""
-    total, found = None, 0.0
-    for each in parts:
-        gram = each.gram.scaled(each.sizes(np.ones(len(each.columns) - each.slow), wander))
-        found += gram.take(range(each.slow)).evidence()
-        left = gram.without(each.slow)
-        total = left if total is None else total + left
-    return found if total is None else found + total.evidence()
+    grams = [each.scaled(wander) for each in parts]
+    alone = sum(gram.take(range(each.slow)).evidence() for gram, each in zip(grams, parts, strict=True))
+    return alone + reduce(add, map(Gram.without, grams, (each.slow for each in parts))).evidence()
 
 
 def foreseen_error(parts: Sequence[Part], sizes: Array, wander: float, event: int) -> Array:
@@ -63,7 +61,7 @@ def foreseen_error(parts: Sequence[Part], sizes: Array, wander: float, event: in
     of what wanders. To a part the others say of the former no more than a mean and a covariance (what wanders
     is eliminated there), which are its prior. event: bins in half a second; parts are of whole ones.
     """
-    said = [each.gram.scaled(each.sizes(np.ones_like(sizes), wander)).without(each.slow) for each in parts]
+    said = [each.scaled(wander).without(each.slow) for each in parts]
     errors = []
     for number, part in enumerate(parts):
         others = [*said[:number], *said[number + 1 :]]  # less one of the sum of all would lose digits

@@ -6,7 +6,7 @@ whether it brakes at duty 0 in few. Nothing of it is for a team to change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -137,7 +137,7 @@ def controller_of(
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
     # Whoever reads no back-EMF need not let motors coast for it: with encoders a sound robot had a resistance
     # that was 10 % low.
-    usual, other = USUAL_CHAINS if any(each.role in BEMF for each in log.channels) else USUAL_CHAINS[::-1]
+    usual, other = USUAL_CHAINS if reads_back_emf(each.role for each in log.channels) else USUAL_CHAINS[::-1]
     first = Habits(usual, False)
     if firmware is not None:
         first = Habits(firmware.chain, False, low_pass=firmware.smooths, firmware=firmware)
@@ -224,6 +224,18 @@ def usual_chain(chain: Chain) -> Chain:
     times = {each.battery_time_constant for each in CHAINS}
     alike = (replace(chain, battery_time_constant=each) for each in times)
     return next((each for each in alike if each in CHAINS), chain)
+
+
+def reads_back_emf(roles: Iterable[str]) -> bool:
+    """Whether any of these channels is back-EMF. Whoever reads none need not let motors coast for it."""
+    return any(each in BEMF for each in roles)
+
+
+def as_it_pauses(chain: Chain, own: Chain, roles: Iterable[str]) -> Chain:
+    """A chain; one by its own clock that reads no back-EMF pauses no more than the own one does."""
+    if not chain.free_running or reads_back_emf(roles):
+        return chain
+    return replace(chain, coast_share=own.coast_share)
 
 
 def pauses(chain: Chain) -> bool:

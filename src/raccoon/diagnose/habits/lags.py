@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.log import BEMF
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import (
@@ -17,6 +16,7 @@ from raccoon.diagnose.habits.controller import (
     QUICK_BATTERY,
     SLOW_BATTERY,
     USUAL_CHAINS,
+    as_it_pauses,
     with_battery,
 )
 from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
@@ -153,9 +153,7 @@ def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
     """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
     readings that suits them; one that was seen is kept. Whoever reads no back-EMF need not pause for it."""
     time = habits.chain.battery_time_constant
-    chain = FREE_RUNNING
-    if not any(each in BEMF for each in search.problem.features.roles):
-        chain = replace(chain, coast_share=habits.chain.coast_share)
+    chain = as_it_pauses(FREE_RUNNING, habits.chain, search.problem.features.roles)
     times = {time}
     if time not in SLOW_BATTERY:
         times = {*QUICK_BATTERY, *(each.battery_time_constant for each in USUAL_CHAINS)}

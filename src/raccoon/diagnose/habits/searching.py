@@ -13,15 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.log import BEMF, Log
+from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.quality import swing
 from raccoon.diagnose.habits.controller import (
     AT_ITS_END,
     PAUSING,
+    as_it_pauses,
     controller_of,
     drive_problem,
     other_chains,
     pauses,
+    reads_back_emf,
     usual_chain,
     with_lost_changes,
 )
@@ -147,22 +149,21 @@ def _under_another_filter(
     """
     if habits.firmware is not None or sound(search):
         return search, habits
-    read = any(each in BEMF for each in search.problem.features.roles)
-    chains = other_chains(habits.chain)
-    if not read:  # of these the firmware's alone is asked for its pause
-        share = habits.chain.coast_share
-        chains = [replace(each, coast_share=share) if each.free_running else each for each in chains]
-    chains = [each for each in chains if each != habits.chain]
+    roles = search.problem.features.roles
+    read = reads_back_emf(roles)  # to encoders the firmware's chain alone is asked for its pause
+    chains = (as_it_pauses(each, habits.chain, roles) for each in other_chains(habits.chain))
+    chains = (each for each in chains if each != habits.chain)
     for other in under.new(search, habits, (replace(habits, chain=each) for each in chains)):
+        pausing = pauses(other.chain)
+        if pausing and not (read and usual_chain(habits.chain) == AT_ITS_END):
+            continue
         firmware = usual_chain(other.chain) == Chain.firmware()
         like = LIKE_A_FILTER if habits.chain.coast_share else (*LIKE_A_FILTER, *SCALE)
         imitated = firmware and any(name.startswith(like) for name in search.fit.point.active)
         late, gyro = lags_instead(search, LATE_GYRO, (LATE,)), lags_instead(search, LATE, (LATE_GYRO, SLIP))
         starts = [search.fit.point, *late, *gyro]
         far, wanted = -FAR_BEHIND if imitated else DOUBT, -DOUBT if firmware else DOUBT
-        if pauses(other.chain) and (not read or usual_chain(habits.chain) != AT_ITS_END):
-            continue
-        if pauses(other.chain) or (firmware and not read):
+        if pausing or (firmware and not read):
             scaled = [name for name in search.fit.point.active if name.startswith(SCALE)]
             starts.append(without(search.fit.point, scaled))
             far = wanted = 0.0
