@@ -2,39 +2,43 @@
 
 Fits explain much: commands that are late became slip and a filter, rounded ones a reading's scale. So the
 simplest of wheels, which follows its command by a low-pass, a friction and an offset, is asked first, at
-every delay. Nothing in the catalogue makes it answer early, or lets a fifth of what it does be without
-a command.
+every delay, and a family of better ones where it does not follow. Nothing in the catalogue makes one answer
+early, or lets a fifth of what it does be without a command.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.followers import (
+    ANSWERS,
+    FARTHEST,
+    FEWEST,
+    MOST,
+    STEP,
+    Answer,
+    Asked,
+    answer_of,
+    follower,
+    least_unexplained,
+    unexplained,
+)
 from raccoon.diagnose.drives.log import Channel, Log
 
 Array = NDArray[np.float64]
 
-ANSWERS = (0.03, 0.06, 0.12, 0.25)
-"""s in which a wheel and its reading's filter may answer a command."""
-STEP, FARTHEST = 0.02, 0.3
-"""s by which delays are tried, and the longest of them, either way."""
-FEWEST, MOST = 200, 3000
-"""Readings from which this is asked, and of how many at most."""
 EARLY, EARLY_GYRO = -0.015, -0.035
 """s before which an answer is early, of a wheel and of a gyro, which no filter holds back. Where the command
 is one row late both still come after it."""
-BETTER = 0.8
-"""Part of the error without a delay that is left where an answer is surely early."""
-FOLLOWED = 0.3
-"""Part of a reading's power up to which commands explain it at all."""
+AHEAD = -0.055
+"""s by which a gyro may be ahead of what wheels read behind their filters: it was 0.03 of 120 drives."""
 LOST = 0.25
-"""The same from which they do not: it was 0.05 at most of 67 drives with each cause in turn, up to twice its
-usual size."""
+"""Part of a reading's power that commands leave from which they do not explain it: it was 0.05 at most of 67
+drives with each cause in turn, up to twice its usual size."""
 LOST_GYRO, TURNED = 0.5, 0.1
 """The same of a gyro, of which it was 0.06 at most; and how much commands must turn a robot to say so."""
 WAYS = ((1.0, "below"), (-1.0, "above"))
@@ -50,26 +54,6 @@ UNDRIVEN = 0.5
 DRIVEN, TURNS, OFTEN = 0.2, 0.3, 0.05
 """Duty that surely drives a wheel; part of the largest reading that surely turns; and share of the rows that
 are no chance."""
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """left: part of a reading's power that commands leave at the best delay; at_once: and without one.
-    delay: s."""
-
-    left: float
-    at_once: float
-    delay: float
-
-    def early(self, latest: float) -> bool:
-        """Whether it surely comes before its command, by more than that, s."""
-        better = self.left < BETTER * self.at_once and self.left < FOLLOWED
-        return self.delay < latest - 1e-9 and better
-
-    @property
-    def explained(self) -> str:
-        """What commands explain of it, in words."""
-        return f"{100.0 * max(1.0 - self.left, 0.0):.0f} %"
 
 
 def check_signs(log: Log) -> None:
@@ -144,10 +128,10 @@ def check_answers(log: Log) -> None:
     """Raise TraceError where a wheel or the gyro answers before its command, or does not follow it at all."""
     for index, wheel, command in _measured(log):
         _check_driven(log, index, wheel, command)
-        answer = answer_of(log.time, log.duty[:, index], wheel)
+        answer = answer_of(log.time, [log.duty[:, index]], wheel, EARLY, LOST)
         if answer is None:
             continue
-        if answer.early(EARLY):
+        if answer.early:
             raise TraceError(
                 f"{wheel.name} answers {-1000.0 * answer.delay:.0f} ms before {command} asks: the commands "
                 "are logged late, or behind a ramp or a filter that the motor does not have, or the two have "
@@ -174,19 +158,36 @@ def _check_gyro(log: Log) -> None:
     # What unequal wheels do to a robot that drives straight is no command's.
     if gyro is None or not float(np.std(turn)) > TURNED:
         return
-    answer = answer_of(log.time, turn, gyro)
-    if answer is None:
+    answer = answer_of(log.time, [-log.duty[:, 0], log.duty[:, 1]], gyro, EARLY_GYRO, LOST_GYRO)
+    if answer is None or not (answer.early or answer.left > LOST_GYRO):
         return
-    if answer.early(EARLY_GYRO):
+    beside = _beside_wheels(log, gyro)
+    if answer.early and (beside is None or beside.delay < AHEAD):
+        ahead = answer.delay if beside is None else beside.delay
         raise TraceError(
-            f"{gyro.name} turns {-1000.0 * answer.delay:.0f} ms before the commands ask, and the wheels do "
-            "not: its rows are of another time than those of commands and wheels"
+            f"{gyro.name} turns {-1000.0 * ahead:.0f} ms before "
+            + ("the commands ask" if beside is None else "the wheels do, which answer the commands in time")
+            + ": its rows are of another time than those of commands and wheels"
         )
-    if answer.left > LOST_GYRO:
+    if answer.left > LOST_GYRO and (beside is None or beside.left > LOST_GYRO):
         raise TraceError(
             f"{gyro.name} does not turn as the commands and the wheels do, which explain {answer.explained} "
             "of it at any delay: is it another axis, an angle, or of another drive?"
         )
+
+
+def _beside_wheels(log: Log, gyro: Channel) -> Answer | None:
+    """How a gyro answers what both wheels read; None where they are not read, or not both."""
+    left, right = log.wheel("left"), log.wheel("right")
+    if left is None or right is None:
+        return None
+    known = np.isfinite(left.values) & np.isfinite(right.values)
+    asked = Asked.of(log.time, gyro)
+    if asked is None or known.sum() < FEWEST:
+        return None
+    every = np.arange(len(known))
+    turn = np.interp(every, every[known], right.values[known] - left.values[known])
+    return asked.answer(lambda rows: least_unexplained(turn[rows, None], asked.reading), AHEAD)
 
 
 def _check_driven(log: Log, index: int, wheel: Channel, command: str) -> None:
@@ -211,27 +212,6 @@ def _measured(log: Log) -> Iterator[tuple[int, Channel, str]]:
         wheel = log.wheel(side)
         if wheel is not None:
             yield index, wheel, f"{wheel.name.rpartition('.')[0]}.duty"
-
-
-def answer_of(time: Array, duty: Array, channel: Channel) -> Answer | None:
-    """How a reading answers its command, None where there is too little of either."""
-    known = np.flatnonzero(np.isfinite(channel.values))
-    step = float(np.median(np.diff(time)))
-    reach = round(FARTHEST / step)
-    known = known[(known >= reach) & (known < len(time) - reach)]
-    if len(known) < FEWEST or float(np.ptp(duty)) == 0.0:
-        return None
-    known = known[:: -(-len(known) // MOST)]
-    reading = channel.values[known]
-    power = max(float(np.var(reading)), 1e-300)
-    speeds = [follower(duty, step / each) for each in ANSWERS]
-    delays = STEP * np.arange(-round(FARTHEST / STEP), round(FARTHEST / STEP) + 1)
-    left = [
-        min(unexplained(each[known - round(delay / step)], reading) for each in speeds) / power
-        for delay in delays
-    ]
-    best = int(np.argmin(left))
-    return Answer(left[best], left[len(delays) // 2], float(delays[best]))
 
 
 def _range(wheel: Channel) -> float:
@@ -268,19 +248,3 @@ def _ramped(duty: Array, most: float) -> Array:
         now += max(-most, min(most, each - now))
         found.append(now)
     return np.array(found)
-
-
-def follower(duty: Array, rate: float) -> Array:
-    """A low-pass of a command. rate: rows over its time constant."""
-    keep, speed, speeds = float(np.exp(-rate)), 0.0, []
-    for each in duty.tolist():  # scipy's filter would bring 25 MB along
-        speed = (1.0 - keep) * each + keep * speed
-        speeds.append(speed)
-    return np.array(speeds)
-
-
-def unexplained(follows: Array, reading: Array) -> float:
-    """Mean square of a reading beyond what such a wheel explains, with a dry friction and an offset."""
-    columns = np.column_stack([follows, np.sign(follows), np.ones_like(follows)])
-    found = np.linalg.lstsq(columns, reading, rcond=None)[0]
-    return float(np.mean((reading - columns @ found) ** 2))

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.answers import ANSWERS, answer_of, follower, unexplained
+from raccoon.diagnose.drives.followers import ANSWERS, FEWEST, Asked, follower, unexplained
 from raccoon.diagnose.drives.log import Channel, Log
 
 Array = NDArray[np.float64]
 
-FEWEST = 200
 LESS = 0.5
 """Part of the error that is left where commands are taken to follow the readings, from which they do. Where
 they do not it is at least 1."""
@@ -84,11 +83,9 @@ def _only_late(log: Log, wheels: Sequence[Channel]) -> bool:
     left = []
     for index, each in enumerate(wheels):
         turned = replace(each, values=each.values[::-1])
-        answers = (
-            answer_of(log.time, log.duty[:, index], each),
-            answer_of(log.time, log.duty[::-1, index], turned),
-        )
-        left.append([1.0 if answer is None else answer.left for answer in answers])
+        ways = ((each, log.duty[:, index]), (turned, log.duty[::-1, index]))
+        asked = [(Asked.of(log.time, channel), duty) for channel, duty in ways]
+        left.append([1.0 if one is None else one.of_one(duty).left for one, duty in asked])
     late, back = np.sum(left, axis=0)
     return bool(late * ONLY_LATE < back)
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.answers import answer_of, check_answers, check_signs
+from raccoon.diagnose.drives.answers import EARLY, EARLY_GYRO, LOST, LOST_GYRO, check_answers, check_signs
+from raccoon.diagnose.drives.followers import answer_of
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.experiment.advice import planned_log
@@ -117,9 +119,83 @@ def test_a_limit_of_the_current_is_no_ramp(limit: float) -> None:
     check_answers(replace(log, channels=tuple(channels)))
 
 
+@dataclass(frozen=True)
+class Wheel:
+    """A wheel of its own equations. settle: s; friction: duty that it takes; coasts: whether its motor lets
+    go at duty 0; read: s of the reading's filter."""
+
+    settle: float
+    friction: float
+    coasts: bool
+    read: float = 0.0225
+
+    def speeds(self, duty: np.ndarray, step: float = 0.001) -> tuple[np.ndarray, np.ndarray]:
+        """The wheel's speed, and as it is read, of the largest."""
+        speed = reading = 0.0
+        found = []
+        for asked in duty.tolist():
+            pull = 0.0 if asked == 0.0 and self.coasts else asked - speed
+            if speed == 0.0:
+                pull = np.sign(pull) * max(abs(pull) - self.friction, 0.0)
+            else:
+                pull -= np.sign(speed) * self.friction
+            after = speed + step / self.settle * pull
+            speed = 0.0 if speed * after < 0.0 else after
+            reading += step / self.read * (speed - reading)
+            found.append((speed, reading))
+        true, read = np.array(found).T
+        return true, read
+
+
+def legs(rng: np.random.Generator, seconds: float) -> np.ndarray:
+    """Straight legs, turns on the spot and arcs, and standing between them, every ms."""
+    kinds = [(1.0, 1.0)] * 4 + [(-1.0, -1.0)] * 2 + [(-1.0, 1.0), (1.0, -1.0)] * 2 + [(1.0, 0.5)]
+    parts = [np.zeros((500, 2))]
+    while sum(map(len, parts)) < 1000 * seconds:
+        parts.append(np.tile(rng.uniform(0.4, 1.0) * np.array(kinds[rng.integers(len(kinds))]), (1000, 1)))
+        parts.append(np.zeros((int(rng.uniform(150, 500)), 2)))
+    return np.concatenate(parts)
+
+
+def ramps(rng: np.random.Generator, seconds: float) -> np.ndarray:
+    """Ramps from one speed to another, as a loop or a profile commands them, every ms."""
+    parts, now = [np.zeros((500, 2))], np.zeros(2)
+    while sum(map(len, parts)) < 1000 * seconds:
+        goal, share = rng.uniform(-0.9, 0.9, 2), np.linspace(0.0, 1.0, int(rng.uniform(300, 1200)))[:, None]
+        parts += [now + share * (goal - now), np.tile(goal, (int(rng.uniform(200, 1000)), 1))]
+        now = goal
+    return np.concatenate(parts)
+
+
+@pytest.mark.parametrize(
+    ("wheel", "program"),
+    [
+        (Wheel(0.05, 0.06, coasts=True), legs),  # its gyro was said to be 40 ms early
+        (Wheel(0.08, 0.09, coasts=True), legs),
+        (Wheel(0.018, 0.024, coasts=False), ramps),  # its wheels 20 ms
+        (Wheel(0.018, 0.0, coasts=True), ramps),
+        (Wheel(0.3, 0.02, coasts=False), ramps),
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_robot_of_any_weight_that_coasts_or_drives_smoothly_answers(
+    wheel: Wheel, program: Callable[[np.random.Generator, float], np.ndarray], seed: int
+) -> None:
+    duty = program(np.random.default_rng(seed), 24.0)
+    turns = [wheel.speeds(each) for each in duty.T]
+    sampled = slice(None, None, 5)
+    columns: Columns = {
+        "t": 0.001 * np.arange(len(duty))[sampled],
+        **{name: each[sampled] for name, each in zip(DUTIES, duty.T, strict=True)},
+        **{name: 1100.0 * each[1][sampled] for name, each in zip(READINGS, turns, strict=True)},
+        GYRO: 4.0 * (turns[1][0] - turns[0][0])[sampled],
+    }
+    check_answers(log_from_columns(columns, ROBOT))
+
+
 def test_a_gyro_of_another_time_is_said(good: Columns) -> None:
     """It was a slip of 31 ms with a probability of 1."""
-    with pytest.raises(TraceError, match=r"imu\.gyro\.z turns \d+ ms before the commands ask"):
+    with pytest.raises(TraceError, match=r"imu\.gyro\.z turns \d+ ms before the wheels do"):
         check_answers(log_from_columns(late(good, (GYRO,), -0.06), ROBOT))
     check_answers(log_from_columns(late(good, (GYRO,), 0.1), ROBOT))  # which is a latency
 
@@ -173,6 +249,6 @@ def test_too_little_says_nothing(good: Columns) -> None:
     log = log_from_columns({name: each[:450] for name, each in good.items()}, ROBOT)
     gyro = log.channel("gyro")
     assert gyro is not None
-    assert answer_of(log.time, 0.0 * log.time, gyro) is None
+    assert answer_of(log.time, [0.0 * log.time], gyro, EARLY_GYRO, LOST_GYRO) is None
     few = replace(gyro, values=np.where(np.arange(len(log.time)) % 9 == 0, gyro.values, np.nan))
-    assert answer_of(log.time, log.duty[:, 0], few) is None
+    assert answer_of(log.time, [log.duty[:, 0]], few, EARLY, LOST) is None

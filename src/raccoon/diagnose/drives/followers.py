@@ -1,0 +1,175 @@
+"""Wheels that are simple enough to be tried at every delay, and how well one of them explains a reading.
+
+The simplest follows its command by a low-pass, and has a dry friction as large as its sign. Those that are
+asked when it does not answer its command have what it lacks: a friction that stops them, a motor that coasts
+where nothing is commanded, and the filter of a reading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.log import Channel
+
+Array = NDArray[np.float64]
+
+ANSWERS = (0.03, 0.06, 0.12, 0.25)
+"""s in which a wheel and its reading's filter may answer a command."""
+FINER = (0.02, 0.035, 0.06, 0.1, 0.17, 0.3)
+"""s in which a wheel alone may answer."""
+FRICTIONS = (0.0, 0.05, 0.1, 0.2)
+"""Duty that friction takes away."""
+FILTERS = (0.0225, 0.045)
+"""s of a reading's filter, where it has one."""
+
+
+STEP, FARTHEST = 0.02, 0.3
+"""s by which delays are tried, and the longest of them, either way."""
+FEWEST, MOST = 200, 3000
+"""Readings from which this is asked, and of how many at most."""
+BETTER = 0.8
+"""Part of the error without a delay that is left where an answer is surely early."""
+FOLLOWED = 0.3
+"""Part of a reading's power up to which commands explain it at all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """left: part of a reading's power that commands leave at the best delay, s; in_time: and at those that
+    are not early. latest: s, the delay below which it is."""
+
+    left: float
+    in_time: float
+    delay: float
+    latest: float
+
+    @property
+    def early(self) -> bool:
+        """Whether it surely comes before its command."""
+        better = self.left < BETTER * self.in_time and self.left < FOLLOWED
+        return self.delay < self.latest - 1e-9 and better
+
+    @property
+    def explained(self) -> str:
+        """What commands explain of it, in words."""
+        return f"{100.0 * max(1.0 - self.left, 0.0):.0f} %"
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """Time constants s, frictions in duty, and whether each coasts, (wheels,), of wheels side by side."""
+
+    time_constant: Array
+    friction: Array
+    coasts: NDArray[np.bool_]
+
+    @classmethod
+    def usual(cls) -> Family:
+        """Every wheel that these may be; one that coasts is stopped by friction alone."""
+        every = product(FINER, FRICTIONS, (False, True))
+        members = [each for each in every if each[1] > 0.0 or not each[2]]
+        time_constant, friction, coasts = zip(*members, strict=True)
+        return cls(np.array(time_constant), np.array(friction), np.array(coasts))
+
+    def speeds(self, duty: Array, step: float) -> Array:
+        """Their speeds, in duty, (rows, wheels), under a command (rows,) with rows of that step, s; then the
+        same behind each of `FILTERS`, beside them."""
+        gain = 1.0 - np.exp(-step / self.time_constant)
+        drag, undriven = gain * self.friction, np.where(self.coasts, 0.0, gain)
+        kept = [1.0 - np.exp(-step / each) for each in FILTERS]
+        count = len(gain)
+        speed, found = np.zeros(count), np.zeros((len(duty), (1 + len(FILTERS)) * count))
+        read = [np.zeros(count) for _ in FILTERS]
+        for row, each in enumerate(duty.tolist()):
+            speed += (gain if each else undriven) * (each - speed)
+            speed = np.copysign(np.maximum(np.abs(speed) - drag, 0.0), speed)
+            found[row, :count] = speed
+            for place, (reading, part) in enumerate(zip(read, kept, strict=True), 1):
+                reading += part * (speed - reading)
+                found[row, place * count : (place + 1) * count] = reading
+        return found
+
+
+def follower(duty: Array, rate: float) -> Array:
+    """A low-pass of a command. rate: rows over its time constant."""
+    keep, speed, speeds = float(np.exp(-rate)), 0.0, []
+    for each in duty.tolist():  # scipy's filter would bring 25 MB along
+        speed = (1.0 - keep) * each + keep * speed
+        speeds.append(speed)
+    return np.array(speeds)
+
+
+def unexplained(follows: Array, reading: Array) -> float:
+    """Mean square of a reading beyond what such a wheel explains, with a dry friction and an offset."""
+    columns = np.column_stack([follows, np.sign(follows), np.ones_like(follows)])
+    found = np.linalg.lstsq(columns, reading, rcond=None)[0]
+    return float(np.mean((reading - columns @ found) ** 2))
+
+
+def least_unexplained(follows: Array, reading: Array) -> float:
+    """The same of the best of many, follows (rows, wheels), with a scale and an offset alone."""
+    off, centred = reading - reading.mean(), follows - follows.mean(axis=0)
+    power = np.maximum((centred**2).sum(axis=0), 1e-300)
+    return float(off @ off - ((off @ centred) ** 2 / power).max()) / len(reading)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A reading where it is known, and far enough from both ends; step: s of a row."""
+
+    rows: NDArray[np.intp]
+    reading: Array
+    step: float
+
+    @classmethod
+    def of(cls, time: Array, channel: Channel) -> Asked | None:
+        """None where too little of it is known."""
+        known = np.flatnonzero(np.isfinite(channel.values))
+        step = float(np.median(np.diff(time)))
+        reach = round(FARTHEST / step)
+        known = known[(known >= reach) & (known < len(time) - reach)]
+        if len(known) < FEWEST:
+            return None
+        known = known[:: -(-len(known) // MOST)]
+        return cls(known, channel.values[known], step)
+
+    def answer(self, left_by: Callable[[NDArray[np.intp]], float], latest: float = 0.0) -> Answer:
+        """left_by: mean square of the reading beyond what these rows explain, which are so much earlier.
+        latest: s, see `Answer`."""
+        delays = STEP * np.arange(-round(FARTHEST / STEP), round(FARTHEST / STEP) + 1)
+        power = max(float(np.var(self.reading)), 1e-300)
+        left = np.array([left_by(self.rows - round(each / self.step)) / power for each in delays])
+        best = int(np.argmin(left))
+        in_time = float(left[delays >= latest - 1e-9].min())
+        return Answer(float(left[best]), in_time, float(delays[best]), latest)
+
+    def of_one(self, duty: Array, latest: float = 0.0) -> Answer:
+        """As the simplest wheel answers a command."""
+        simple = [follower(duty, self.step / each) for each in ANSWERS]
+        return self.answer(lambda rows: min(unexplained(each[rows], self.reading) for each in simple), latest)
+
+    def of_many(self, duties: Sequence[Array], latest: float = 0.0) -> Answer:
+        """As the best of many answers commands; a gyro, to which the wheels' speeds add up, several."""
+        family = Family.usual()
+        speeds = np.sum([family.speeds(each, self.step) for each in duties], axis=0)
+        return self.answer(lambda rows: least_unexplained(speeds[rows], self.reading), latest)
+
+
+def answer_of(
+    time: Array, duties: Sequence[Array], channel: Channel, latest: float, lost: float
+) -> Answer | None:
+    """How a reading answers its commands, whose answers add up; None where there is too little of either.
+
+    latest: s, the delay below which it is early; lost: part of its power that is left where it does not
+    answer at all. Either is said of the best of many wheels only.
+    """
+    asked, duty = Asked.of(time, channel), np.sum(duties, axis=0)
+    if asked is None or float(np.ptp(duty)) == 0.0:
+        return None
+    answer = asked.of_one(duty, latest)
+    return asked.of_many(duties, latest) if answer.early or answer.left > lost else answer
