@@ -1,0 +1,82 @@
+"""Wheels that are not read for a while: nobody knows how fast they turn, and nothing makes up for that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from raccoon import Action, MotionTimeout, drive, open_robot, straight, turn, wait, when
+from raccoon.core.readings import MOTOR_PORTS, NO_ANALOG, NO_DIGITAL, Fault, Inputs, Outputs, Words
+from robots import CONFIG, simulated
+
+BEGIN = 1.5
+NOTHING: Words = (None,) * MOTOR_PORTS
+
+
+def dead(inputs: Inputs) -> Inputs:
+    """A link that carries nothing up, while commands go down."""
+    return replace(
+        inputs, bemf=NOTHING, position=NOTHING, gyro=None, accel=None, analog=NO_ANALOG, digital=NO_DIGITAL,
+        battery=None, faults=(Fault.LINK_DEAD,), extra=None,
+    )  # fmt: skip
+
+
+def wheels(inputs: Inputs) -> Inputs:
+    """The same with a gyro of its own."""
+    return replace(inputs, bemf=NOTHING, position=NOTHING, faults=(Fault.LINK_DEAD,))
+
+
+def left(inputs: Inputs) -> Inputs:
+    return replace(inputs, bemf=(None, *inputs.bemf[1:]), position=(None, *inputs.position[1:]))
+
+
+class Silent:
+    """The simulated robot, of which `silence` hides something from BEGIN on; remembers every command."""
+
+    def __init__(self, silence: Callable[[Inputs], Inputs], seconds: float) -> None:
+        self._port = simulated()
+        self._silence, self._end = silence, BEGIN + seconds
+        self._time = 0.0
+        self.written: list[tuple[float, float]] = []
+        """S, and the largest duty of either wheel, with the left wheel's sign."""
+
+    def read(self) -> Inputs:
+        inputs = self._port.read()
+        self._time = inputs.time
+        return self._silence(inputs) if BEGIN < self._time < self._end else inputs
+
+    def write(self, outputs: Outputs) -> None:
+        self.written.append((self._time, max(outputs.duty[:2], key=abs)))
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+    def duties(self, begin: float, end: float) -> list[float]:
+        return [duty for time, duty in self.written if begin <= time < end]
+
+
+@pytest.mark.parametrize("silence", [dead, wheels, left])
+@pytest.mark.parametrize("action", [straight(0.5), drive(0.15), turn(3.0)], ids=repr)
+def test_wheels_that_are_not_read_get_no_more_power_than_before(
+    action: Action[object], silence: Callable[[Inputs], Inputs]
+) -> None:
+    port = Silent(silence, 0.4)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(action.until(when(lambda here: here.time > BEGIN + 0.39)))
+    before = max(map(abs, port.duties(BEGIN - 0.1, BEGIN)))
+    assert 0.5 < before < 0.85
+    assert max(map(abs, port.duties(BEGIN, BEGIN + 0.4))) < before + 0.05
+
+
+@pytest.mark.parametrize("silence", [dead, left])
+def test_wheels_that_stay_silent_end_a_motion(silence: Callable[[Inputs], Inputs]) -> None:
+    port = Silent(silence, 5.0)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.5))
+        with pytest.raises(MotionTimeout, match=r"left .*the left wheel is silent"):
+            robot.run(straight(1.0))
+        assert robot.time < BEGIN + 1.0
