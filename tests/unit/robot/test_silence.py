@@ -1,7 +1,8 @@
-"""Wheels that are not read for a while: nobody knows how fast they turn, and nothing makes up for that."""
+"""Wheels that are not read for a while: nobody knows how fast they turn, until they tell how far."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -80,3 +81,20 @@ def test_wheels_that_stay_silent_end_a_motion(silence: Callable[[Inputs], Inputs
         with pytest.raises(MotionTimeout, match=r"left .*the left wheel is silent"):
             robot.run(straight(1.0))
         assert robot.time < BEGIN + 1.0
+
+
+@pytest.mark.parametrize("seconds", [0.15, 0.3, 0.45])
+@pytest.mark.parametrize("silence", [dead, wheels, left])
+def test_where_wheels_turned_unread_is_known_when_they_are_read_again(
+    silence: Callable[[Inputs], Inputs], seconds: float
+) -> None:
+    port = Silent(silence, seconds)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(straight(0.5))
+        robot.run(wait(0.3))
+        assert robot.inputs is not None
+        truth, here = robot.inputs.truth, robot.estimate
+    assert truth is not None
+    assert math.hypot(truth.x - here.x, truth.y - here.y) < 0.004
+    assert min(port.duties(BEGIN, BEGIN + seconds + 0.3)) > 0.3  # and it is not torn back

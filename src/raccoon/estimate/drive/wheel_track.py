@@ -76,7 +76,7 @@ class WheelTrack:
 
         unseen: s of cycles before it in which nothing at all was read.
         """
-        if (dt > GAP or unseen > HOLD) and not (speed is None and angle is None):
+        if (dt > GAP or max(unseen, self.silent) > HOLD) and not (speed is None and angle is None):
             self._bridge(dt, speed, angle)
             return
         between = self.silent if self.silent <= BETWEEN else 0.0
