@@ -8,11 +8,24 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon import Action, MotionTimeout, drive, open_robot, straight, turn, wait, when
+from raccoon import (
+    Action,
+    MotionTimeout,
+    RobotConfig,
+    drive,
+    move,
+    open_robot,
+    straight,
+    turn,
+    wait,
+    when,
+)
+from raccoon.core.config import MechanismConfig
 from raccoon.core.readings import MOTOR_PORTS, NO_ANALOG, NO_DIGITAL, Fault, Inputs, Outputs, Words
 from robots import CONFIG, simulated
 
 BEGIN = 1.5
+ARM = RobotConfig(motors=CONFIG.motors, mechanisms={"arm": MechanismConfig(motor=2)})
 NOTHING: Words = (None,) * MOTOR_PORTS
 
 
@@ -37,11 +50,11 @@ class Silent:
     """The simulated robot, of which `silence` hides something from BEGIN on; remembers every command."""
 
     def __init__(self, silence: Callable[[Inputs], Inputs], seconds: float) -> None:
-        self._port = simulated()
+        self._port = simulated(config=ARM)
         self._silence, self._end = silence, BEGIN + seconds
         self._time = 0.0
         self.written: list[tuple[float, float]] = []
-        """S, and the largest duty of either wheel, with the left wheel's sign."""
+        """S, and the largest duty of any motor, with its sign."""
 
     def read(self) -> Inputs:
         inputs = self._port.read()
@@ -49,7 +62,7 @@ class Silent:
         return self._silence(inputs) if BEGIN < self._time < self._end else inputs
 
     def write(self, outputs: Outputs) -> None:
-        self.written.append((self._time, max(outputs.duty[:2], key=abs)))
+        self.written.append((self._time, max(outputs.duty, key=abs)))
         self._port.write(outputs)
 
     def close(self) -> None:
@@ -65,7 +78,7 @@ def test_wheels_that_are_not_read_get_no_more_power_than_before(
     action: Action[object], silence: Callable[[Inputs], Inputs]
 ) -> None:
     port = Silent(silence, 0.4)
-    with open_robot(CONFIG, port=port) as robot:
+    with open_robot(ARM, port=port) as robot:
         robot.run(wait(0.5))
         robot.run(action.until(when(lambda here: here.time > BEGIN + 0.39)))
     before = max(map(abs, port.duties(BEGIN - 0.1, BEGIN)))
@@ -76,7 +89,7 @@ def test_wheels_that_are_not_read_get_no_more_power_than_before(
 @pytest.mark.parametrize("silence", [dead, left])
 def test_wheels_that_stay_silent_end_a_motion(silence: Callable[[Inputs], Inputs]) -> None:
     port = Silent(silence, 5.0)
-    with open_robot(CONFIG, port=port) as robot:
+    with open_robot(ARM, port=port) as robot:
         robot.run(wait(0.5))
         with pytest.raises(MotionTimeout, match=r"left .*the left wheel is silent"):
             robot.run(straight(1.0))
@@ -89,7 +102,7 @@ def test_where_wheels_turned_unread_is_known_when_they_are_read_again(
     silence: Callable[[Inputs], Inputs], seconds: float
 ) -> None:
     port = Silent(silence, seconds)
-    with open_robot(CONFIG, port=port) as robot:
+    with open_robot(ARM, port=port) as robot:
         robot.run(wait(0.5))
         robot.run(straight(0.5))
         robot.run(wait(0.3))
@@ -98,3 +111,13 @@ def test_where_wheels_turned_unread_is_known_when_they_are_read_again(
     assert truth is not None
     assert math.hypot(truth.x - here.x, truth.y - here.y) < 0.004
     assert min(port.duties(BEGIN, BEGIN + seconds + 0.3)) > 0.3  # and it is not torn back
+
+
+@pytest.mark.parametrize("into", [0.02, 0.1])
+def test_an_arm_that_is_not_read_is_driven_no_faster_than_before(into: float) -> None:
+    port = Silent(dead, 0.3)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(BEGIN - into))
+        robot.run(move("arm", 2.0))
+        assert robot.mechanism("arm").angle == pytest.approx(2.0, abs=0.05)
+    assert max(map(abs, port.duties(BEGIN, BEGIN + 0.3))) < 0.75  # its speed takes 0.55
