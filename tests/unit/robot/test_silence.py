@@ -12,6 +12,7 @@ from raccoon import (
     Action,
     MotionTimeout,
     RobotConfig,
+    align_on_wall,
     drive,
     move,
     open_robot,
@@ -121,3 +122,11 @@ def test_an_arm_that_is_not_read_is_driven_no_faster_than_before(into: float) ->
         robot.run(move("arm", 2.0))
         assert robot.mechanism("arm").angle == pytest.approx(2.0, abs=0.05)
     assert max(map(abs, port.duties(BEGIN, BEGIN + 0.3))) < 0.75  # its speed takes 0.55
+
+
+def test_wheels_that_are_not_read_are_no_wall() -> None:
+    port = Silent(wheels, 0.45)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(BEGIN - 0.5))
+        with pytest.raises(MotionTimeout, match="no wall after 1 s"):
+            robot.run(align_on_wall(0.06, timeout=1.0))

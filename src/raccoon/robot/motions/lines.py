@@ -171,7 +171,8 @@ def align_on_wall(
                 here = robot.estimate
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
                 started = robot.time - begin > WALL_TIME
-                quiet = 0.0 if turns or not started else quiet + robot.dt
+                unread = any(robot.odometry.silent_wheels)  # they say nothing, not that they stand
+                quiet = 0.0 if turns or unread or not started else quiet + robot.dt
                 # At first all of it: a robot that stands sticks.
                 force = PRESS_FORCE if started else math.inf
                 turning_at = here.left_speed, here.right_speed
