@@ -47,18 +47,28 @@ def left(inputs: Inputs) -> Inputs:
     return replace(inputs, bemf=(None, *inputs.bemf[1:]), position=(None, *inputs.position[1:]))
 
 
+def encoders(inputs: Inputs) -> Inputs:
+    """A base that has nothing but encoders."""
+    return replace(inputs, bemf=NOTHING, gyro=None, accel=None)
+
+
 class Silent:
     """The simulated robot, of which `silence` hides something from BEGIN on; remembers every command."""
 
-    def __init__(self, silence: Callable[[Inputs], Inputs], seconds: float) -> None:
-        self._port = simulated(config=ARM)
+    def __init__(
+        self,
+        silence: Callable[[Inputs], Inputs],
+        seconds: float,
+        base: Callable[[Inputs], Inputs] = lambda inputs: inputs,
+    ) -> None:
+        self._port, self._base = simulated(config=ARM), base
         self._silence, self._end = silence, BEGIN + seconds
         self._time = 0.0
         self.written: list[tuple[float, float]] = []
         """S, and the largest duty of any motor, with its sign."""
 
     def read(self) -> Inputs:
-        inputs = self._port.read()
+        inputs = self._base(self._port.read())
         self._time = inputs.time
         return self._silence(inputs) if BEGIN < self._time < self._end else inputs
 
@@ -130,3 +140,12 @@ def test_wheels_that_are_not_read_are_no_wall() -> None:
         robot.run(wait(BEGIN - 0.5))
         with pytest.raises(MotionTimeout, match="no wall after 1 s"):
             robot.run(align_on_wall(0.06, timeout=1.0))
+
+
+def test_encoders_that_are_read_again_show_how_fast_the_wheels_went() -> None:
+    port = Silent(dead, 0.3, encoders)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(straight(0.5))
+    before = max(port.duties(BEGIN - 0.2, BEGIN))
+    assert max(port.duties(BEGIN, BEGIN + 0.5)) < before + 0.05  # not as if they had stood

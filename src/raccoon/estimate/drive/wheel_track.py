@@ -116,6 +116,8 @@ class WheelTrack:
         self._turned = self._moved = 0.0
         self._filtered, self._before = speed, None
         self.fine = speed is not None
+        if speed is None and angle is not None and dt <= GAP:  # an encoder: it went on as on the mean
+            speed = angle / (self.silent + dt)
         self.speed = self.settled = 0.0 if speed is None else speed
         self.silent = 0.0
 
