@@ -124,9 +124,14 @@ class WheelWatch:
         is learnt then."""
 
     def update(self, voltage: float, speed: float | None, dt: float) -> None:
-        """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading."""
+        """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading.
+
+        A driven wheel that does not say that it turns counts as stalled after as long as one that stands.
+        """
         if speed is None:
             self._windows.clear()
+            self._silent += dt
+            self.stalled = self._silent > STALL_TIME
             return
         spare = abs(voltage) - self._static
         moves = abs(speed) >= self._least_slope * spare

@@ -24,19 +24,23 @@ def punctual() -> Iterator[None]:
 
     A full garbage collection walks through every object of every library that is loaded (80 ms on a desktop
     core, most of a second on a Raspberry Pi 3, in which the supervisor would stop the motors). So it is done
-    now, and what is there now is left out of later ones. Where the system permits it, the process gets
-    real-time priority; elsewhere it goes without.
+    now, and what is there now is left out of later ones. Where the system permits it, the thread that drives
+    gets real-time priority, and none that it starts inherits that: four that look at pictures would keep it
+    from every core. Elsewhere it goes without.
     """
     gc.collect()
     gc.freeze()
-    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    policy, parameter = os.sched_getscheduler(0), os.sched_getparam(0)
     with suppress(PermissionError):
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
     try:
         yield
     finally:
-        with suppress(PermissionError):
-            os.sched_setscheduler(0, *before)
+        try:
+            os.sched_setscheduler(0, policy, parameter)
+        except PermissionError:  # only root may let what it starts inherit again
+            with suppress(PermissionError):
+                os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, parameter)
         gc.unfreeze()
 
 

@@ -217,7 +217,7 @@ class Robot(Knowledge):
         voltage = self.battery.voltage
         if self.drive.speeds.unsaid:
             say(self, self.drive.speeds.remark())
-        driven = self.drive.outputs(self.estimate, self.dt, voltage)
+        driven = self.drive.outputs(self.estimate, self.dt, voltage, self.odometry.silent_wheels)
         self._outputs = self.attachments.added_to(driven, self.dt, voltage, resting=resting)
         self.port.write(self._outputs)
 

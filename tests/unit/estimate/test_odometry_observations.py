@@ -124,6 +124,23 @@ def pose(truth: Truth) -> tuple[float, float, float]:
     return truth.x, truth.y, truth.heading
 
 
+@pytest.mark.parametrize("cycle", range(4))
+def test_what_is_seen_in_this_cycle_counts_alike_with_its_time_and_without(cycle: int) -> None:
+    """The filter moves every 20 ms, the robot 4 mm meanwhile."""
+    told = []
+    for says in (False, True):
+        odometry = Odometry(RobotConfig())
+        for inputs, command in islice(drive(OUT, WRONG), 700 + cycle):
+            odometry.update(inputs, command)
+        assert inputs.truth is not None
+        time = inputs.time if says else None
+        assert odometry.observe_pose(
+            *pose(inputs.truth), position_std=0.001, heading_std=0.01, time=time
+        ).accepted
+        told.append((odometry.estimate.x, odometry.estimate.y, odometry.estimate.heading))
+    np.testing.assert_allclose(told[0], told[1], atol=2e-4)
+
+
 @pytest.mark.parametrize("time", [-1.0, 2.0, 1e9])
 def test_an_observation_from_too_long_ago_or_the_future_is_not_taken(time: float) -> None:
     odometry, truth = driven()

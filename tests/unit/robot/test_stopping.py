@@ -198,7 +198,26 @@ def test_ticks_are_not_delayed_by_what_was_loaded_before(monkeypatch: pytest.Mon
         assert len(gc.get_objects()) < 1000  # what a full collection would still look at
     assert gc.get_freeze_count() == 0
     gc.freeze()  # as conftest.py has it
-    assert len(asked) == 2  # priority was asked for and put back; without the right to it, it goes on
+    assert len(asked) == 3  # priority was asked for and put back; without the right to it, it goes on
+
+
+def test_what_a_program_starts_does_not_inherit_the_priority_of_its_loop(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    policies: list[int] = []
+
+    def limited(_pid: int, policy: int, _parameter: os.sched_param) -> None:
+        """As the kernel has it for a user who may take real-time priority and is not root."""
+        if policies and policies[-1] & os.SCHED_RESET_ON_FORK and not policy & os.SCHED_RESET_ON_FORK:
+            raise PermissionError
+        policies.append(policy)
+
+    monkeypatch.setattr(os, "sched_setscheduler", limited)
+    usual = os.sched_getscheduler(0)
+    with punctual():
+        assert policies == [os.SCHED_FIFO | os.SCHED_RESET_ON_FORK]
+    gc.freeze()  # as conftest.py has it
+    assert policies[1:] == [usual | os.SCHED_RESET_ON_FORK]
 
 
 def test_only_a_real_controller_gets_priority(monkeypatch: pytest.MonkeyPatch) -> None:

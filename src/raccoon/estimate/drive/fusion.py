@@ -203,8 +203,8 @@ class Fusion:
         settings = self._settings
         self.drive.still(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
 
-    def observe(self, seen: Seen, shift: Array, time: float | None) -> Observation:
-        """Take something seen. shift: (3,) how far the pose has moved on since the last step.
+    def observe(self, seen: Seen, shift: Array, span: float, time: float | None) -> Observation:
+        """Take something seen. shift: (3,) how far the pose has moved on since the last step, `span` s ago.
 
         time: when it was seen; None is now.
         """
@@ -218,7 +218,11 @@ class Fusion:
         here = steps[after - 1]
         now = self.drive.flat
         self.drive.flat = here.flat
-        found = self._observe_here(seen, self._between(here, steps[after:], time))
+        if after < len(steps):
+            end = steps[after]
+            shift, span = self._moved(here, end), end.reading.span
+        share = (time - here.time) / span if span > 0.0 else 0.0
+        found = self._observe_here(seen, share * shift)
         if not found.accepted:
             self.drive.flat = now
             return found
@@ -234,13 +238,11 @@ class Fusion:
     def _keep(self, step: Step) -> None:
         self._steps.append(replace(step, flat=self.drive.flat))
 
-    def _between(self, here: Step, later: list[Step], time: float) -> Array:
-        """How far the pose moves from a step to a time before the next."""
-        if not later:
-            return np.zeros(3)
-        share = (time - here.time) / later[0].reading.span
-        moved: Array = np.array(later[0].flat[: State.VELOCITY]) - np.array(here.flat[: State.VELOCITY])
-        return share * moved
+    @staticmethod
+    def _moved(here: Step, there: Step) -> Array:
+        """How far the pose moves from a step to the next."""
+        moved: Array = np.array(there.flat[: State.VELOCITY]) - np.array(here.flat[: State.VELOCITY])
+        return moved
 
     def _observe_here(self, seen: Seen, shift: Array) -> Observation:
         expected, jacobian = of_state(seen, shift)

@@ -19,6 +19,7 @@ from raccoon.estimate.drive.observations import Seen, Way, heading_seen, line_se
 from raccoon.estimate.drive.published import pose_covariance, published
 from raccoon.estimate.drive.readings import DriveReadings
 from raccoon.estimate.drive.steps import Steps
+from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wiring import Wiring
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
 
@@ -78,6 +79,13 @@ class Odometry:
     def slipped(self) -> bool:
         """Whether a wheel slipped since the robot last stood, in a motion that had begun well."""
         return self._steps.fusion.slip.slipped
+
+    @property
+    def silent_wheels(self) -> tuple[bool, bool]:
+        """Whether the left and the right wheel have said nothing for so long that their speed is not known:
+        the estimate has 0 then, which is no reading.
+        """
+        return self._readings.left.silent > HOLD, self._readings.right.silent > HOLD
 
     @property
     def wiring(self) -> Wiring:
@@ -192,7 +200,7 @@ class Odometry:
         flat = self._steps.fusion.drive.flat
         here = self._estimate
         shift = np.array([here.x - flat[State.X], here.y - flat[State.Y], here.heading - flat[State.HEADING]])
-        found = self._steps.fusion.observe(seen, shift, time)
+        found = self._steps.fusion.observe(seen, shift, self._readings.pending.span, time)
         self._estimate = self._published()
         return found
 

@@ -21,6 +21,9 @@ SHARP = 30.0
 """rad/s2; what turns a robot more suddenly, as a wall does, begins or ends between two readings. When it did
 is known no better than they are apart (`DATED` in odometry)."""
 
+PATIENCE = 0.5
+"""s for which the filter waits for wheels that are silent beside a gyro that is not."""
+
 
 @dataclass(slots=True)
 class Pending:
@@ -87,11 +90,18 @@ class DriveReadings:
                 fresh = False
             else:
                 self._unseen = 0.0
+            fresh = fresh and not self._waits  # a gyro alone does not tell how far the robot went
         self._complain(reading, inputs)
         return fresh
 
+    @property
+    def _waits(self) -> bool:
+        """Whether neither wheel has said anything for a while, and may soon tell all of it at once."""
+        return HOLD < min(self.left.silent, self.right.silent) <= PATIENCE
+
     def _take_wheels(self, dt: float, reading: WheelReading, inputs: Inputs) -> None:
         left, right = self.left, self.right
+        gap = dt > GAP or self._unseen > HOLD or (self._waits and not _is_silent(reading))
         left.blind += dt * reading.left_blind
         right.blind += dt * reading.right_blind
         if reading.left_jumped:
@@ -105,7 +115,6 @@ class DriveReadings:
         else:
             left.update(dt, reading.left_speed, reading.left_angle, self._unseen)
             right.update(dt, reading.right_speed, reading.right_angle, self._unseen)
-        gap = dt > GAP or self._unseen > HOLD
         if self._latency > 0.0:
             self._take_late(dt, 0.0 if gap else self._latency)
             self.pending.gap = self.pending.gap or gap
@@ -198,5 +207,10 @@ class DriveReadings:
 
 def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:
     """Whether neither wheels nor gyro said anything in this cycle."""
+    return inputs.gyro is None and _is_silent(reading)
+
+
+def _is_silent(reading: WheelReading) -> bool:
+    """Whether no wheel said anything in this cycle."""
     speeds = reading.left_speed is None and reading.right_speed is None
-    return inputs.gyro is None and speeds and reading.left_angle is None and reading.right_angle is None
+    return speeds and reading.left_angle is None and reading.right_angle is None

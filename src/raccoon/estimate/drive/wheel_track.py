@@ -76,7 +76,7 @@ class WheelTrack:
 
         unseen: s of cycles before it in which nothing at all was read.
         """
-        if (dt > GAP or unseen > HOLD) and not (speed is None and angle is None):
+        if (dt > GAP or max(unseen, self.silent) > HOLD) and not (speed is None and angle is None):
             self._bridge(dt, speed, angle)
             return
         between = self.silent if self.silent <= BETWEEN else 0.0
@@ -116,6 +116,8 @@ class WheelTrack:
         self._turned = self._moved = 0.0
         self._filtered, self._before = speed, None
         self.fine = speed is not None
+        if speed is None and angle is not None and dt <= GAP:  # an encoder: it went on as on the mean
+            speed = angle / (self.silent + dt)
         self.speed = self.settled = 0.0 if speed is None else speed
         self.silent = 0.0
 

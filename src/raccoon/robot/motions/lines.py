@@ -20,6 +20,7 @@ from raccoon.robot.actions.limits import (
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.goals import turning
 from raccoon.robot.motions.pacing import MotionResult, reason
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.tophats import TophatSensor
@@ -149,8 +150,8 @@ def align_on_wall(
     speed: m/s at which it comes, negative backwards. It presses with no more than 8 N a wheel (by the motors'
     models): at full voltage most motors are stronger than the grip, and the wheels would spin for ever.
     heading: rad of the field that the robot then has, where that is known: the odometry takes it, with
-    `heading_std` rad. Raises MotionTimeout where the wheels still turn after `timeout` s: there is no wall,
-    or they spin at it.
+    `heading_std` rad, or says that it is too far off to be believed (`remarks` of the result). Raises
+    MotionTimeout where the wheels still turn after `timeout` s: there is no wall, or they spin at it.
     """
     check_speed(speed=speed)
     check_finite(speed=speed)  # None is no default here
@@ -171,7 +172,8 @@ def align_on_wall(
                 here = robot.estimate
                 turns = max(abs(here.left_speed), abs(here.right_speed)) > WALL_SPEED_SHARE * abs(wheel_speed)
                 started = robot.time - begin > WALL_TIME
-                quiet = 0.0 if turns or not started else quiet + robot.dt
+                unread = any(robot.odometry.silent_wheels)  # they say nothing, not that they stand
+                quiet = 0.0 if turns or unread or not started else quiet + robot.dt
                 # At first all of it: a robot that stands sticks.
                 force = PRESS_FORCE if started else math.inf
                 turning_at = here.left_speed, here.right_speed
@@ -181,15 +183,30 @@ def align_on_wall(
             robot.drive.stop()
             robot.replan()
         off = 0.0
+        said: tuple[str, ...] = ()
         if heading is not None:
             off = math.remainder(robot.estimate.heading - heading, math.tau)
-            robot.odometry.observe_heading(heading, heading_std)
+            said = _observed_wall(robot, off, heading, heading_std)
         here = robot.estimate
         robot.plan = Pose(here.x, here.y, here.heading)
         std = math.hypot(here.x_std, here.y_std)
-        return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std)
+        return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std, remarks=said)
 
     return Action("align on a wall", steps)
+
+
+def _observed_wall(robot: Robot, off: float, heading: float, std: float) -> tuple[str, ...]:
+    """Give the odometry the heading of a wall, from which it is `off` rad; what is to be said of that."""
+    found = robot.odometry.observe_heading(heading, std)
+    if found.accepted:
+        return ()
+    remark = (
+        f"align_on_wall: heading={math.degrees(heading):.1f} deg is not taken, the odometry is "
+        f"{math.degrees(off):.1f} deg from it: {found.reason}; it is no such wall, or the robot was moved or "
+        "pushed (robot.odometry.reset says where it is)"
+    )
+    say(robot, remark)
+    return (remark,)
 
 
 def _check_sides(robot: Robot, left: str, right: str) -> None:

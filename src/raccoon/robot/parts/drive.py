@@ -68,6 +68,7 @@ class Drive:
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
         self._given = (0.0, 0.0)
+        self._asked_when_read = (0.0, 0.0)  # rad/s of each wheel, without its sign
         self._claimed = False
         self.cut = False
         """Whether the velocity asked for in this tick is one that would not be read, and was cut."""
@@ -201,23 +202,56 @@ class Drive:
             )
         self._claimed = True
 
-    def outputs(self, estimate: DriveEstimate, dt: float, battery_voltage: float | None) -> Outputs:
-        """The command of this tick; forgets what was asked, so it must be asked again in the next."""
+    def outputs(
+        self,
+        estimate: DriveEstimate,
+        dt: float,
+        battery_voltage: float | None,
+        silent: tuple[bool, bool] = (False, False),
+    ) -> Outputs:
+        """The command of this tick; forgets what was asked, so it must be asked again in the next.
+
+        silent: whether the left and the right wheel are not read (`Odometry.silent_wheels`). One of which
+        nobody knows how fast it turns gets what its model says, and no correction: to a loop that took it
+        for standing still it would be full power. Nor is it asked for more than when it was last read: a
+        motion believes that the robot stands, and would want to catch up.
+        """
         if self._open_loop is not None:
             left, right = self._open_loop
             self.wheels.reset()
         else:
             if HELD in estimate.reasons:
                 self.wheels.hold()
-            left, right = self.wheels.step(
-                self._target, estimate.left_speed, estimate.right_speed, dt, battery_voltage
-            )
+            left_speed = None if silent[0] else estimate.left_speed
+            right_speed = None if silent[1] else estimate.right_speed
+            target = self._no_faster(self._target, silent)
+            left, right = self.wheels.step(target, left_speed, right_speed, dt, battery_voltage)
         self._given = (left, right)
         self.stop()
         duty = [0.0] * MOTOR_PORTS
         duty[self._ports[0]] = max(-1.0, min(1.0, self._signs[0] * left))
         duty[self._ports[1]] = max(-1.0, min(1.0, self._signs[1] * right))
         return Outputs(duty=tuple(duty), brake=self._brake)
+
+    def _no_faster(self, target: WheelTarget, silent: tuple[bool, bool]) -> WheelTarget:
+        """The target, both slower by one share where a silent wheel is asked for more than when last read."""
+        asked, share = (abs(target.left), abs(target.right)), 1.0
+        for unread, speed, before in zip(silent, asked, self._asked_when_read, strict=True):
+            if unread and speed > before:
+                share = min(share, before / speed)
+        left_before, right_before = self._asked_when_read
+        self._asked_when_read = (
+            left_before if silent[0] else asked[0],
+            right_before if silent[1] else asked[1],
+        )
+        if share == 1.0:
+            return target
+        return WheelTarget(
+            share * target.left,
+            share * target.right,
+            share * target.left_acceleration,
+            share * target.right_acceleration,
+        )
 
     def current(self, left_speed: float, right_speed: float, battery_voltage: float) -> float:
         """A that the motors draw from the battery under the last command, by their models."""

@@ -18,6 +18,7 @@ from raccoon.control.wheels import LEAST_BATTERY_VOLTAGE, Wheel
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.errors import MotionTimeout
 from raccoon.core.readings import Device, Inputs
+from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wheels import resting_counts
 from raccoon.model.bemf import radians_per_count
 from raccoon.robot.actions.actions import Action, Steps
@@ -73,6 +74,8 @@ class Mechanism:
         self._loop = Wheel(model, speed_loop_gains(model, lag, late), lag, cycle, late)
         self._battery = robot.model.battery.open_circuit_voltage.value
         self._ticks: float | None = None
+        self._silent = 0.0  # s in which it was not read
+        self._asked_when_read = 0.0  # rad/s
         self._duty = 0.0
 
     @property
@@ -99,6 +102,7 @@ class Mechanism:
         """Take the readings of a cycle."""
         bemf, ticks = inputs.bemf[self.config.motor], inputs.position[self.config.motor]
         scale = self._scale(inputs.device)
+        self._silent = self._silent + dt if bemf is None and ticks is None else 0.0
         if bemf is not None:
             self.rate = (bemf - self._offset) * scale
         if ticks is None:
@@ -121,6 +125,8 @@ class Mechanism:
         if battery_voltage is not None and battery_voltage > LEAST_BATTERY_VOLTAGE:
             self._battery = battery_voltage
         wanted = self._wanted()
+        if not self._unread:
+            self._asked_when_read = abs(wanted[0])
         if wanted == (0.0, 0.0):
             self._loop.rest()
             self._duty = 0.0
@@ -128,9 +134,14 @@ class Mechanism:
             self._loop.resume()
             self._duty = 0.0
         else:
-            voltage = self._loop.voltage(*wanted, self.rate, dt, self._battery)
+            voltage = self._loop.voltage(*wanted, None if self._unread else self.rate, dt, self._battery)
             self._duty = max(-1.0, min(1.0, self._sign * voltage / self._battery))
         return self._duty
+
+    @property
+    def _unread(self) -> bool:
+        """Whether it has said nothing for so long that nobody knows how fast it turns."""
+        return self._silent > HOLD
 
     def _wanted(self) -> tuple[float, float]:
         """Speed and acceleration; nothing where it stands where it should."""
@@ -140,7 +151,8 @@ class Mechanism:
         off = goal.position - self.angle
         if goal.velocity == goal.acceleration == 0.0 and abs(off) < 0.5 * self.config.tolerance:
             return 0.0, 0.0
-        top = max(self.config.speed, abs(goal.velocity))
+        # Where it is not read it seems to stand, and would be asked to catch up.
+        top = self._asked_when_read if self._unread else max(self.config.speed, abs(goal.velocity))
         speed = max(-top, min(top, goal.velocity + PULL * off))
         return float(speed), float(goal.acceleration)  # NumPy's stop here, as in Drive.velocity
 

@@ -181,6 +181,16 @@ def test_the_robot_squares_up_to_a_wall(askew_deg: float, speed: float) -> None:
         assert port._robot.state.speed_left == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_heading_of_a_wall_that_is_not_believed_is_said() -> None:
+    with open_robot(CONFIG, port=simulated(world=_wall(0.0, 0.2))) as robot:
+        robot.run(wait(0.5))
+        result = robot.run(align_on_wall(heading=deg(30.0)))
+        assert robot.estimate.heading == pytest.approx(0.0, abs=deg(1.0))
+        (said,) = result.remarks
+        assert said.startswith("align_on_wall: heading=30.0 deg is not taken, the odometry is -30")
+        assert said in robot.drive.remarks.values()
+
+
 @pytest.mark.parametrize(("askew_deg", "speed"), [(5.0, 0.08), (8.0, 0.1), (7.0, -0.08)])
 def test_a_wheel_that_slips_at_a_wall_is_no_wheel_of_another_size(askew_deg: float, speed: float) -> None:
     """Scales that nobody calibrated learn from a turn, but not from one in which a wheel slips."""

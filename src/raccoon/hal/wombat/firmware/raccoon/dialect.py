@@ -19,6 +19,8 @@ NEWEST_IN_THE_WILD = 32
 POSITION = 21
 RESTART_COUNTS_SECONDS = 250.0
 """Counts x seconds that a counter may hold when a restart is noticed."""
+LONGEST_PAUSE_US = 60_000_000
+"""Of the clock between two looks at it: began anew and further on than that, it is that of a restart."""
 MOVING = 60.0
 """Counts; a counter that stands still beside it is stuck."""
 STUCK_CYCLES, STUCK_TICKS = 4, 4.0
@@ -92,7 +94,8 @@ class RaccoonDialect:
             return False
         clock = int.from_bytes(reply[1:5], "little")
         last = int.from_bytes(before[1:5], "little")
-        if (clock - last) & 0x8000_0000 == 0:
+        # It starts at 0 again after 71.6 minutes as well, and then goes on from there.
+        if clock >= last or (clock - last) & 0xFFFF_FFFF < LONGEST_PAUSE_US:
             return False
         # One damaged byte is no restart: the counters must have started anew, too.
         limit = RESTART_COUNTS_SECONDS / self.device.position_counts_seconds

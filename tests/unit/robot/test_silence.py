@@ -1,0 +1,151 @@
+"""Wheels that are not read for a while: nobody knows how fast they turn, until they tell how far."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from raccoon import (
+    Action,
+    MotionTimeout,
+    RobotConfig,
+    align_on_wall,
+    drive,
+    move,
+    open_robot,
+    straight,
+    turn,
+    wait,
+    when,
+)
+from raccoon.core.config import MechanismConfig
+from raccoon.core.readings import MOTOR_PORTS, NO_ANALOG, NO_DIGITAL, Fault, Inputs, Outputs, Words
+from robots import CONFIG, simulated
+
+BEGIN = 1.5
+ARM = RobotConfig(motors=CONFIG.motors, mechanisms={"arm": MechanismConfig(motor=2)})
+NOTHING: Words = (None,) * MOTOR_PORTS
+
+
+def dead(inputs: Inputs) -> Inputs:
+    """A link that carries nothing up, while commands go down."""
+    return replace(
+        inputs, bemf=NOTHING, position=NOTHING, gyro=None, accel=None, analog=NO_ANALOG, digital=NO_DIGITAL,
+        battery=None, faults=(Fault.LINK_DEAD,), extra=None,
+    )  # fmt: skip
+
+
+def wheels(inputs: Inputs) -> Inputs:
+    """The same with a gyro of its own."""
+    return replace(inputs, bemf=NOTHING, position=NOTHING, faults=(Fault.LINK_DEAD,))
+
+
+def left(inputs: Inputs) -> Inputs:
+    return replace(inputs, bemf=(None, *inputs.bemf[1:]), position=(None, *inputs.position[1:]))
+
+
+def encoders(inputs: Inputs) -> Inputs:
+    """A base that has nothing but encoders."""
+    return replace(inputs, bemf=NOTHING, gyro=None, accel=None)
+
+
+class Silent:
+    """The simulated robot, of which `silence` hides something from BEGIN on; remembers every command."""
+
+    def __init__(
+        self,
+        silence: Callable[[Inputs], Inputs],
+        seconds: float,
+        base: Callable[[Inputs], Inputs] = lambda inputs: inputs,
+    ) -> None:
+        self._port, self._base = simulated(config=ARM), base
+        self._silence, self._end = silence, BEGIN + seconds
+        self._time = 0.0
+        self.written: list[tuple[float, float]] = []
+        """S, and the largest duty of any motor, with its sign."""
+
+    def read(self) -> Inputs:
+        inputs = self._base(self._port.read())
+        self._time = inputs.time
+        return self._silence(inputs) if BEGIN < self._time < self._end else inputs
+
+    def write(self, outputs: Outputs) -> None:
+        self.written.append((self._time, max(outputs.duty, key=abs)))
+        self._port.write(outputs)
+
+    def close(self) -> None:
+        self._port.close()
+
+    def duties(self, begin: float, end: float) -> list[float]:
+        return [duty for time, duty in self.written if begin <= time < end]
+
+
+@pytest.mark.parametrize("silence", [dead, wheels, left])
+@pytest.mark.parametrize("action", [straight(0.5), drive(0.15), turn(3.0)], ids=repr)
+def test_wheels_that_are_not_read_get_no_more_power_than_before(
+    action: Action[object], silence: Callable[[Inputs], Inputs]
+) -> None:
+    port = Silent(silence, 0.4)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(action.until(when(lambda here: here.time > BEGIN + 0.39)))
+    before = max(map(abs, port.duties(BEGIN - 0.1, BEGIN)))
+    assert 0.5 < before < 0.85
+    assert max(map(abs, port.duties(BEGIN, BEGIN + 0.4))) < before + 0.05
+
+
+@pytest.mark.parametrize("silence", [dead, left])
+def test_wheels_that_stay_silent_end_a_motion(silence: Callable[[Inputs], Inputs]) -> None:
+    port = Silent(silence, 5.0)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        with pytest.raises(MotionTimeout, match=r"left .*the left wheel is silent"):
+            robot.run(straight(1.0))
+        assert robot.time < BEGIN + 1.0
+
+
+@pytest.mark.parametrize("seconds", [0.15, 0.3, 0.45])
+@pytest.mark.parametrize("silence", [dead, wheels, left])
+def test_where_wheels_turned_unread_is_known_when_they_are_read_again(
+    silence: Callable[[Inputs], Inputs], seconds: float
+) -> None:
+    port = Silent(silence, seconds)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(straight(0.5))
+        robot.run(wait(0.3))
+        assert robot.inputs is not None
+        truth, here = robot.inputs.truth, robot.estimate
+    assert truth is not None
+    assert math.hypot(truth.x - here.x, truth.y - here.y) < 0.004
+    assert min(port.duties(BEGIN, BEGIN + seconds + 0.3)) > 0.3  # and it is not torn back
+
+
+@pytest.mark.parametrize("into", [0.02, 0.1])
+def test_an_arm_that_is_not_read_is_driven_no_faster_than_before(into: float) -> None:
+    port = Silent(dead, 0.3)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(BEGIN - into))
+        robot.run(move("arm", 2.0))
+        assert robot.mechanism("arm").angle == pytest.approx(2.0, abs=0.05)
+    assert max(map(abs, port.duties(BEGIN, BEGIN + 0.3))) < 0.75  # its speed takes 0.55
+
+
+def test_wheels_that_are_not_read_are_no_wall() -> None:
+    port = Silent(wheels, 0.45)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(BEGIN - 0.5))
+        with pytest.raises(MotionTimeout, match="no wall after 1 s"):
+            robot.run(align_on_wall(0.06, timeout=1.0))
+
+
+def test_encoders_that_are_read_again_show_how_fast_the_wheels_went() -> None:
+    port = Silent(dead, 0.3, encoders)
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(straight(0.5))
+    before = max(port.duties(BEGIN - 0.2, BEGIN))
+    assert max(port.duties(BEGIN, BEGIN + 0.5)) < before + 0.05  # not as if they had stood
