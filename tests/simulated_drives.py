@@ -21,16 +21,18 @@ def recorded(
     brake: bool = False,
     softened: int = 1,
     noise: Mapping[str, float] | None = None,
+    row: float = 0.005,
 ) -> dict[str, np.ndarray]:
     """A drive that shows everything, with the noise of its sensors.
 
     softened: rows over which each command is averaged. noise: of some channels, instead of the usual.
+    row: s, whole multiples of 5 ms.
     """
     rng = np.random.default_rng(seed)
-    duty = exciting(rng, seconds)
+    duty = exciting(rng, seconds)[:: round(row / 0.005)]
     soft = np.ones(softened) / softened
     left, right = (np.clip(np.convolve(each, soft, "same"), -1.0, 1.0) for each in duty.T)
-    time = 0.005 * np.arange(len(duty))
+    time = row * np.arange(len(duty))
     commands = Commands.of_wheels(time, left, right, brake)
     run = rollout([robot], commands, channels=tuple(NOISE), longest_step=0.001)
     sizes = NOISE | dict(noise or {})

@@ -27,7 +27,7 @@ from raccoon.diagnose.rollout.encoders import encoder_coordinates, encoder_setti
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.joined import rollout_of
 from raccoon.diagnose.rollout.silence import told
-from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.rollout.variants import Habits, usual_row
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 
@@ -47,6 +47,8 @@ CLEARLY = 0.2
 STIFF = 0.006
 """The same for wheels that do not give before they slide. Of 60 robots whose wheels did, rigid ones saved
 0.004 at most, with two numbers less."""
+LONGEST_CYCLE = 0.1
+"""s of the longest cycle that a `Chain` may have."""
 QUICK_BATTERY = (0.005, 0.01)
 SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
 """s, of filters of the battery's reading that are tried, beside none and the firmware's. A recording that
@@ -172,6 +174,9 @@ def controller_of(
     if firmware is None:
         plain = replace(found.habits, chain=other)
         found = likelier(plain if slow is None else with_battery(plain, slow), found)
+    by_row = with_cycle(found.habits, cycle_by_row(log))
+    if firmware is None and by_row != found.habits:
+        found = better(by_row, found, USUAL)
     found = better(replace(found.habits, wheels=Wheels.RIGID), found, STIFF)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
 
@@ -193,6 +198,18 @@ def _slow_battery(habits: Habits, loose: Callable[[Habits], Problem], point: Poi
 def with_battery(habits: Habits, seconds: float) -> Habits:
     """With another filter of the battery's readings."""
     return replace(habits, chain=replace(habits.chain, battery_time_constant=seconds))
+
+
+def cycle_by_row(log: Log) -> float:
+    """s between two samples of a controller that takes one a row, where a row is so long that this is no
+    usual one; the usual one's elsewhere. A program, or a simulation, may filter what it logs by itself."""
+    row, usual = usual_row(log), Chain().cycle
+    return row if 1.5 * usual < row <= LONGEST_CYCLE else usual
+
+
+def with_cycle(habits: Habits, seconds: float) -> Habits:
+    """With so much between two samples of the wheels."""
+    return replace(habits, chain=replace(habits.chain, cycle=seconds))
 
 
 def battery_off(problem: Problem, starts: Sequence[Point]) -> float:
@@ -220,9 +237,9 @@ def with_lost_changes(
 
 
 def usual_chain(chain: Chain) -> Chain:
-    """That of `CHAINS` which this one is, but for the filter of the battery's readings."""
+    """That of `CHAINS` which this one is, but for the filter of the battery's readings and its cycle."""
     times = {each.battery_time_constant for each in CHAINS}
-    alike = (replace(chain, battery_time_constant=each) for each in times)
+    alike = (replace(chain, battery_time_constant=each, cycle=Chain().cycle) for each in times)
     return next((each for each in alike if each in CHAINS), chain)
 
 
@@ -248,7 +265,7 @@ def other_chains(chain: Chain) -> list[Chain]:
     that is none of theirs. Whether all motors pause at once is asked last, and of no use unless all are
     sampled at once."""
     usual = usual_chain(chain)
-    others = [each for each in CHAINS if each != usual]
-    if chain == usual:
+    others = [replace(each, cycle=chain.cycle) for each in CHAINS if each != usual]
+    if chain == replace(usual, cycle=chain.cycle):
         return others
     return [replace(each, battery_time_constant=chain.battery_time_constant) for each in others]

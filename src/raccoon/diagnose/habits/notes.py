@@ -12,6 +12,7 @@ from raccoon.diagnose.rollout.encoders import WINDOW
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.refits import SMOOTHS
+from raccoon.sim.effects.chain import Chain
 
 WORTH_SAYING = 0.004
 """s, from which on the window of encoders is said: half of it would be a latency to no team."""
@@ -60,6 +61,11 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
         seconds = chain.battery_time_constant
         notes.append(
             f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so"
+        )
+    if chain.cycle != Chain().cycle and habits.firmware is None:
+        notes.append(
+            f"wheels are taken to be read, and filtered, once in {1000.0 * chain.cycle:.3g} ms, as rows are: "
+            "at the usual 5 ms a filter of the same time constant is slower"
         )
     if chain.free_running and habits.firmware is None:
         notes.append(

@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit.fits import fit_at, fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
-from raccoon.diagnose.habits.controller import CHAINS, QUICK_BATTERY, SLOW_BATTERY, battery_off, with_battery
+from raccoon.diagnose.habits.controller import (
+    CHAINS,
+    QUICK_BATTERY,
+    SLOW_BATTERY,
+    battery_off,
+    with_battery,
+    with_cycle,
+)
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.joint import explains_more
@@ -25,6 +32,7 @@ from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, gone_on, whole
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.watch import tell
+from raccoon.sim.effects.chain import Chain
 
 Array = NDArray[np.float64]
 Asked = tuple[frozenset[str], frozenset[str], Habits, Habits]
@@ -199,6 +207,19 @@ def as_wheels_give(search: Search, habits: Habits, under: Under, by: Way = whole
     little friction: the same drive, in which what gives is stiffer.
     """
     others = [replace(habits, wheels=each) for each in Wheels if each is not habits.wheels]
+    return first_ahead(search, habits, others, under, by)
+
+
+def as_rows_are_made(
+    search: Search, habits: Habits, under: Under, by_row: float, by: Way = whole
+) -> tuple[Search, Habits]:
+    """The search with motors that are sampled once a row, or once a cycle, where that explains more.
+
+    A filter that runs once a row of 20 ms is 8 ms sooner than one of the same time constant that runs every
+    5 ms: of a sound robot that made a filter two thirds as slow. by_row: see `cycle_by_row`.
+    """
+    cycle = Chain().cycle if habits.chain.cycle == by_row else by_row
+    others = [each for each in (with_cycle(habits, cycle),) if each != habits]
     return first_ahead(search, habits, others, under, by)
 
 

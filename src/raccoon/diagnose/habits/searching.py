@@ -20,6 +20,7 @@ from raccoon.diagnose.habits.controller import (
     PAUSING,
     as_it_pauses,
     controller_of,
+    cycle_by_row,
     drive_problem,
     other_chains,
     pauses,
@@ -43,6 +44,7 @@ from raccoon.diagnose.habits.others import (
     Under,
     Way,
     again,
+    as_rows_are_made,
     as_wheels_give,
     first_ahead,
     if_ahead,
@@ -89,11 +91,12 @@ def searched(
     restored, first = controller_of(log, robot, causes, model, firmware)
 
     under = Under(lambda each: drive_problem(restored, robot, causes, each, model))
-    search, habits = _sooner(begun(started(under(first))), first, under)
+    by_row = first.chain.cycle if firmware else cycle_by_row(restored)
+    search, habits = _sooner(begun(started(under(first))), first, under, by_row)
     if len(search.fit.point.active) + len(search.unknown) > 1 and (seconds := swing(log)):
         tell("comparing over whole swings of the commands")
         first = replace(first, swing=seconds)
-        search, habits = _sooner(begun(started(under(first))), first, under)
+        search, habits = _sooner(begun(started(under(first))), first, under, by_row)
     search = gone_on(search)
     better = with_lost_changes(log, robot, causes, habits, model, search.fit.point)
     if not np.array_equal(better.time, restored.time):
@@ -112,14 +115,16 @@ def searched(
     return search, habits, restored
 
 
-def _sooner(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
+def _sooner(search: Search, habits: Habits, under: Under, by_row: float) -> tuple[Search, Habits]:
     """A search that has only begun, begun again under what a whole one would find out about wheels and
     filters: under wrong habits most of its time goes to sets of causes that are not there.
 
-    The battery's filter comes before the wheels': where it is wrong, another of theirs may suit by chance."""
+    The battery's filter comes before the wheels': where it is wrong, another of theirs may suit by chance.
+    by_row: see `cycle_by_row`."""
     search, habits = as_wheels_give(search, habits, under, begun)
     if habits.firmware is not None:
         return search, habits
+    search, habits = as_rows_are_made(search, habits, under, by_row, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
@@ -182,8 +187,9 @@ def _median_and_chip(search: Search, habits: Habits, under: Under, by: Way) -> t
     less += [point.with_cause(LATE, sooner)] if sooner[0] > 0.0 else []
     scaled = [name for name in point.active if name.startswith(SCALE)]
     starts = [each for one in less for each in (one, without(one, scaled))]
+    own = habits.chain
     chains = (
-        replace(each, battery_time_constant=habits.chain.battery_time_constant)
+        replace(each, battery_time_constant=own.battery_time_constant, cycle=own.cycle)
         for each in (PAUSING, AT_ITS_END)
     )
     others = [replace(habits, chain=each, low_pass=True) for each in chains]

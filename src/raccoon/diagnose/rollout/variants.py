@@ -102,7 +102,8 @@ class PlantRollout:
         own: Sequence[OwnEffect] = (),
     ) -> None:
         self._robot = replace(robot, motors={})  # the log's signs of wiring are already taken away
-        self._habits = replace(habits, chain=replace(habits.chain, cycle=_cycle(log, habits.chain.cycle)))
+        cycle = _cycle(usual_row(log), habits.chain.cycle)
+        self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
         self._neutral = neutral_settings(robot)
         ports = {"left": robot.drive.left, "right": robot.drive.right}
         self._heard = {} if plain else _readings(log)
@@ -229,12 +230,16 @@ def _some(lanes: Lanes, which: slice | Possible) -> Lanes:
     return replace(lanes, plant=lanes.plant[which], gyro=lanes.gyro[which])
 
 
-def _cycle(log: Log, usual: float) -> float:
+def usual_row(log: Log) -> float:
+    """s of a row."""
+    return float(np.median(np.diff(log.time)))
+
+
+def _cycle(row: float, usual: float) -> float:
     """How often the controller samples, s: the recording's usual row is a whole number of its cycles.
 
     Rows much shorter than a cycle say nothing of it.
     """
-    row = float(np.median(np.diff(log.time)))
     cycles = round(row / usual)
     return row / cycles if cycles else usual
 

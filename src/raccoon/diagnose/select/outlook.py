@@ -224,11 +224,18 @@ def _limited(events: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Probed:
-    """A probe and the log evidence that it would add: all of it, and with no event counting for much."""
+    """A probe and the log evidence that it would add: all of it, and with no event counting for much.
+
+    least: see `Group`."""
 
     name: str
     evidence: float
     lead: float
+    least: float = 0.0
+
+    def shows(self, gate: float) -> bool:
+        """Whether its lead is beyond a gate, and beyond what something usual makes of it."""
+        return self.lead > max(gate, self.least)
 
 
 def best_probe(search: Search) -> Probed:
@@ -246,9 +253,10 @@ def best_probe(search: Search) -> Probed:
             gain, limited = (each - group.paid for each in _beside_wander(search, group))
         else:
             limited = gain - _excess(search.problem, *_with_and_without(search, group))
-        found.append(Probed(group.name, gain, min(limited, most_of_all)))
-    most = max(each.lead for each in found)
-    return max((each for each in found if each.lead >= NEARLY * most), key=lambda each: each.evidence)
+        found.append(Probed(group.name, gain, min(limited, most_of_all), group.least))
+    shown = [each for each in found if each.shows(0.0)] or found
+    most = max(each.lead for each in shown)
+    return max((each for each in shown if each.lead >= NEARLY * most), key=lambda each: each.evidence)
 
 
 def _probes_by_evidence(search: Search) -> list[tuple[float, Group]]:

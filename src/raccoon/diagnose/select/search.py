@@ -72,7 +72,7 @@ def forward(search: Search) -> tuple[Search, bool]:
             return _with_unknown(search, probe), True
     taken = _first_that_passes(search, ranked, settled)
     alone = not (search.fit.point.active or search.unknown)
-    shows = probe.lead > (PROBE_ALONE if alone else PROBE_GATE)
+    shows = probe.shows(PROBE_ALONE if alone else PROBE_GATE)
     if taken is None and not afresh and (shows or doubtful(settled)):
         ranked = ranking(search.problem, refits_afresh(search, refits), settled)
         taken = _first_that_passes(search, ranked, settled)
@@ -86,7 +86,7 @@ def _far_ahead(probe: Probed, ranked: Sequence[tuple[str, Fit, float]], settled:
     most = max((fit.evidence - settled.evidence for _, fit, _ in ranked), default=0.0)
     furthest = max((gain for _, _, gain in ranked), default=0.0)
     further = probe.lead > PROBE_FAR * furthest or probe.evidence > PROBE_LEAD * max(most, 0.0)
-    return probe.lead > PROBE_GATE and further
+    return probe.shows(PROBE_GATE) and further
 
 
 def _first_that_passes(

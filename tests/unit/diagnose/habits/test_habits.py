@@ -22,7 +22,7 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.descent import ROUGH
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
-from raccoon.diagnose.habits.controller import FREE_RUNNING, PAUSING, drive_problem, problem_of
+from raccoon.diagnose.habits.controller import FREE_RUNNING, PAUSING, controller_of, drive_problem, problem_of
 from raccoon.diagnose.habits.lags import with_readings_that_lag
 from raccoon.diagnose.habits.notes import PAST, notes_of
 from raccoon.diagnose.habits.others import (
@@ -43,7 +43,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.result import Verdict
-from raccoon.diagnose.rollout.variants import Habits, _cycle
+from raccoon.diagnose.rollout.variants import Habits, _cycle, usual_row
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.search import begun
@@ -188,7 +188,7 @@ def test_the_filter_of_the_battery_is_asked_for_before_that_of_the_wheels(
             return search, habits
 
         monkeypatch.setattr(f"raccoon.diagnose.habits.searching.{name}", note)
-    _sooner(search, FIRMWARE, under)
+    _sooner(search, FIRMWARE, under, FIRMWARE.chain.cycle)
     assert asked.index("with_a_slow_battery") < asked.index("_under_another_filter")
 
 
@@ -490,4 +490,20 @@ def test_commands_from_their_rows_on_are_taken_so() -> None:
 def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: float) -> None:
     log = planned_log(exciting(np.random.default_rng(1), 2.0))
     shaken = row * (np.arange(len(log.time)) + np.random.default_rng(2).uniform(-0.05, 0.05, len(log.time)))
-    assert _cycle(replace(log, time=shaken), 0.005) == pytest.approx(cycle, rel=0.02)
+    assert _cycle(usual_row(replace(log, time=shaken)), 0.005) == pytest.approx(cycle, rel=0.02)
+
+
+@pytest.mark.parametrize("row", [0.01, 0.02])
+def test_wheels_that_are_filtered_once_a_row_have_no_other_filter(row: float) -> None:
+    """A filter two thirds as slow was named of a simulation in rows of 20 ms, and the rest called unknown."""
+    robot = replace(ROBOT, controller=replace(ROBOT.controller, rate_hz=1.0 / row))
+    said = diagnose(recorded(Parameters(robot, {}, Chain(cycle=row)), 16.0, row=row), robot)
+    assert said.verdict is Verdict.ADEQUATE
+    assert said.causes == ()
+
+
+def test_rows_of_several_cycles_are_taken_for_that() -> None:
+    """As a program logs that reads a firmware's filter at 100 Hz."""
+    columns = {name: each[::2] for name, each in recorded(Parameters(ROBOT, {}, Chain()), 16.0).items()}
+    _, habits = controller_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes(), None)
+    assert habits.chain.cycle == 0.005
