@@ -33,6 +33,7 @@ LIKELY = (0.0, 0.5, 0.8, 0.95, 1.01)
 UNKNOWN_NAMES = {
     "cogging": "wheel angle left", "rub": "wheel angle right (friction)", "payload": "time (inertia)",
     "patch": "position", "gyro_speed": "gyro over speed",
+    "gyro_side": "gyro over turn rate",
 }  # fmt: skip
 ENTERED = (0.05, 0.95)
 """Parts of a drive on a rough patch between which a place can show: else there is as good as none of it, or

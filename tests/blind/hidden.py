@@ -139,6 +139,7 @@ UNKNOWN: dict[str, tuple[str, Values]] = {
     "payload": ("time", {"payload": 0.6, "payload_time": 15.0}),
     "patch": ("position", {"patch": 0.5, "patch_length": 0.2}),
     "gyro_speed": ("gyro", {"gyro_speed": 0.25}),
+    "gyro_side": ("gyro over turn rate", {"gyro_side": 0.03}),
 }
 """Causes in no catalogue: what they depend on, and their full-size parameters."""
 

@@ -46,16 +46,17 @@ NEUTRAL = {
     "dead_zone": 0.0, "filter_tau": 0.0225,
     "gyro_bias": 0.0, "gyro_scale": 1.0, "gyro_drift": 0.0, "imu_latency": 0.0,
     "cogging_l": 0.0, "cogging_r": 0.0, "rub_l": 0.0, "rub_r": 0.0, "payload": 0.0, "payload_time": 1e9,
-    "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0,
+    "patch": 0.0, "patch_length": 0.5, "gyro_speed": 0.0, "gyro_side": 0.0,
     "bristle": BRISTLE, "bristle_damping": BRISTLE_DAMPING, "smooth": 0.0, "gyro_smooth": 0.0,
     "own_cycle": 0.0, "speed_loop": 0.0, "line_steer": 0.0,
 }  # fmt: skip
 """Every parameter and the value at which the robot is the textbook's. The last lines hold causes that are in
 no catalogue (torque that depends on the wheel's angle, a wheel that rubs in a third of each turn, a load that
-falls on the robot, a rough patch of floor, a gyro that hears the motors), and what is no fault: how friction
-gives, or the rad/s over which it is a smooth curve instead, the s by which two filters in the gyro's chip
-delay, the s of a firmware's cycle that is not in step with the rows, the duty with which a program answers
-each count of a wheel's speed, and the share of its duty by which it steers at a line (bang-bang, of the x
+falls on the robot, a rough patch of floor, a gyro that hears the motors, or whose scale is larger to one
+side), and what is no fault: how friction gives, or the rad/s over which it is a smooth curve instead, the s
+by which two filters in the gyro's chip delay, the s of a firmware's cycle that is not in step with the rows,
+the duty with which a program answers each count of a wheel's speed, and the share of its duty by which it
+steers at a line (bang-bang, of the x
 axis, by a sensor in front)."""
 
 
@@ -141,7 +142,7 @@ def simulate(
         ecc_l, ecc_pl, ecc_r, ecc_pr, deadband, latency,
         off_l, off_r, scale_l, scale_r, dead_zone, filter_tau,
         gyro_bias, gyro_scale, gyro_drift, imu_latency,
-        cog_l, cog_r, rub_l, rub_r, payload, payload_time, patch, patch_length, gyro_speed,
+        cog_l, cog_r, rub_l, rub_r, payload, payload_time, patch, patch_length, gyro_speed, gyro_side,
         bristle, bristle_damping, smooth, gyro_smooth, own_cycle, speed_loop, line_steer,
     ) = p  # fmt: skip
     ke, res = (ke_l, ke_r), (res_l, res_r)
@@ -181,6 +182,7 @@ def simulate(
         rate = rate_history[(ticks - delay) % 4096]
         speed = 0.5 * (roll[0] + roll[1]) * 0.0345
         out[k, 5] = gyro_scale * rate + gyro_bias + gyro_drift * cycle_times[k] + gyro_speed * abs(speed)
+        out[k, 5] += gyro_side * abs(rate)
         out[k, 6], out[k, 7], out[k, 8] = x, y, heading
         out[k, 9], out[k, 10] = angle[0], angle[1]
         steps = max(int((cycle_times[k + 1] - cycle_times[k]) / STEP + 0.5), 1)

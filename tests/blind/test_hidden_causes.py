@@ -205,11 +205,14 @@ def test_what_no_drive_tells_apart_is_for_the_bench() -> None:
     assert not any(each.startswith("random power steps") for each in said.suggested_manoeuvres)
 
 
-def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on() -> None:
-    hidden = draw_unknown("gyro_speed", np.random.default_rng(1))
+@pytest.mark.parametrize(
+    ("kind", "covariate"), [("gyro_speed", "gyro over speed"), ("gyro_side", "gyro over turn rate")]
+)
+def test_a_cause_of_no_catalogue_is_called_unknown_with_what_it_depends_on(kind: str, covariate: str) -> None:
+    hidden = draw_unknown(kind, np.random.default_rng(1))
     said = diagnose(make(1, [hidden], seconds=10.0).columns, RobotConfig())
     assert said.verdict is Verdict.UNKNOWN
-    assert said.unexplained.depends_on == ("gyro over speed",)
+    assert said.unexplained.depends_on == (covariate,)
     (shape,) = said.shapes
     assert said.to_dict()["shapes"][0]["over"] == shape.over.tolist()
 

@@ -16,6 +16,7 @@ LOOK = {
     "speed": "does something begin to rub or to shake at that speed?",
     "time": "was something picked up, put down or lost then?",
     "gyro over speed": "does the controller shake: is it screwed down?",
+    "gyro over turn rate": "does the gyro count a full turn to the left and one to the right alike?",
     "gyro over time": "does the gyro warm up: is it calibrated at rest just before a run?",
     "battery over time": "is a plug loose, or does something else draw from the battery?",
 }

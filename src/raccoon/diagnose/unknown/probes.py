@@ -143,7 +143,7 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
             *_wheel_probes(problem, settings, motion, wheels),
             *_torque_probes(problem, linear, motion, every),
             *_inertia_probes(problem, linear, motion),
-            *_gyro_over_speed(problem.features, wheels.mean(axis=1)),
+            *_gyro_over_speed(problem.features, wheels),
             *_sensor_probes(problem.features, motion),
         ]
 
@@ -243,9 +243,15 @@ def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Pr
     ]  # fmt: skip
 
 
-def _gyro_over_speed(features: Features, forward: Array) -> list[Probe]:
-    curves = GYRO * _hats(forward, 6)
-    return _sensor_probe(features, "gyro", "gyro over speed", curves, forward, RATE)
+def _gyro_over_speed(features: Features, wheels: Array) -> list[Probe]:
+    """A gyro that hears the motors, and one that reads more to one side than to the other. wheels (bins, 2):
+    rad/s of both."""
+    forward, turn = wheels.mean(axis=1), 0.5 * (wheels[:, 1] - wheels[:, 0])
+    alike = _hats(np.abs(turn), 5)[1:]  # nothing at rest, and the opposite of a scale: as much either way
+    return [
+        *_sensor_probe(features, "gyro", "gyro over speed", GYRO * _hats(forward, 6), forward, RATE),
+        *_sensor_probe(features, "gyro", "gyro over turn rate", GYRO * alike, turn, RATE),
+    ]
 
 
 def _sensor_probes(features: Features, motion: Motion) -> list[Probe]:
