@@ -11,7 +11,6 @@ import math
 import os
 import re
 from array import array
-from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
@@ -23,9 +22,9 @@ from raccoon.core.files import named
 from raccoon.trace.format import Event
 from raccoon.trace.mistaken import csv_separator
 from raccoon.trace.recording import Recording, mistaken_duty
+from raccoon.trace.rows import Rows
 
 MAX_BYTES = 1 << 30
-MAX_LINE = 1 << 20
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
 MOST_BEYOND = 0.02
@@ -61,16 +60,15 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
         separator = csv_separator(path)
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             return _Reader(file, strict, separator).recording()
-    except (TraceError, csv.Error) as error:
+    except TraceError as error:
         raise TraceError(f"{path}: {error}") from None
 
 
 class _Reader:
     def __init__(self, file: IO[str], strict: bool, separator: str) -> None:
-        self._rows = csv.reader(self._bounded_lines(file), strict=True, delimiter=separator)
+        self._rows = Rows(file, separator)
         self._commas = separator != ","  # whether halves may be 0,5
         self._mark = ""  # what they turned out to be written with
-        self._cut = False
         self._strict = strict
         self._problems: list[str] = []
         self._events: list[Event] = []
@@ -80,10 +78,11 @@ class _Reader:
         self._beyond: dict[str, tuple[int, float]] = {}  # duties beyond -1..1: how many, the largest
 
     def recording(self) -> Recording:
-        names = _header(next(self._rows, []))
+        rows = iter(self._rows)
+        names = _header(next(rows, []))
         columns = {name: array("d") for name in names if name != EVENT}
         last = -math.inf
-        for cells in self._whole_rows():
+        for cells in rows:
             row = self._row(names, cells, last)
             if row is not None:
                 last = row["t"]
@@ -117,16 +116,13 @@ class _Reader:
             if columns.keys() == {"t"} and lines > MAX_PROBLEMS:
                 raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {first}")
 
-    def _whole_rows(self) -> Iterator[list[str]]:
-        try:
-            yield from self._rows
-        except csv.Error as error:  # a quotation mark that is never closed: the file is cut off
-            self._report(str(error))
-
-    def _row(self, names: list[str], cells: list[str], last: float) -> dict[str, float] | None:
+    def _row(self, names: list[str], cells: list[str] | str, last: float) -> dict[str, float] | None:
         if not cells:
             return None  # an empty line
-        if self._cut and not self._strict:
+        if isinstance(cells, str):
+            self._report(cells)
+            return None
+        if self._rows.cut and not self._strict:
             self._report("the line has no end: the file may be cut off in it, so it is left out")
             return None
         if len(cells) != len(names):
@@ -172,7 +168,7 @@ class _Reader:
         mark = "," if "," in cell else "." if "." in cell else ""
         if mark and self._mark not in ("", mark):
             raise TraceError(
-                f"line {self._rows.line_num}: {cell[:40]!r} has another decimal mark than the numbers "
+                f"line {self._rows.line}: {cell[:40]!r} has another decimal mark than the numbers "
                 "before: write all of them with a point, and none that parts thousands"
             )
         self._mark = mark or self._mark
@@ -185,15 +181,8 @@ class _Reader:
         for name, value in row.items():
             columns[name].append(value)
 
-    def _bounded_lines(self, file: IO[str]) -> Iterator[str]:
-        while line := file.readline(MAX_LINE):
-            if len(line) == MAX_LINE:
-                raise TraceError(f"a line is longer than {MAX_LINE} characters")
-            self._cut = not line.endswith(("\n", "\r"))
-            yield line
-
     def _report(self, problem: str) -> None:
-        said = f"line {self._rows.line_num}, {problem}"
+        said = f"line {self._rows.line}, {problem}"
         if self._strict:
             raise TraceError(said)
         self._problems.append(said)
@@ -203,7 +192,9 @@ class _Reader:
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}{duty}")
 
 
-def _header(names: list[str]) -> list[str]:
+def _header(names: list[str] | str) -> list[str]:
+    if isinstance(names, str):
+        raise TraceError(f"line 1, {names}")
     names = [name.strip() for name in names]
     if "t" not in names:
         raise TraceError(
