@@ -21,22 +21,22 @@ from raccoon.core.errors import TraceError
 from raccoon.core.files import named
 from raccoon.trace.format import Event
 from raccoon.trace.mistaken import csv_separator
-from raccoon.trace.recording import Recording, mistaken_duty
+from raccoon.trace.recording import (
+    DUTY,
+    SURFACE,
+    Recording,
+    allowed_instead,
+    check_unit_of_duty,
+    mistaken_duty,
+)
 from raccoon.trace.rows import Rows
 
 MAX_BYTES = 1 << 30
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
-MOST_BEYOND = 0.02
-"""Share of a command's lines that may be beyond -1..1: more are another unit."""
-FEWEST_BEYOND = 10
-"""Such lines that say nothing yet."""
 NOT_BACK = "allowed are numbers that do not go back"
 EVENT = "event"
-_SURFACE = re.compile(r"truth\.surface\.\d+")
 _COLORS = {"black": 1.0, "white": 0.0}
-_FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
-_DUTY = re.compile(r"motor\.\d+\.duty")
 _OURS = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
 """Columns of the format. What others hold is kept where it is numbers."""
 FEW_WORDS = 10
@@ -93,11 +93,7 @@ class _Reader:
                 f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
             )
         for name, (bad, largest) in self._beyond.items():
-            if bad > max(MOST_BEYOND * self._count, FEWEST_BEYOND):
-                raise TraceError(
-                    f"{name} is beyond -1..1 in {bad} of {self._count} lines and reaches {largest:g}: "
-                    f"{mistaken_duty(largest)}"
-                )
+            check_unit_of_duty(name, bad, self._count, largest)
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
         return Recording(found, self._events, problems=self._problems)
@@ -151,7 +147,7 @@ class _Reader:
         text = self._with_point(cell) if self._commas and _of_numbers(name, cell) else cell
         value, allowed = _parse(name, text)
         if value is None:
-            if _DUTY.fullmatch(name) and (wrong := _number(text)) is not None:
+            if DUTY.fullmatch(name) and (wrong := _number(text)) is not None:
                 bad, largest = self._beyond.get(name, (0, 0.0))
                 self._beyond[name] = bad + 1, max(largest, abs(wrong))
             blank = "" if name == "t" else " and blank"
@@ -208,16 +204,11 @@ def _header(names: list[str] | str) -> list[str]:
 
 def _parse(name: str, cell: str) -> tuple[float | None, str]:
     """Value of a cell, None where it is not allowed, and what is."""
-    if _SURFACE.fullmatch(name) and cell.strip() in _COLORS:
+    if SURFACE.fullmatch(name) and cell.strip() in _COLORS:
         return _COLORS[cell.strip()], ""
     value = _number(cell)
-    if _SURFACE.fullmatch(name):
-        return (value if value in (0.0, 1.0) else None), "black, white"
-    if _FLAG.fullmatch(name):
-        return (value if value in (0.0, 1.0) else None), "0, 1"
-    if _DUTY.fullmatch(name):
-        return (value if value is not None and -1.0 <= value <= 1.0 else None), "numbers from -1 to 1"
-    return value, "finite numbers"
+    allowed = allowed_instead(name, math.nan if value is None else value)
+    return (None, allowed) if allowed else (value, "finite numbers")
 
 
 def _of_numbers(name: str, cell: str) -> bool:
@@ -270,6 +261,6 @@ def _cells(recording: Recording, name: str) -> list[str]:
         raise TraceError(
             f"column {name}, row {row}: {float(column[row])}: allowed are finite numbers and NaN"
         )
-    if _SURFACE.fullmatch(name):
+    if SURFACE.fullmatch(name):
         return ["" if value != value else "black" if value else "white" for value in column.tolist()]
     return ["" if value != value else repr(value).removesuffix(".0") for value in column.tolist()]
