@@ -37,9 +37,9 @@ class Manoeuvre:
     """One recording, ready to be fitted.
 
     t: s, (n,). left, right: rad at nominal scale since the start, without the offset's share, (n,). gyro:
-    rad turned by the gyro without its bias, (n,), or None. truth: x, y, heading, (n, 3), or None. offsets:
-    back-EMF counts at rest of left and right, with deviations, None where there was no rest. taped: pieces
-    measured by tape.
+    rad turned by the gyro without its bias, at the scale of robot.toml, (n,), or None. truth: x, y, heading,
+    (n, 3), or None. offsets: back-EMF counts at rest of left and right, with deviations, None where there was
+    no rest. taped: pieces measured by tape.
     """
 
     t: Array
@@ -90,7 +90,7 @@ def manoeuvre(
         t=t,
         left=sides[0][0],
         right=sides[1][0],
-        gyro=_gyro(columns, t, rest),
+        gyro=_gyro(columns, robot, t, rest),
         truth=_truth(columns),
         offsets=(sides[0][1], sides[1][1]),
         battery_voltage=_mean(columns.get("battery.voltage")),
@@ -159,7 +159,7 @@ def _wheel(
     return scale * (summed - counts * (t - t[0])), offset
 
 
-def _gyro(columns: Mapping[str, Array], t: Array, rest: int) -> Array | None:
+def _gyro(columns: Mapping[str, Array], robot: RobotConfig, t: Array, rest: int) -> Array | None:
     rates = columns.get("imu.gyro.z")
     if rates is None or not np.any(np.isfinite(rates)):
         return None
@@ -168,7 +168,8 @@ def _gyro(columns: Mapping[str, Array], t: Array, rest: int) -> Array | None:
     if len(resting) < 10:
         return None
     known = np.isfinite(values)
-    rate = np.interp(t, t[known], values[known]) - resting.mean()
+    # gyro = scale * turn rate + bias, as the odometry has it
+    rate = (np.interp(t, t[known], values[known]) - resting.mean()) / robot.model.imu.gyro_scale.value
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
 
 

@@ -275,8 +275,12 @@ def _left_out(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Arra
         moved.append(-np.linalg.solve(rest, whole_b - b))
     spread = np.array(moved) - np.mean(moved, axis=0)
     count = len(normal)
-    tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
-    common = 0.0 if any(each.truth is not None for each in manoeuvres) else min(tape) / math.sqrt(len(tape))
+    common = np.zeros(3)  # what is wrong with all parts alike: the tape, and for the track the gyro's scale
+    if not any(each.truth is not None for each in manoeuvres):
+        tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
+        scale = robot.model.imu.gyro_scale
+        common += min(tape) / math.sqrt(len(tape))
+        common[2] = math.hypot(common[2], scale.std / scale.value)
     deviations: Array = np.sqrt((count - 1) / count * (spread**2).sum(axis=0) + common**2)
     return deviations
 
