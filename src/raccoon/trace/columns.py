@@ -18,6 +18,7 @@ from raccoon.core.readings import (
     DIGITAL_PORTS,
     MOTOR_PORTS,
     SERVO_PORTS,
+    SERVO_PULSE_US,
     SI_WORDS,
     Device,
     Fault,
@@ -129,7 +130,8 @@ def cycles_of(recording: Recording) -> Iterator[tuple[Inputs, tuple[Outputs, ...
     """Readings and command of each row.
 
     A gyro or accelerometer axis that has no column is 0; a row that lacks one of the existing axes has no
-    reading. Columns without a place in `Inputs` go to its `extra`.
+    reading. Columns without a place in `Inputs` go to its `extra`. A pulse that no servo takes (0, or ticks
+    of another library) is none.
     Raises ValueError for a duty outside -1..1.
     """
     names = list(recording.columns)
@@ -191,6 +193,11 @@ def _take_commands(row: Row) -> tuple[Outputs, ...]:
         Outputs(
             duty=tuple([value or 0.0 for value in duty]),
             brake=tuple([bool(value) for value in brake]),
-            servo_us=tuple([None if value is None else int(value) for value in servo]),
+            servo_us=tuple([_pulse(value) for value in servo]),
         ),
     )
+
+
+def _pulse(value: float | None) -> int | None:
+    low, high = SERVO_PULSE_US
+    return None if value is None or not low <= value <= high else int(value)
