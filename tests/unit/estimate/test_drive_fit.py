@@ -82,6 +82,14 @@ def test_gyro_and_one_taped_side_give_everything() -> None:
     assert found.left.std / found.left.value > 0.002, "cannot be better than the tape"
 
 
+def test_motion_capture_that_is_slower_than_the_rows_gives_everything() -> None:
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    rows = np.arange(len(table["t"]))
+    blank = (rows % 8 != 3) | ((rows > 2000) & (rows < 2200))
+    table |= {name: np.where(blank, np.nan, table[name]) for name in table if name.startswith("truth")}
+    assert_found(calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)]))
+
+
 def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
     begin, end = np.searchsorted(table["t"], [1.0, 5.1])
