@@ -134,6 +134,8 @@ def _check(columns: dict[str, Array], port: int) -> _Checked:
     faults: list[SensorFault] = []
     notes: list[str] = []
     if voltage is not None and speed is not None and _turns_back(voltage, speed):
+        if current is not None and float(np.nansum(voltage * current)) > 0.0:  # it flows as commanded
+            columns[names[1]] = current = -current
         columns[names[0]] = voltage = -voltage
         notes.append(
             f"motor {port} turns against its command: its wires are swapped; the sign was taken away"

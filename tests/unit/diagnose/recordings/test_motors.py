@@ -115,6 +115,18 @@ def test_swapped_wires_are_said_and_taken_away() -> None:
     assert [each.id for each in found.causes] == ["friction.coulomb"]
 
 
+@pytest.mark.parametrize("as_commanded", [True, False], ids=["of the driver", "of the motion"])
+def test_the_current_of_a_motor_with_swapped_wires_is_its_own(as_commanded: bool) -> None:
+    columns = motor(11, 0.008)
+    columns["motor.0.voltage"] = -columns["motor.0.voltage"]
+    if as_commanded:  # which is what a driver measures
+        columns["motor.0.current"] = -columns["motor.0.current"]
+    found = diagnose_recording(columns, ROBOT)
+    assert found.sensor_faults == ()
+    assert found.identified["resistance"].value == pytest.approx(4.0, rel=0.03)
+    assert found.identified["back_emf"].value == pytest.approx(0.09, rel=0.02)
+
+
 def test_a_stiff_battery_gets_no_resistance() -> None:
     rng = np.random.default_rng(2)
     time = np.arange(0.0, 1.0, 0.001)
