@@ -266,6 +266,17 @@ def test_faults_begin_when_they_shall(kind: str) -> None:
         healthy.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
 
 
+@pytest.mark.parametrize("begin", [0.5, 0.503, 0.507, 0.512])
+def test_a_frozen_imu_repeats_its_last_reading_in_whichever_cycle_it_freezes(begin: float) -> None:
+    """The firmware's has a new one in every fourth cycle only."""
+    port = FaultyPort(SimPort(Parameters(), seed=1, imu_rate_hz=50.0), Broken(("fault.imu_frozen",), begin))
+    found = [port.read() for _ in range(220)]
+    before = [each.gyro for each in found if each.time < begin and each.gyro is not None]
+    after = [each.gyro for each in found if each.time >= begin and each.gyro is not None]
+    assert len(after) > 20
+    assert set(after) == {before[-1]}
+
+
 def test_what_faults_do() -> None:
     assert all(each.gyro is None for each in faulty("fault.imu_silent")[102:])
     assert len({each.gyro for each in faulty("fault.imu_frozen")[102:]}) == 1
