@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -149,13 +150,17 @@ def _port_written(robot: Path | None) -> str | None:
 
 
 def diagnose_or_reason(job: Job) -> Answer | str:
-    """The diagnosis, or why there is none: one bad file does not spoil a fleet."""
+    """The diagnosis, or why there is none: one bad file does not spoil a fleet, nor does a mistake of this
+    library that it meets, which the log shows."""
     from raccoon.core.errors import RaccoonError
 
     try:
         return diagnose_job(job)
     except (RaccoonError, OSError) as error:
         return str(error)
+    except Exception as error:
+        logging.getLogger(__name__).exception("%s", job.path)
+        return f"{type(error).__name__}: {error}"
 
 
 def job_of(args: argparse.Namespace, path: Path) -> Job:

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Protocol, cast
 
@@ -59,6 +60,8 @@ def build_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command. Exit status: its own, 2 for bad input, 130 after Ctrl-C."""
+    if isinstance(sys.stdout, TextIOWrapper):  # a file's name may be no text, and a terminal not know all
+        sys.stdout.reconfigure(errors="backslashreplace")
     given = list(sys.argv[1:] if argv is None else argv)
     name = "raccoon"
     # `view run -o a.svg RECORDING`: argparse would take the word for the recording, options coming next.

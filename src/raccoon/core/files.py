@@ -22,7 +22,8 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     (a device, a pipe, /dev/stdout) is written to as it is. Raises OSError, of the path that was given, where
     it cannot be written.
     """
-    data = content.encode("utf-8") if isinstance(content, str) else content
+    # The name of a file may be no text, and stand in a report of it.
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     with named(path):
         if is_stream(path):
             _write_on(path, data)

@@ -193,7 +193,7 @@ def _range(text: str, given: str) -> tuple[float, float, bool]:
 def robot_with(robot: RobotConfig, factors: tuple[Factor, ...], values: dict[str, float]) -> Parameters:
     """The simulated robot with the drawn values. Raises ConfigError where a place does not exist on it."""
     parameters = Parameters.from_robot(robot)
-    for factor in factors:
+    for factor in sorted(factors, key=lambda each: each.where is not None):  # everywhere replaces any place
         if factor.is_of_robot:
             value = {factor.parameter: values[factor.name]}
             parameters = parameters.with_effect(factor.effect, factor.where, **value)

@@ -47,7 +47,7 @@ class FaultyPort:
             inputs = self._port.read()
         self._time = inputs.time
         if self._time < self._broken.begin or self._last is None:
-            self._last = inputs
+            self._last = _with_imu_of(inputs, self._last)
             return inputs
         return self._damaged(inputs, self._last)
 
@@ -74,6 +74,14 @@ class FaultyPort:
             full = inputs.device.analog_full_scale
             inputs = replace(inputs, analog=tuple(None if each is None else full for each in inputs.analog))
         return inputs
+
+
+def _with_imu_of(inputs: Inputs, last: Inputs | None) -> Inputs:
+    """The inputs with the IMU's last reading where they have none: it is slower than most controllers."""
+    if last is None:
+        return inputs
+    gyro = last.gyro if inputs.gyro is None else inputs.gyro
+    return replace(inputs, gyro=gyro, accel=last.accel if inputs.accel is None else inputs.accel)
 
 
 def _again(now: Vector | None, before: Vector | None) -> Vector | None:

@@ -201,7 +201,7 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
         robot_with(match.robot, match.factors, values).with_chain(match.chain),
         world,
         robot=match.robot,
-        seed=seed,
+        seed=seed_of(seed, 0),  # of numbers of its own: those of `seed` made the values
         rate_hz=match.robot.controller.rate_hz,
         start=match.start,
         imu_rate_hz=match.imu_rate_hz,

@@ -21,6 +21,11 @@ FEW = 5
 """Failures, or successes, below which only the distance from the goal can tell what it depends on."""
 Z = 1.959964
 """Standard deviations of a 95 % interval."""
+CLEAR = 0.05
+"""Probability below which something is more than chance."""
+SHUFFLES = 200
+"""Of the outcomes, for each parameter that was tried: their least probability, times the parameters, is then
+a tenth of `CLEAR`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +69,7 @@ class Sensitivity:
     @property
     def is_clear(self) -> bool:
         """Whether it is more than chance, at 5 %."""
-        return self.chance < 0.05
+        return self.chance < CLEAR
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +118,8 @@ def _sensitivity(rows: Sequence[Row], name: str, outcome: Floats, tried: int) ->
     if count < 2 or len(values) <= count or np.ptp(outcome) == 0.0:
         return None
     share, chance = _explained(group, count, outcome)
+    if chance * tried < CLEAR:
+        chance = max(chance, _shuffled(group, count, outcome, SHUFFLES * tried))
     parts = [(values[group == each], outcome[group == each]) for each in range(count)]
     shown = tuple((float(v.min()), float(v.max()), float(o.mean())) for v, o in parts)
     return Sensitivity(name, share, min(1.0, chance * tried), shown)
@@ -147,3 +154,24 @@ def _explained(group: NDArray[np.int64], count: int, outcome: Floats) -> tuple[f
     share = 1.0 - (within / (n - count)) / (total / (n - 1))
     ratio = ((total - within) / (count - 1)) / (within / (n - count))
     return share, float(fdtrc(count - 1, n - count, ratio))
+
+
+def _shuffled(group: NDArray[np.int64], count: int, outcome: Floats, shuffles: int) -> float:
+    """Probability that the groups explain as much of the same outcomes dealt out at random.
+
+    The F test takes outcomes for normal numbers, and is far too sure of a fault that two of the matches have,
+    or of a few failures. The squares that groups of given sizes explain grow with S = sum of (sum of the
+    outcomes in a group)^2 / size of the group.
+    """
+    import numpy as np
+
+    random = np.random.default_rng(0)
+    size = np.bincount(group, minlength=count)
+    centred = outcome - outcome.mean()
+
+    def explained(outcomes: Floats) -> float:
+        return float(np.sum(np.bincount(group, outcomes, count) ** 2 / size))
+
+    least = explained(centred) * (1.0 - 1e-9)  # alike to the last digits is alike
+    reached = sum(explained(random.permutation(centred)) >= least for _ in range(shuffles))
+    return (1 + reached) / (1 + shuffles)

@@ -18,6 +18,7 @@ from raccoon.core.readings import (
     DIGITAL_PORTS,
     MOTOR_PORTS,
     SERVO_PORTS,
+    SERVO_PULSE_US,
     SI_WORDS,
     Device,
     Fault,
@@ -126,17 +127,20 @@ def inputs_of(recording: Recording) -> Iterator[Inputs]:
 
 
 def cycles_of(recording: Recording) -> Iterator[tuple[Inputs, tuple[Outputs, ...]]]:
-    """Readings and command of each row.
+    """Readings and command of each row. A duty holds until the next one of its motor.
 
     A gyro or accelerometer axis that has no column is 0; a row that lacks one of the existing axes has no
-    reading. Columns without a place in `Inputs` go to its `extra`.
+    reading. Columns without a place in `Inputs` go to its `extra`. A pulse that no servo takes (0, or ticks
+    of another library) is none.
     Raises ValueError for a duty outside -1..1.
     """
     names = list(recording.columns)
+    held = (0.0,) * MOTOR_PORTS
     for values in zip(*(recording.columns[name].tolist() for name in names), strict=True):
         # NaN is the only number that differs from itself.
         row = {name: value for name, value in zip(names, values, strict=True) if value == value}
-        commands = _take_commands(row)
+        commands = _take_commands(row, held)
+        held = commands[-1].duty if commands else held
         yield _take_inputs(row, recording), commands
 
 
@@ -181,7 +185,8 @@ def _take_truth(row: Row) -> Truth | None:
     return Truth(x, y, heading, black if any(value is not None for value in black) else ())
 
 
-def _take_commands(row: Row) -> tuple[Outputs, ...]:
+def _take_commands(row: Row, held: tuple[float, ...]) -> tuple[Outputs, ...]:
+    """The command of a row. held: the duties before it, which go on where it names only others."""
     duty = _take(row, "motor.{}.duty", MOTOR_PORTS)
     brake = _take(row, "motor.{}.brake", MOTOR_PORTS)
     servo = _take(row, "servo.{}.pulse_us", SERVO_PORTS)
@@ -189,8 +194,13 @@ def _take_commands(row: Row) -> tuple[Outputs, ...]:
         return ()
     return (
         Outputs(
-            duty=tuple([value or 0.0 for value in duty]),
+            duty=tuple([old if new is None else new for old, new in zip(held, duty, strict=True)]),
             brake=tuple([bool(value) for value in brake]),
-            servo_us=tuple([None if value is None else int(value) for value in servo]),
+            servo_us=tuple([_pulse(value) for value in servo]),
         ),
     )
+
+
+def _pulse(value: float | None) -> int | None:
+    low, high = SERVO_PULSE_US
+    return None if value is None or not low <= value <= high else int(value)

@@ -11,7 +11,6 @@ import math
 import os
 import re
 from array import array
-from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
@@ -22,22 +21,22 @@ from raccoon.core.errors import TraceError
 from raccoon.core.files import named
 from raccoon.trace.format import Event
 from raccoon.trace.mistaken import csv_separator
-from raccoon.trace.recording import Recording, mistaken_duty
+from raccoon.trace.recording import (
+    DUTY,
+    SURFACE,
+    Recording,
+    allowed_instead,
+    check_unit_of_duty,
+    mistaken_duty,
+)
+from raccoon.trace.rows import Rows
 
 MAX_BYTES = 1 << 30
-MAX_LINE = 1 << 20
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
-MOST_BEYOND = 0.02
-"""Share of a command's lines that may be beyond -1..1: more are another unit."""
-FEWEST_BEYOND = 10
-"""Such lines that say nothing yet."""
 NOT_BACK = "allowed are numbers that do not go back"
 EVENT = "event"
-_SURFACE = re.compile(r"truth\.surface\.\d+")
 _COLORS = {"black": 1.0, "white": 0.0}
-_FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
-_DUTY = re.compile(r"motor\.\d+\.duty")
 _OURS = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
 """Columns of the format. What others hold is kept where it is numbers."""
 FEW_WORDS = 10
@@ -61,16 +60,15 @@ def read_csv(path: str | Path, *, strict: bool = True) -> Recording:
         separator = csv_separator(path)
         with path.open(encoding="utf-8-sig", errors="replace", newline="") as file:
             return _Reader(file, strict, separator).recording()
-    except (TraceError, csv.Error) as error:
+    except TraceError as error:
         raise TraceError(f"{path}: {error}") from None
 
 
 class _Reader:
     def __init__(self, file: IO[str], strict: bool, separator: str) -> None:
-        self._rows = csv.reader(self._bounded_lines(file), strict=True, delimiter=separator)
+        self._rows = Rows(file, separator)
         self._commas = separator != ","  # whether halves may be 0,5
         self._mark = ""  # what they turned out to be written with
-        self._cut = False
         self._strict = strict
         self._problems: list[str] = []
         self._events: list[Event] = []
@@ -80,10 +78,11 @@ class _Reader:
         self._beyond: dict[str, tuple[int, float]] = {}  # duties beyond -1..1: how many, the largest
 
     def recording(self) -> Recording:
-        names = _header(next(self._rows, []))
+        rows = iter(self._rows)
+        names = _header(next(rows, []))
         columns = {name: array("d") for name in names if name != EVENT}
         last = -math.inf
-        for cells in self._whole_rows():
+        for cells in rows:
             row = self._row(names, cells, last)
             if row is not None:
                 last = row["t"]
@@ -94,11 +93,7 @@ class _Reader:
                 f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
             )
         for name, (bad, largest) in self._beyond.items():
-            if bad > max(MOST_BEYOND * self._count, FEWEST_BEYOND):
-                raise TraceError(
-                    f"{name} is beyond -1..1 in {bad} of {self._count} lines and reaches {largest:g}: "
-                    f"{mistaken_duty(largest)}"
-                )
+            check_unit_of_duty(name, bad, self._count, largest)
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
         return Recording(found, self._events, problems=self._problems)
@@ -117,16 +112,13 @@ class _Reader:
             if columns.keys() == {"t"} and lines > MAX_PROBLEMS:
                 raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {first}")
 
-    def _whole_rows(self) -> Iterator[list[str]]:
-        try:
-            yield from self._rows
-        except csv.Error as error:  # a quotation mark that is never closed: the file is cut off
-            self._report(str(error))
-
-    def _row(self, names: list[str], cells: list[str], last: float) -> dict[str, float] | None:
+    def _row(self, names: list[str], cells: list[str] | str, last: float) -> dict[str, float] | None:
         if not cells:
             return None  # an empty line
-        if self._cut and not self._strict:
+        if isinstance(cells, str):
+            self._report(cells)
+            return None
+        if self._rows.cut and not self._strict:
             self._report("the line has no end: the file may be cut off in it, so it is left out")
             return None
         if len(cells) != len(names):
@@ -155,7 +147,7 @@ class _Reader:
         text = self._with_point(cell) if self._commas and _of_numbers(name, cell) else cell
         value, allowed = _parse(name, text)
         if value is None:
-            if _DUTY.fullmatch(name) and (wrong := _number(text)) is not None:
+            if DUTY.fullmatch(name) and (wrong := _number(text)) is not None:
                 bad, largest = self._beyond.get(name, (0, 0.0))
                 self._beyond[name] = bad + 1, max(largest, abs(wrong))
             blank = "" if name == "t" else " and blank"
@@ -172,7 +164,7 @@ class _Reader:
         mark = "," if "," in cell else "." if "." in cell else ""
         if mark and self._mark not in ("", mark):
             raise TraceError(
-                f"line {self._rows.line_num}: {cell[:40]!r} has another decimal mark than the numbers "
+                f"line {self._rows.line}: {cell[:40]!r} has another decimal mark than the numbers "
                 "before: write all of them with a point, and none that parts thousands"
             )
         self._mark = mark or self._mark
@@ -185,15 +177,8 @@ class _Reader:
         for name, value in row.items():
             columns[name].append(value)
 
-    def _bounded_lines(self, file: IO[str]) -> Iterator[str]:
-        while line := file.readline(MAX_LINE):
-            if len(line) == MAX_LINE:
-                raise TraceError(f"a line is longer than {MAX_LINE} characters")
-            self._cut = not line.endswith(("\n", "\r"))
-            yield line
-
     def _report(self, problem: str) -> None:
-        said = f"line {self._rows.line_num}, {problem}"
+        said = f"line {self._rows.line}, {problem}"
         if self._strict:
             raise TraceError(said)
         self._problems.append(said)
@@ -203,7 +188,9 @@ class _Reader:
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}{duty}")
 
 
-def _header(names: list[str]) -> list[str]:
+def _header(names: list[str] | str) -> list[str]:
+    if isinstance(names, str):
+        raise TraceError(f"line 1, {names}")
     names = [name.strip() for name in names]
     if "t" not in names:
         raise TraceError(
@@ -217,16 +204,11 @@ def _header(names: list[str]) -> list[str]:
 
 def _parse(name: str, cell: str) -> tuple[float | None, str]:
     """Value of a cell, None where it is not allowed, and what is."""
-    if _SURFACE.fullmatch(name) and cell.strip() in _COLORS:
+    if SURFACE.fullmatch(name) and cell.strip() in _COLORS:
         return _COLORS[cell.strip()], ""
     value = _number(cell)
-    if _SURFACE.fullmatch(name):
-        return (value if value in (0.0, 1.0) else None), "black, white"
-    if _FLAG.fullmatch(name):
-        return (value if value in (0.0, 1.0) else None), "0, 1"
-    if _DUTY.fullmatch(name):
-        return (value if value is not None and -1.0 <= value <= 1.0 else None), "numbers from -1 to 1"
-    return value, "finite numbers"
+    allowed = allowed_instead(name, math.nan if value is None else value)
+    return (None, allowed) if allowed else (value, "finite numbers")
 
 
 def _of_numbers(name: str, cell: str) -> bool:
@@ -279,6 +261,6 @@ def _cells(recording: Recording, name: str) -> list[str]:
         raise TraceError(
             f"column {name}, row {row}: {float(column[row])}: allowed are finite numbers and NaN"
         )
-    if _SURFACE.fullmatch(name):
+    if SURFACE.fullmatch(name):
         return ["" if value != value else "black" if value else "white" for value in column.tolist()]
     return ["" if value != value else repr(value).removesuffix(".0") for value in column.tolist()]

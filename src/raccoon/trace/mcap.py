@@ -25,7 +25,7 @@ from raccoon.core.extras import install
 from raccoon.core.files import named
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace.format import Event
-from raccoon.trace.recording import Column, Recording
+from raccoon.trace.recording import DUTY, Column, Recording, allowed_instead, check_unit_of_duty
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 MAX_CHUNK = 64 << 20
 MAX_BYTES = 1 << 30
 MAX_VALUES = 20_000_000
+MAX_PROBLEMS = 100
 EVENT = "event"
 _PROFILE = "raccoon"
 _TICK = "position_counts_seconds"
@@ -96,7 +97,8 @@ def _write_rows(writer: Writer, recording: Recording) -> None:
 def read_mcap(path: str | Path) -> Recording:
     """Read the JSON topics {"value": ...} of an MCAP file as columns, whoever wrote it.
 
-    A damaged file is read up to the damage; what is left out is listed in `Recording.problems`.
+    A damaged file is read up to the damage; that and values that their column does not allow are left out
+    and listed in `Recording.problems`.
     Raises TraceError where nothing can be read, ConfigError where the package mcap is not installed.
     """
     path = Path(path)
@@ -169,6 +171,7 @@ class _Rows:
         self._ours = False
         self._count = 0
         self._tick = 1.0
+        self._beyond: dict[str, tuple[int, float]] = {}  # duties beyond -1..1: how many, the largest
 
     def take(self, record: Any) -> None:
         from mcap.records import Channel, Header, Message, Metadata
@@ -192,10 +195,24 @@ class _Rows:
         value = _value(message.data)
         if isinstance(value, str) and topic == EVENT:
             self._texts.append((key, value))
-        elif isinstance(value, int | float) and math.isfinite(value):
-            self._rows.setdefault(key, {})[topic] = float(value)
-        elif len(self.problems) < 100:
-            self.problems.append(f"topic {topic}: {message.data[:40]!r} has no number as value")
+        elif not (isinstance(value, int | float) and math.isfinite(value)):
+            self._report(f"topic {topic}: {message.data[:40]!r} has no number as value")
+        else:
+            self._number(topic, float(value), self._rows.setdefault(key, {}))
+
+    def _number(self, topic: str, value: float, row: dict[str, float]) -> None:
+        allowed = allowed_instead(topic, value)
+        if not allowed:
+            row[topic] = value
+            return
+        self._report(f"topic {topic}: {value:g}: allowed are {allowed} and blank")
+        if DUTY.fullmatch(topic):
+            bad, largest = self._beyond.get(topic, (0, 0.0))
+            self._beyond[topic] = bad + 1, max(largest, abs(value))
+
+    def _report(self, problem: str) -> None:
+        if len(self.problems) < MAX_PROBLEMS:
+            self.problems.append(problem)
 
     def _worth(self, metadata: dict[str, str]) -> float:
         try:
@@ -208,6 +225,8 @@ class _Rows:
         return worth
 
     def recording(self) -> Recording:
+        for topic, (bad, largest) in self._beyond.items():
+            check_unit_of_duty(topic, bad, len(self._rows), largest)
         keys = sorted(self._rows.keys() | {key for key, _ in self._texts})
         if not keys:
             raise TraceError('there is no JSON message {"value": ...} in it')
@@ -228,7 +247,8 @@ class _Rows:
 
 def _value(data: bytes) -> object:
     try:
-        message = json.loads(data) if len(data) < 10_000 else None
+        # A whole number of hundreds of digits is one that no float holds: infinite, like 1e999.
+        message = json.loads(data, parse_int=float) if len(data) < 10_000 else None
     except (ValueError, RecursionError):
         return None
     return message.get("value") if isinstance(message, dict) else None

@@ -42,13 +42,16 @@ class PooledError:
 def field_truth(recording: Recording) -> tuple[Column, Column, Column]:
     """True x, y and heading seen from the first true pose, as odometry starts at (0, 0) with heading 0.
 
-    NaN where there is no truth. Raises TraceError where there is none at all.
+    The heading is unwrapped: many a reference gives it between -pi and pi. NaN where there is no truth.
+    Raises TraceError where there is none at all.
     """
     x, y, heading = (recording[f"truth.{name}"] for name in ("x", "y", "heading"))
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & np.isfinite(heading))
     if not known.size:
         raise TraceError("truth.x, truth.y and truth.heading have no row in common")
     start = known[0]
+    heading = heading.copy()
+    heading[known] = np.unwrap(heading[known])
     ahead, left = x - x[start], y - y[start]
     cosine, sine = math.cos(heading[start]), math.sin(heading[start])
     return ahead * cosine + left * sine, left * cosine - ahead * sine, heading - heading[start]

@@ -6,6 +6,7 @@ docs/trace-format.md. A trace keeps raw words and replays bit for bit; a recordi
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
@@ -28,6 +29,13 @@ DUTY_UNITS = (
     (1500.0, "ticks a second (-1500..1500), which are no duty, or PWM of 10 bits (-1023..1023)"),
 )
 """Up to which size a command may be of which other unit."""
+MOST_BEYOND = 0.02
+"""Share of a command's rows that may be beyond -1..1: more are another unit."""
+FEWEST_BEYOND = 10
+"""Such rows that say nothing yet."""
+DUTY = re.compile(r"motor\.\d+\.duty")
+SURFACE = re.compile(r"truth\.surface\.\d+")
+_FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
 
 
 @dataclass(slots=True)
@@ -112,6 +120,27 @@ def mistaken_step(step: float) -> str:
 def mistaken_duty(largest: float) -> str:
     """What a command beyond -1..1 seems to be that reaches this, for a message."""
     return f"it looks like {next((unit for most, unit in DUTY_UNITS if largest <= most), 'another unit')}"
+
+
+def allowed_instead(name: str, value: float) -> str:
+    """What a column allows where this finite value is none of it, else ""."""
+    if SURFACE.fullmatch(name):
+        return "" if value in (0.0, 1.0) else "black, white"
+    if _FLAG.fullmatch(name):
+        return "" if value in (0.0, 1.0) else "0, 1"
+    return "numbers from -1 to 1" if DUTY.fullmatch(name) and not -1.0 <= value <= 1.0 else ""
+
+
+def check_unit_of_duty(name: str, beyond: int, rows: int, largest: float) -> None:
+    """Raise TraceError where so many of a command's rows are beyond -1..1 that it has another unit.
+
+    largest: the size of what is furthest beyond.
+    """
+    if beyond > max(MOST_BEYOND * rows, FEWEST_BEYOND):
+        raise TraceError(
+            f"{name} is beyond -1..1 in {beyond} of {rows} rows and reaches {largest:g}: "
+            f"{mistaken_duty(largest)}"
+        )
 
 
 def _check_time(time: Column) -> None:

@@ -13,7 +13,7 @@ from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose_files import recordings, robot_names, short_names
-from raccoon.cli.diagnose_one import robot_of
+from raccoon.cli.diagnose_one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.sim.effects.parameters import Parameters
@@ -108,6 +108,26 @@ def test_an_empty_recording_that_comes_first_stops_no_other(
     written(tmp_path / "motor.csv", motor(5, 0.008))
     assert main(["diagnose", str(tmp_path)]) == 0
     assert "a.csv: no diagnosis: the recording is empty" in capsys.readouterr().out
+
+
+def test_a_mistake_that_one_recording_meets_stops_no_other(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def mistaken(job: Job) -> Answer:
+        if job.path.name == "a.csv":
+            raise np.linalg.LinAlgError("SVD did not converge")
+        return diagnose_job(job)
+
+    monkeypatch.setattr("raccoon.cli.diagnose_one.diagnose_job", mistaken)
+    for name in ("a.csv", "b.csv"):
+        written(tmp_path / name, motor(5, 0.008))
+    assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
+    assert "a.csv: no diagnosis: LinAlgError: SVD did not converge" in capsys.readouterr().out
+    assert json.loads((tmp_path / "out.json").read_text())["recordings"].keys() == {"b.csv"}
+    assert "Traceback" in caplog.text
 
 
 def test_a_robot_is_called_by_its_name_or_by_its_folder(caplog: pytest.LogCaptureFixture) -> None:

@@ -98,6 +98,15 @@ def test_bad_input_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr().err == "raccoon demo: --jobs 0: allowed are whole numbers from 1\n"
 
 
+def test_a_file_whose_name_is_no_text_can_be_spoken_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / os.fsdecode(b"b\xe4d.csv")
+    path.write_text("t,motor.0.bemf,motor.1.bemf\n0,0,0\n0.1,0,0\n")
+    assert main(["replay", str(path)]) == 0
+    assert "b\\udce4d.csv" in capsys.readouterr().out
+
+
 def test_a_path_through_a_file_is_one_clear_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "notes").write_text("", encoding="utf-8")
     path = tmp_path / "notes" / "robot.toml"

@@ -18,6 +18,11 @@ def test_text_and_bytes_arrive_as_they_are(tmp_path: Path) -> None:
     assert (tmp_path / "bytes").read_bytes() == b"\x00\xff"
 
 
+def test_a_report_may_name_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
+    write_atomically(tmp_path / "a.html", "b\udce4d.csv")
+    assert (tmp_path / "a.html").read_text() == "b\\udce4d.csv"
+
+
 def test_others_may_read_a_new_file_and_an_old_one_keeps_its_permissions(tmp_path: Path) -> None:
     new, old = tmp_path / "new", tmp_path / "old"
     old.write_text("before")

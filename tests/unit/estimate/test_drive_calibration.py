@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from drive_traces import Errors, Segment, drive
-from raccoon.core.config import MotorConfig, RobotConfig
+from raccoon.core.config import MotorConfig, RobotConfig, parse_robot
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs, Words
 from raccoon.estimate.drive.odometry import Odometry
@@ -52,6 +52,15 @@ def test_a_curved_drive_is_told_apart_by_the_gyro() -> None:
     assert found.turn == pytest.approx(0.32, abs=0.02)
     assert found.left.value / found.right.value == pytest.approx(0.965 / 1.035, rel=0.01)
     assert found.left.value == pytest.approx(nominal / 1.035, rel=0.01)
+
+
+def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
+    curved: list[Segment] = [(1.0, 0.0, 0.0), (3.2, 0.2, 0.1), (1.0, 0.0, 0.0)]
+    plain, distance = recorded(curved)
+    cycles, _ = recorded(curved, replace(ODD, gyro_scale=1.1))
+    robot = parse_robot({"model": {"imu": {"gyro_scale": {"value": 1.1, "std": 0.001}}}})
+    found = calibrate_straight(robot, cycles, distance)
+    assert found.turn == pytest.approx(calibrate_straight(RobotConfig(), plain, distance).turn, abs=1e-4)
 
 
 def test_backwards_and_inverted_is_the_same() -> None:

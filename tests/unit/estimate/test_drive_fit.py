@@ -82,6 +82,30 @@ def test_gyro_and_one_taped_side_give_everything() -> None:
     assert found.left.std / found.left.value > 0.002, "cannot be better than the tape"
 
 
+def test_motion_capture_that_is_slower_than_the_rows_gives_everything() -> None:
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    rows = np.arange(len(table["t"]))
+    blank = (rows % 8 != 3) | ((rows > 2000) & (rows < 2200))
+    table |= {name: np.where(blank, np.nan, table[name]) for name in table if name.startswith("truth")}
+    assert_found(calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)]))
+
+
+def test_the_gyro_is_read_at_the_scale_that_robot_toml_gives_it() -> None:
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    begin, end = np.searchsorted(table["t"], [1.0, 5.1])
+    side = math.hypot(
+        table["truth.x"][end] - table["truth.x"][begin], table["truth.y"][end] - table["truth.y"][begin]
+    )
+    table = without(table, "truth")
+    table["imu.gyro.z"] = 1.03 * table["imu.gyro.z"]
+    robot = parse_robot({"model": {"imu": {"gyro_scale": {"value": 1.03, "std": 0.02}}}})
+    found = calibrate_drive(robot, [manoeuvre(table, robot, taped=[TapedWay(1.0, 5.1, side)])])
+    assert found.track_width.value == pytest.approx(TRACK * 1.03, rel=0.005)
+    share = found.track_width.std / found.track_width.value
+    assert 0.019 < share < 0.025, "cannot be better than the gyro's scale"
+    assert found.left.std / found.left.value < 0.01, "the wheels' way is the tape's"
+
+
 def test_calibration_makes_the_path_true() -> None:
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
     found = calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)])

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
-from raccoon.sweep.factors import Factor, parse_factor
+from raccoon.sweep.factors import Factor, parse_factor, robot_with
 
 
 def draws(text: str, count: int = 2000) -> np.ndarray:
@@ -85,3 +86,11 @@ def test_impossible_ones_are_named(text: str, message: str) -> None:
 def test_numbers_that_are_none_are_refused() -> None:
     with pytest.raises(ConfigError, match="two numbers"):
         Factor("friction.coulomb", "torque", 0.1, float("inf"))
+
+
+def test_one_side_differs_from_both_in_whichever_order_they_are_named() -> None:
+    names = ("friction.coulomb@left=0.25", "friction.coulomb=0.2")
+    for factors in (tuple(map(parse_factor, names)), tuple(map(parse_factor, names[::-1]))):
+        values = {each.name: each.low for each in factors}
+        made = robot_with(RobotConfig(), factors, values)
+        assert [made.value("friction.coulomb", "torque", side) for side in ("left", "right")] == [0.25, 0.2]

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig, TophatConfig
@@ -16,7 +17,7 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Thing, World
-from raccoon.sweep.factors import Factor, default_factors, fault_factors
+from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.match import Match, columns, crashed, nominal_end, play
 from raccoon.sweep.program import Program
@@ -47,6 +48,22 @@ def test_sensors_are_those_of_the_firmware_unless_asked_otherwise() -> None:
     assert match.imu_rate_hz == 50.0
     plain = replace(match, chain=Chain(), imu_rate_hz=200.0)
     assert play(plain, 0, 1)["x"] != play(match, 0, 1)["x"]
+
+
+def test_noise_is_not_drawn_from_the_numbers_that_made_the_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    seeds: list[int] = []
+
+    class Watched(SimPort):
+        def __init__(self, *given: Any, seed: int, **named: Any) -> None:
+            seeds.append(seed)
+            super().__init__(*given, seed=seed, **named)
+
+    monkeypatch.setattr("raccoon.sim.port.SimPort", Watched)
+    row = play(replace(tiny_match(), factors=(parse_factor("drive.track_width=1.0~0.01"),)), 0, seed=7)
+    drawn = (row["drive.track_width.factor"] - 1.0) / 0.01
+    (seed,) = seeds
+    noise = np.random.default_rng(seed).standard_normal(1024)
+    assert np.abs(noise - drawn).min() > 1e-9
 
 
 def test_a_record_of_a_match_is_a_trace(tmp_path: Path) -> None:
@@ -247,6 +264,17 @@ def test_faults_begin_when_they_shall(kind: str) -> None:
     for inputs in faulty(kind)[:100]:
         assert inputs == healthy.read()
         healthy.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
+
+
+@pytest.mark.parametrize("begin", [0.5, 0.503, 0.507, 0.512])
+def test_a_frozen_imu_repeats_its_last_reading_in_whichever_cycle_it_freezes(begin: float) -> None:
+    """The firmware's has a new one in every fourth cycle only."""
+    port = FaultyPort(SimPort(Parameters(), seed=1, imu_rate_hz=50.0), Broken(("fault.imu_frozen",), begin))
+    found = [port.read() for _ in range(220)]
+    before = [each.gyro for each in found if each.time < begin and each.gyro is not None]
+    after = [each.gyro for each in found if each.time >= begin and each.gyro is not None]
+    assert len(after) > 20
+    assert set(after) == {before[-1]}
 
 
 def test_what_faults_do() -> None:

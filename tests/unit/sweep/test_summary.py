@@ -77,6 +77,22 @@ def test_chance_is_not_taken_for_a_cause() -> None:
     assert np.mean(clear) < 0.1
 
 
+def test_a_fault_of_one_match_that_failed_like_others_is_within_chance() -> None:
+    """One of 120 matches has the fault, and is one of the six that fail: as likely as not with six faults."""
+    rows = rows_of(120, lambda *_: False)
+    for number in range(0, 120, 20):
+        rows[number]["status"] = "failed"
+    named = {f"fault.{number}": number for number in (0, 1, 2, 3, 4, 5)}  # of which the first one fails
+    rows = [{**row, **{name: float(at == run) for name, at in named.items()}} for run, row in enumerate(rows)]
+    found = {each.name: each for each in summary(rows, (*NAMES, *named)).sensitivities}
+    assert found["fault.0"].share > 0.1
+    assert not found["fault.0"].is_clear
+    for number in range(0, 120, 20):  # as it is where all that fail have it
+        rows[number]["fault.0"] = 1.0
+    found = {each.name: each for each in summary(rows, (*NAMES, *named)).sensitivities}
+    assert found["fault.0"].is_clear
+
+
 def test_with_hardly_a_failure_the_distance_from_the_goal_tells() -> None:
     found = summary(rows_of(200, lambda *_: False), NAMES)
     assert (found.of, found.sensitivities[0].name) == ("error", "left")

@@ -167,3 +167,19 @@ def test_ports_and_windows() -> None:
     np.testing.assert_array_equal(part["t"], [1.0, 2.0])
     assert part.events == [Event(1, "line")]
     assert not part.has_truth
+
+
+def test_a_duty_holds_until_the_next_one_of_its_motor() -> None:
+    """A logger may write a command where it changes, and leave the others blank."""
+    left, right = [0.5, np.nan, np.nan, -0.5, np.nan], [np.nan, 0.4, np.nan, np.nan, 0.0]
+    columns = {"t": np.arange(5.0), "motor.0.duty": np.array(left), "motor.1.duty": np.array(right)}
+    commands = [found[0].duty[:2] if found else None for _, found in cycles_of(Recording(columns))]
+    assert commands == [(0.5, 0.0), (0.5, 0.4), None, (-0.5, 0.4), (-0.5, 0.0)]
+
+
+def test_a_pulse_that_no_servo_takes_is_none() -> None:
+    """Loggers write 0 for a servo that is off, or the 0 to 2047 of KIPR's library."""
+    pulses = [0.0, 599.0, 600.0, 2400.0, 1e300, np.nan]
+    columns = {"t": np.arange(6.0), "motor.0.duty": np.full(6, 0.5), "servo.1.pulse_us": np.array(pulses)}
+    commands = [outputs.servo_us[1] for _, (outputs,) in cycles_of(Recording(columns))]
+    assert commands == [None, None, 600, 2400, None, None]

@@ -264,3 +264,28 @@ def test_words_in_columns_of_others_are_said_once_a_column(tmp_path: Path) -> No
 def test_words_of_others_have_no_decimal_mark(tmp_path: Path) -> None:
     path = write(tmp_path / "run.csv", "t;battery.voltage;state\n0;6,5;v1.2\n0,1;6,6;v1.2\n")
     assert read_csv(path, strict=False)["battery.voltage"].tolist() == [6.5, 6.6]
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    ['0.2,7,"wall" hit', '0.2,7,"wall', "0.2,7," + 140_000 * "x"],
+    ids=["closed within a value", "never closed", "too long"],
+)
+def test_a_quotation_mark_out_of_place_costs_its_own_line(tmp_path: Path, spoilt: str) -> None:
+    rows = [f"{0.1 * row:.1f},{row}," for row in range(6)]
+    text = "\n".join(["t,depth,event", *rows[:2], spoilt, '0.2,2,"two\nlines"', *rows[3:]]) + "\n"
+    path = write(tmp_path / "run.csv", text)
+    found = read_csv(path, strict=False)
+    assert found["depth"].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert found.events == [Event(2, "two\nlines")]
+    (problem,) = found.problems
+    assert problem.startswith("line 4, ")
+    with pytest.raises(TraceError, match="line 4, "):
+        read_csv(path)
+
+
+def test_a_quotation_mark_that_nothing_closes_takes_no_other_line_along(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", 't,depth,event\n0,0,\n0.1,1,"wall\n0.2,2,\n0.3,3,\n')
+    found = read_csv(path, strict=False)
+    assert found["depth"].tolist() == [0.0, 2.0, 3.0]
+    assert found.problems == ["line 3, unexpected end of data: is a quotation mark out of place?"]

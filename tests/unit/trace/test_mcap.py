@@ -141,3 +141,30 @@ def test_without_the_package_the_message_says_how_to_get_it(
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(ConfigError, match=r"pip install '\.\[view\]'"):
         write_mcap(Recording({"t": np.zeros(1)}), tmp_path / "x.mcap")
+
+
+def test_a_value_that_its_column_does_not_allow_is_left_blank_and_said(tmp_path: Path) -> None:
+    values = [("motor.0.duty", 1.5), ("digital.0", 2), ("truth.surface.0", 0.5), ("motor.0.bemf", 1.5)]
+    messages = [(topic, 5, b'{"value": %g}' % value) for topic, value in values]
+    found = read_mcap(foreign(tmp_path / "x.mcap", messages))
+    assert found.columns.keys() == {"motor.0.bemf", "t"}
+    assert found.problems == [
+        "topic motor.0.duty: 1.5: allowed are numbers from -1 to 1 and blank",
+        "topic digital.0: 2: allowed are 0, 1 and blank",
+        "topic truth.surface.0: 0.5: allowed are black, white and blank",
+    ]
+
+
+def test_a_duty_in_another_unit_is_refused_as_that_of_a_csv_is(tmp_path: Path) -> None:
+    messages = [("motor.0.duty", stamp, b'{"value": 80}') for stamp in range(20)]
+    with pytest.raises(
+        TraceError, match=r"beyond -1..1 in 20 of 20 rows and reaches 80: it looks like percent"
+    ):
+        read_mcap(foreign(tmp_path / "x.mcap", messages))
+
+
+def test_a_whole_number_that_no_float_holds_is_left_out(tmp_path: Path) -> None:
+    messages = [("depth", 5, b'{"value": %s}' % (b"9" * 400)), ("depth", 6, b'{"value": 3}')]
+    found = read_mcap(foreign(tmp_path / "x.mcap", messages))
+    np.testing.assert_array_equal(found["depth"], [3.0])
+    assert "has no number as value" in found.problems[0]

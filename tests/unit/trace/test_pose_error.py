@@ -21,6 +21,17 @@ def test_truth_is_seen_from_its_first_pose() -> None:
     np.testing.assert_allclose(heading, [0, 0, math.pi / 2])
 
 
+def test_a_heading_that_a_reference_wraps_is_unwrapped() -> None:
+    turned = np.array([0.0, 1.5, math.nan, 3.0, 4.5, 6.0, 7.5])
+    wrapped = ((turned + math.pi) % math.tau - math.pi).tolist()
+    recording = drive([0.0] * 7, [0.0] * 7, wrapped)
+    np.testing.assert_allclose(field_truth(recording)[2], turned, atol=1e-12)
+    error = pose_error(recording, np.zeros(7), np.zeros(7), np.nan_to_num(turned) + 0.1)
+    assert error.heading_rms == pytest.approx(0.1)
+    assert error.heading_final == pytest.approx(0.1)
+    assert recording["truth.heading"][-1] == wrapped[-1], "the recording stays as it is"
+
+
 def test_error_of_a_drive_by_hand() -> None:
     recording = drive([0.0, 1.0, 2.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.1])
     x, y, heading = np.array([0.0, 1.0, 2.3]), np.array([0.0, 0.0, 0.4]), np.array([0.0, 0.0, 0.2])

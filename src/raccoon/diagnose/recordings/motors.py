@@ -13,6 +13,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
+from raccoon.diagnose.recordings.fillers import without_fillers
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 from raccoon.trace.recording import ports_in
@@ -20,6 +21,7 @@ from raccoon.trace.recording import ports_in
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
+BATTERY = "battery.voltage"
 DEAD_AMPS = 0.01
 """A driven motor that never draws more has no working current sensor."""
 REST_AMPS = 0.06
@@ -65,11 +67,10 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
     if not ports:
         raise TraceError("no motor has both a force, torque or voltage and a travel, angle or speed")
     found: list[Diagnosis] = []
-    faults: list[SensorFault] = []
     notes: list[str] = []
     ruled_out: list[Rejected] = []
     done: list[int] = []
-    clean = dict(columns)
+    clean, faults = _with_battery(columns)
     for port in ports:
         checked = _check(clean, port)
         _check_volts(checked.columns, port)
@@ -88,10 +89,22 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
     return _joined(found, done, supply, missing, faults, notes, ruled_out, begin)
 
 
+def _with_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]]:
+    """The columns with a battery's reading that is none left out, and what it was."""
+    found = dict(columns)
+    battery = found.get(BATTERY)
+    if battery is None:
+        return found, []
+    found[BATTERY], faults = without_fillers(BATTERY, "battery", found["t"], battery, None)
+    if not (np.nan_to_num(battery) > 0.0).any():
+        del found[BATTERY]
+    return found, list(faults)
+
+
 def _check_volts(columns: Columns, port: int) -> None:
     """Raise TraceError where volts and speed are not what their names promise."""
     voltage, speed = (columns.get(f"motor.{port}.{kind}") for kind in ("voltage", "speed"))
-    battery = columns.get("battery.voltage")
+    battery = columns.get(BATTERY)
     if voltage is None or not np.isfinite(voltage).any():
         return
     largest = float(np.nanmax(np.abs(voltage)))
@@ -134,6 +147,8 @@ def _check(columns: dict[str, Array], port: int) -> _Checked:
     faults: list[SensorFault] = []
     notes: list[str] = []
     if voltage is not None and speed is not None and _turns_back(voltage, speed):
+        if current is not None and float(np.nansum(voltage * current)) > 0.0:  # it flows as commanded
+            columns[names[1]] = current = -current
         columns[names[0]] = voltage = -voltage
         notes.append(
             f"motor {port} turns against its command: its wires are swapped; the sign was taken away"
@@ -190,12 +205,12 @@ def _at_rest(voltage: Array, current: Array, speed: Array) -> float:
 
 
 def _supply(columns: Columns, ports: list[int]) -> tuple[Supply | None, tuple[str, ...]]:
-    if "battery.voltage" not in columns:
-        return None, ("battery.voltage",)
+    if BATTERY not in columns:
+        return None, (BATTERY,)
     power, missing = power_of(columns, ports)
     if power is None:
         return None, missing
-    return judge_supply(columns["t"], columns["battery.voltage"], power, assumed=0.0), ()
+    return judge_supply(columns["t"], columns[BATTERY], power, assumed=0.0), ()
 
 
 def _joined(

@@ -18,6 +18,8 @@ from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_co
 from raccoon.model.bemf import counts_scale
 
 Array = NDArray[np.float64]
+FEWEST_KNOWN = 20
+"""Rows with a pose from which on a reference is one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,9 +39,9 @@ class Manoeuvre:
     """One recording, ready to be fitted.
 
     t: s, (n,). left, right: rad at nominal scale since the start, without the offset's share, (n,). gyro:
-    rad turned by the gyro without its bias, (n,), or None. truth: x, y, heading, (n, 3), or None. offsets:
-    back-EMF counts at rest of left and right, with deviations, None where there was no rest. taped: pieces
-    measured by tape.
+    rad turned by the gyro without its bias, at the scale of robot.toml, (n,), or None. truth: x, y, heading,
+    (n, 3), NaN where the reference says nothing, or None. offsets: back-EMF counts at rest of left and right,
+    with deviations, None where there was no rest. taped: pieces measured by tape.
     """
 
     t: Array
@@ -65,9 +67,14 @@ class Manoeuvre:
         )
 
     @property
+    def known(self) -> NDArray[np.intp]:
+        """Rows in which the reference says where the robot is."""
+        return np.flatnonzero([] if self.truth is None else np.isfinite(self.truth[:, 0]))
+
+    @property
     def heading(self) -> Array | None:
-        """Heading by the reference: motion capture before gyro."""
-        return self.truth[:, 2] if self.truth is not None else self.gyro
+        """Heading by the reference, where it is known: motion capture before gyro."""
+        return self.truth[self.known, 2] if self.truth is not None else self.gyro
 
 
 def manoeuvre(
@@ -90,7 +97,7 @@ def manoeuvre(
         t=t,
         left=sides[0][0],
         right=sides[1][0],
-        gyro=_gyro(columns, t, rest),
+        gyro=_gyro(columns, robot, t, rest),
         truth=_truth(columns),
         offsets=(sides[0][1], sides[1][1]),
         battery_voltage=_mean(columns.get("battery.voltage")),
@@ -159,7 +166,7 @@ def _wheel(
     return scale * (summed - counts * (t - t[0])), offset
 
 
-def _gyro(columns: Mapping[str, Array], t: Array, rest: int) -> Array | None:
+def _gyro(columns: Mapping[str, Array], robot: RobotConfig, t: Array, rest: int) -> Array | None:
     rates = columns.get("imu.gyro.z")
     if rates is None or not np.any(np.isfinite(rates)):
         return None
@@ -168,13 +175,19 @@ def _gyro(columns: Mapping[str, Array], t: Array, rest: int) -> Array | None:
     if len(resting) < 10:
         return None
     known = np.isfinite(values)
-    rate = np.interp(t, t[known], values[known]) - resting.mean()
+    # gyro = scale * turn rate + bias, as the odometry has it
+    rate = (np.interp(t, t[known], values[known]) - resting.mean()) / robot.model.imu.gyro_scale.value
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(t))])
 
 
 def _truth(columns: Mapping[str, Array]) -> Array | None:
     names = ("truth.x", "truth.y", "truth.heading")
-    if not all(name in columns and np.all(np.isfinite(columns[name])) for name in names):
+    if not all(name in columns for name in names):
         return None
-    x, y, heading = (np.asarray(columns[name], dtype=float) for name in names)
-    return np.column_stack([x, y, np.unwrap(heading)])
+    truth = np.column_stack([np.asarray(columns[name], dtype=float) for name in names])
+    known = np.isfinite(truth).all(axis=1)
+    if known.sum() < FEWEST_KNOWN:
+        return None
+    truth[~known] = np.nan  # a reference of another rate leaves rows blank, as one that loses the robot does
+    truth[known, 2] = np.unwrap(truth[known, 2])
+    return truth

@@ -209,7 +209,8 @@ def path(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
 def _residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     parts = []
     if each.truth is not None:
-        parts.append(_path_residuals(factors, robot, each, each.truth))
+        errors = off_truth(factors, robot, each) / (PLACE_STD, PLACE_STD, HEADING_STD)
+        parts.append(errors[1:].ravel() / math.sqrt(max(len(errors), 1)))
     elif each.gyro is not None:
         parts.append(_gyro_residuals(factors, robot, each, each.gyro))
     driven = path(factors, robot, each)
@@ -220,17 +221,21 @@ def _residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     return np.concatenate(parts)
 
 
-def _path_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre, truth: Array) -> Array:
-    """Path minus truth over its expected error; the start pose is the truth's."""
-    driven = path(factors, robot, each)
-    c, s = math.cos(truth[0, 2]), math.sin(truth[0, 2])
-    x = truth[0, 0] + c * driven[:, 0] - s * driven[:, 1]
-    y = truth[0, 1] + s * driven[:, 0] + c * driven[:, 1]
-    heading = truth[0, 2] + driven[:, 2]
-    errors = np.column_stack(
-        [(x - truth[:, 0]) / PLACE_STD, (y - truth[:, 1]) / PLACE_STD, (heading - truth[:, 2]) / HEADING_STD]
-    )
-    return errors[1:].ravel() / math.sqrt(len(errors))
+def off_truth(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+    """Path minus truth, x, y, heading, in its known rows (k, 3); the first of them is where it starts.
+
+    Raises CalibrationError for a manoeuvre without truth.
+    """
+    if each.truth is None:
+        raise CalibrationError("a recording has no truth.x, truth.y and truth.heading")
+    truth, driven = each.truth[each.known], path(factors, robot, each)[each.known]
+    if not len(truth):
+        return truth
+    turned, moved = truth[0, 2] - driven[0, 2], driven - driven[0]
+    c, s = math.cos(turned), math.sin(turned)
+    x = truth[0, 0] + c * moved[:, 0] - s * moved[:, 1]
+    y = truth[0, 1] + s * moved[:, 0] + c * moved[:, 1]
+    return np.column_stack([x, y, truth[0, 2] + moved[:, 2]]) - truth
 
 
 def _gyro_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre, gyro: Array) -> Array:
@@ -275,8 +280,12 @@ def _left_out(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Arra
         moved.append(-np.linalg.solve(rest, whole_b - b))
     spread = np.array(moved) - np.mean(moved, axis=0)
     count = len(normal)
-    tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
-    common = 0.0 if any(each.truth is not None for each in manoeuvres) else min(tape) / math.sqrt(len(tape))
+    common = np.zeros(3)  # what is wrong with all parts alike: the tape, and for the track the gyro's scale
+    if not any(each.truth is not None for each in manoeuvres):
+        tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
+        scale = robot.model.imu.gyro_scale
+        common += min(tape) / math.sqrt(len(tape))
+        common[2] = math.hypot(common[2], scale.std / scale.value)
     deviations: Array = np.sqrt((count - 1) / count * (spread**2).sum(axis=0) + common**2)
     return deviations
 

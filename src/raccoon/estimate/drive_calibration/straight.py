@@ -109,7 +109,7 @@ def calibrate_straight(
     offsets = [resting_bemf(inputs[:rest], port) for port in (robot.drive.left, robot.drive.right)]
     bias = resting_gyro(inputs[:rest])
     if turn is None:
-        turn = gyro_turn(inputs, bias)
+        turn = gyro_turn(robot, inputs, bias)
     _require(
         abs(turn) <= MOST_TURN,
         f"the robot turned by {math.degrees(turn):.1f} degrees on the way: drive straighter (30 are allowed)",
@@ -185,8 +185,9 @@ def resting_gyro(rest: Sequence[Inputs]) -> Measured | None:
     return Measured(fmean(rates), max(pstdev(rates), 1e-4) / math.sqrt(len(rates)))
 
 
-def gyro_turn(inputs: Sequence[Inputs], bias: Measured | None) -> float:
-    """Rad the robot turned by its gyro. Raises CalibrationError without a gyro or a rest for its bias."""
+def gyro_turn(robot: RobotConfig, inputs: Sequence[Inputs], bias: Measured | None) -> float:
+    """Rad the robot turned by its gyro, at the scale of robot.toml. Raises CalibrationError without a gyro or
+    a rest for its bias."""
     _require(bias is not None, "no gyro reading at rest before the drive: wait 1 s first, or give the turn")
     assert bias is not None
     turn = 0.0
@@ -199,7 +200,7 @@ def gyro_turn(inputs: Sequence[Inputs], bias: Measured | None) -> float:
             turn += 0.5 * (rate + last[1]) * (cycle.time - last[0])
         last = cycle.time, rate
     assert last is not None
-    return turn - bias.value * (last[0] - inputs[0].time)
+    return (turn - bias.value * (last[0] - inputs[0].time)) / robot.model.imu.gyro_scale.value
 
 
 def counted(

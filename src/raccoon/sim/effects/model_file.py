@@ -26,6 +26,9 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import UNKNOWN, Origin, Provenance
 
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+"""What no string of TOML holds as it is."""
+
 
 def load_model(path: str | Path) -> Parameters:
     """Read a `model.toml`. Raises ConfigError naming file, key, value and what is allowed."""
@@ -134,5 +137,7 @@ def _shown(value: object) -> str:
     if isinstance(value, date):
         return value.isoformat()
     if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        text = value.encode("utf-8", "replace").decode()  # of a file's name that is no text
+        text = text.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + _CONTROL.sub(lambda it: f"\\u{ord(it[0]):04x}", text) + '"'
     return repr(value)

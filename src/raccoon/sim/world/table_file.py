@@ -66,7 +66,10 @@ def parse_world(table: Mapping[str, Any]) -> World:
         Wall(_point(entry, "from", where), _point(entry, "to", where))
         for where, entry in _entries(table, "wall", ("from", "to"))
     ]
-    if area is not None and table.get("walls", True):
+    around = table.get("walls", True)
+    if not isinstance(around, bool):
+        raise ConfigError(f"walls = {around!r}: allowed are true and false")
+    if area is not None and around:
         walls = [*walls_around(area), *walls]
     return World(
         name=str(table.get("name", "table")),
@@ -99,7 +102,7 @@ def _entries(
     table: Mapping[str, Any], key: str, known: tuple[str, ...]
 ) -> list[tuple[str, Mapping[str, Any]]]:
     entries = table.get(key, [])
-    if not isinstance(entries, list):
+    if not (isinstance(entries, list) and all(isinstance(each, Mapping) for each in entries)):
         raise ConfigError(f"{key}: write [[{key}]], one for each")
     named = [(f"{key} number {number}", entry) for number, entry in enumerate(entries, start=1)]
     for where, entry in named:
@@ -113,20 +116,24 @@ def _line(entry: Mapping[str, Any], where: str) -> Line:
     width = _positive(entry, "width", where) if "width" in entry else 0.05
     if "arc" in entry:
         return Line(_arc(entry["arc"], f"{where}.arc"), width)
+    if not isinstance(entry["points"], list):
+        raise ConfigError(f"{where}.points = {entry['points']!r}: write [[x, y], [x, y]]")
     points = tuple(_as_point(each, f"{where}.points") for each in entry["points"])
     if len(points) < 2 or any(a == b for a, b in itertools.pairwise(points)):
         raise ConfigError(f"{where}.points: it needs two points or more, none of them twice in a row")
     return Line(points, width)
 
 
-def _arc(entry: Mapping[str, Any], where: str) -> tuple[Point, ...]:
+def _arc(entry: object, where: str) -> tuple[Point, ...]:
+    if not isinstance(entry, Mapping):
+        raise ConfigError(f"{where} = {entry!r}: write {{ centre = [x, y], radius = m }}")
     refuse_unknown(entry, ("centre", "radius", "from_deg", "to_deg"), where)
     x, y = _point(entry, "centre", where)
     radius = _positive(entry, "radius", where)
-    begin = math.radians(_number(entry, "from_deg", where, 0.0))
-    end = math.radians(_number(entry, "to_deg", where, 360.0))
-    if begin == end:
-        raise ConfigError(f"{where}: from_deg and to_deg are the same")
+    first, last = _number(entry, "from_deg", where, 0.0), _number(entry, "to_deg", where, 360.0)
+    if not 0.0 < abs(last - first) <= 360.0:
+        raise ConfigError(f"{where}: from_deg {first:g} to to_deg {last:g}: allowed is up to one turn")
+    begin, end = math.radians(first), math.radians(last)
     steps = max(2, math.ceil(abs(end - begin) / (2 * math.pi) * ARC_STEPS))
     angles = [begin + (end - begin) * step / steps for step in range(steps + 1)]
     return tuple((x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles)
@@ -137,6 +144,8 @@ def _light(entry: Mapping[str, Any], where: str) -> Light:
     if not 0.0 <= ambient <= 2.0:
         raise ConfigError(f"{where}.ambient is {ambient}: allowed are numbers from 0 (normal) to 2 (1: sun)")
     begin, end = _number(entry, "begin", where, 0.0), _number(entry, "end", where, math.inf)
+    if not begin < end:
+        raise ConfigError(f"{where}: it begins at {begin:g} s and ends at {end:g} s: it would never shine")
     return Light(_corners(entry, where), ambient, begin, end)
 
 

@@ -3,6 +3,7 @@ file: `vir` V of the drive's command, `gtau` N/V, `qm` m, `t` s."""
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,12 @@ def read_emps(path: str | Path) -> Recording:
         held = loadmat(path)
         time, command, position = (np.asarray(held[name], float).ravel() for name in ("t", "vir", "qm"))
         force = command * float(np.asarray(held["gtau"]).squeeze())
-    except (KeyError, TypeError, ValueError, NotImplementedError, MatReadError) as error:
+    except (LookupError, TypeError, ValueError, NotImplementedError, MatReadError) as error:
         raise TraceError(
             f"{path}: {error}: of MATLAB files only those with t, vir, gtau and qm are read"
         ) from None
+    except (OSError, zlib.error) as error:
+        if isinstance(error, OSError) and error.filename is not None:
+            raise  # it cannot be opened
+        raise TraceError(f"{path}: the file is damaged, or cut off: {error}") from None
     return Recording({"t": time, "motor.0.force": force, "motor.0.travel": position})

@@ -63,6 +63,29 @@ def test_radius_and_track_are_found_on_runs_that_were_not_fitted() -> None:
     assert "not identifiable" in next(each.reason for each in found.rejected if each.id == "friction.*")
 
 
+def test_a_reference_that_is_blank_in_most_rows_and_lost_for_a_while_tells_the_same() -> None:
+    runs = [driven(seed, radius=1.02, track=0.97) for seed in range(4)]
+    whole = diagnose_geometry(runs, ROBOT)
+    rows = np.arange(len(runs[0]["t"]))
+    blank = (rows % 3 != 1) | ((rows > 200) & (rows < 240))
+    sparse = [
+        {
+            name: np.where(blank, np.nan, each) if name.startswith("truth") else each
+            for name, each in run.items()
+        }
+        for run in runs
+    ]
+    found = diagnose_geometry(sparse, ROBOT)
+    assert found.verdict == whole.verdict == Verdict.EXPLAINED
+    assert [each.name for each in found.causes] == [each.name for each in whole.causes]
+    for name, each in found.identified.items():
+        assert each.value == pytest.approx(whole.identified[name].value, rel=0.002)
+    (curve,) = found.curves
+    assert len(curve.time) == 2 * int((~blank).sum())
+    assert np.isfinite(curve.after).all()
+    assert diagnose_geometry(sparse[:1], ROBOT).verdict == Verdict.EXPLAINED
+
+
 def test_a_robot_as_configured_is_adequate() -> None:
     found = diagnose_geometry([driven(seed) for seed in range(4)], ROBOT)
     assert found.verdict is Verdict.ADEQUATE

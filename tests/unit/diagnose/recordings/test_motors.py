@@ -115,6 +115,31 @@ def test_swapped_wires_are_said_and_taken_away() -> None:
     assert [each.id for each in found.causes] == ["friction.coulomb"]
 
 
+@pytest.mark.parametrize("as_commanded", [True, False], ids=["of the driver", "of the motion"])
+def test_the_current_of_a_motor_with_swapped_wires_is_its_own(as_commanded: bool) -> None:
+    columns = motor(11, 0.008)
+    columns["motor.0.voltage"] = -columns["motor.0.voltage"]
+    if as_commanded:  # which is what a driver measures
+        columns["motor.0.current"] = -columns["motor.0.current"]
+    found = diagnose_recording(columns, ROBOT)
+    assert found.sensor_faults == ()
+    assert found.identified["resistance"].value == pytest.approx(4.0, rel=0.03)
+    assert found.identified["back_emf"].value == pytest.approx(0.09, rel=0.02)
+
+
+def test_a_battery_of_0_volts_is_none() -> None:
+    columns = pair(5, (0.008, 0.0))
+    columns["battery.voltage"][100:110] = 0.0
+    found = diagnose_motors(columns, ROBOT)
+    (resistance,) = (each for each in found.causes if each.id == "battery.internal_resistance")
+    assert resistance.parameters["resistance"].value == pytest.approx(0.1, rel=0.1)
+    (fault,) = found.sensor_faults
+    assert "battery.voltage is 0 V in 0.833 % of its samples, which no battery is" in fault.text
+    columns["battery.voltage"][:] = 0.0
+    reasons = {each.id: each.reason for each in diagnose_motors(columns, ROBOT).rejected}
+    assert reasons["battery.internal_resistance"] == "not identifiable: battery.voltage is missing"
+
+
 def test_a_stiff_battery_gets_no_resistance() -> None:
     rng = np.random.default_rng(2)
     time = np.arange(0.0, 1.0, 0.001)

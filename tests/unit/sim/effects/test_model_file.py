@@ -77,6 +77,18 @@ def test_a_model_of_every_section_that_a_robot_may_have_survives(tmp_path: Path)
         assert Parameters.from_model_file(tmp_path / "model.toml") == model
 
 
+@pytest.mark.parametrize("name", ["a\nb", "a\tb", "a\x00\x7fb", 'quoted "\\" ä'])
+def test_a_robot_may_have_any_name(tmp_path: Path, name: str) -> None:
+    model = Parameters(RobotConfig(name=name))
+    model.save(tmp_path / "model.toml")
+    assert Parameters.from_model_file(tmp_path / "model.toml") == model
+
+
+def test_a_recording_whose_name_is_no_text_is_named_as_far_as_it_is(tmp_path: Path) -> None:
+    replace(Parameters(), provenance=Provenance(recording="b\udce4d.csv")).save(tmp_path / "model.toml")
+    assert Parameters.from_model_file(tmp_path / "model.toml").provenance.recording == "b?d.csv"
+
+
 def test_a_model_can_be_sent_to_other_processes() -> None:
     model = Parameters(chain=Chain.firmware()).with_effect("drive.backlash", "left", angle=0.1)
     assert pickle.loads(pickle.dumps(model)) == model

@@ -51,6 +51,19 @@ def test_a_table_can_be_sent_to_other_processes() -> None:
         ("[[object]]\ncentre = [0]\nradius = 1", r"centre = \[0\]"),
         ("[[hole]]\n", "hole"),
         ("[[ramp]]\nlow = [0, 0]\nhigh = [1, 1]\nalong_x = nan", "along_x = nan"),
+        ("line = [1, 2]", r"line: write \[\[line\]\], one for each"),
+        ("[[line]]\npoints = 5", r"line number 1\.points = 5: write \[\[x, y\], \[x, y\]\]"),
+        ("[[line]]\narc = 5", r"line number 1\.arc = 5: write \{ centre"),
+        (
+            "[[line]]\narc = { centre = [0, 0], radius = 1, to_deg = 1e9 }",
+            "to_deg 1e\\+09: allowed is up to one turn",
+        ),
+        (
+            "[[line]]\narc = { centre = [0, 0], radius = 1, to_deg = 0 }",
+            "to_deg 0: allowed is up to one turn",
+        ),
+        ("area = { low = [0, 0], high = [1, 1] }\nwalls = 'no'", "walls = 'no': allowed are true and false"),
+        ("[[light]]\nlow = [0, 0]\nhigh = [1, 1]\nambient = 1\nbegin = 5\nend = 5", "would never shine"),
     ],
 )
 def test_a_mistake_in_a_table_is_named(text: str, message: str, tmp_path: Path) -> None:

@@ -21,7 +21,6 @@ from raccoon.diagnose.recordings.geometry.fit import (
     Fitted,
     candidates,
     combined,
-    differences,
     leaves_its_wheels,
 )
 from raccoon.diagnose.recordings.geometry.words import geometry_cause
@@ -38,7 +37,7 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
-from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.estimate.drive_calibration.fit import calibrate_drive, off_truth
 from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -117,7 +116,8 @@ def _shared(
     if len(made) > 1:
         return made[::2], made[1::2]
     count = len(made[0].t)
-    split = int(SHARE_FITTED * count)
+    rows = made[0].known if made[0].truth is not None else np.arange(count)
+    split = int(rows[int(SHARE_FITTED * len(rows))])
     return [made[0].piece(0, split)], [made[0].piece(split, count)]
 
 
@@ -217,8 +217,8 @@ def _curves(fit: Fitted, before: Array, after: Array) -> tuple[Curve, ...]:
     """Distance from the reference along the unseen runs, put one behind the other."""
     times, curves, offset = [], [], 0.0
     for each in fit.unseen:
-        pair = [np.hypot(*differences(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]
-        times.append(offset + each.t - each.t[0])
+        pair = [np.hypot(*off_truth(factors, fit.robot, each)[:, :2].T) for factors in (before, after)]
+        times.append(offset + each.t[each.known] - each.t[0])
         curves.append(np.column_stack(pair))
         offset += float(each.t[-1] - each.t[0])
     table = np.concatenate(curves)

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import CalibrationError
 from raccoon.diagnose.hypotheses.coordinates import cause_name
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
-from raccoon.estimate.drive_calibration.fit import path
+from raccoon.estimate.drive_calibration.fit import off_truth
 
 Array = NDArray[np.float64]
 
@@ -43,23 +42,11 @@ class Fitted:
 
     def errors(self, factors: Array) -> Errors:
         """Over the unseen runs; each starts at the reference's pose."""
-        parts = [differences(factors, self.robot, each) for each in self.unseen]
+        parts = [off_truth(factors, self.robot, each) for each in self.unseen]
         whole = np.concatenate(parts)
         return Errors(
             float(np.sqrt((whole[:, :2] ** 2).sum(axis=1).mean())), float(np.sqrt((whole[:, 2] ** 2).mean()))
         )
-
-
-def differences(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """Dead reckoning minus reference, (n, 3), from the reference's first pose on."""
-    if each.truth is None:
-        raise CalibrationError("a run to judge on has no truth.x, truth.y and truth.heading")
-    driven, start = path(factors, robot, each), each.truth[0]
-    c, s = math.cos(start[2]), math.sin(start[2])
-    turned = np.column_stack(
-        [c * driven[:, 0] - s * driven[:, 1], s * driven[:, 0] + c * driven[:, 1], driven[:, 2]]
-    )
-    return np.asarray(turned + start - each.truth)
 
 
 WINDOW = 1.0
@@ -70,14 +57,14 @@ def leaves_its_wheels(fit: Fitted, factors: Array) -> str:
     """Where the unseen runs' paths part from their wheels most, in a sentence."""
     most, when = 0.0, 0.0
     for each in fit.unseen:
-        rest = differences(factors, fit.robot, each)
-        ends = np.searchsorted(each.t, np.arange(each.t[0], each.t[-1], 0.25 * WINDOW))
-        ahead = np.minimum(np.searchsorted(each.t, each.t[ends] + WINDOW), len(each.t) - 1)
+        rest, time = off_truth(factors, fit.robot, each), each.t[each.known]
+        ends = np.searchsorted(time, np.arange(time[0], time[-1], 0.25 * WINDOW))
+        ahead = np.minimum(np.searchsorted(time, time[ends] + WINDOW), len(time) - 1)
         moved = rest[ahead] - rest[ends]
         away = np.hypot(moved[:, 0], moved[:, 1])
         worst = int(np.argmax(away))
         if away[worst] > most:
-            most, when = float(away[worst]), float(each.t[ends[worst]])
+            most, when = float(away[worst]), float(time[ends[worst]])
     return (
         f"from {when:.1f} s on the robot and its wheels part by {1000 * most:.0f} mm within {WINDOW:.0f} s, "
         "which no size of wheels explains: was it held or pushed, or did it slip?"
