@@ -39,7 +39,7 @@ def flattened(mean: Array, covariance: Array) -> Flat:
 
 
 def mean_of(flat: Flat) -> Array:
-    """The state vector, (12,)."""
+    """The state vector, (13,)."""
     return np.array(flat[:SIZE])
 
 
