@@ -195,7 +195,7 @@ class DriveFilter:
         P[State.WAY, State.WHEEL_TURN] -= scale
         P[State.WHEEL_TURN, State.WAY] -= scale
         noise = np.diag(variances) + wobble * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry)
+        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry, turn_rate)
         mean[State.VELOCITY], mean[State.TURN_RATE] = velocity, turn_rate
         self.flat = flattened(mean, P)
         return travel
