@@ -9,7 +9,7 @@ import pytest
 
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import Inputs, Outputs, Status
+from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.estimate.ekf.bridge import bridged
@@ -92,6 +92,33 @@ def test_a_silent_link_is_a_gap_though_cycles_come(motion: Segment, seconds: flo
     assert math.hypot(estimate.x_std, estimate.y_std) < 0.02
     within = found[round((begin + min(seconds, 0.05)) / 0.005)][0]
     assert within.x == pytest.approx(found[round(begin / 0.005)][0].x, abs=0.02)
+
+
+@pytest.mark.parametrize("seconds", [0.08, 0.12, 0.18])
+@pytest.mark.parametrize(
+    "motion", [(1.0, 0.0, 1.5), (1.0, 0.2, 0.0), (1.0, 0.12, 1.0)], ids=["turn", "straight", "arc"]
+)
+def test_what_a_controller_did_not_count_while_it_hung_is_in_doubt(motion: Segment, seconds: float) -> None:
+    """Its motors ran on meanwhile. What is lost is no more than that, and alike for both wheels."""
+    begin, nothing = 2.6, (None,) * 4
+
+    def hanging(inputs: Inputs, before: Inputs, back: Inputs) -> Inputs:
+        if inputs.time < before.time:
+            return inputs
+        if inputs.time < back.time:
+            return replace(inputs, bemf=nothing, position=nothing, gyro=None, faults=(Fault.STALE,))
+        ticks = zip(inputs.position[:2], before.position[:2], back.position[:2], strict=True)
+        counted = [(now or 0) - ((then or 0) - (last or 0)) for now, last, then in ticks]
+        faults = (Fault.POSITION_JUMP,) if inputs is back else ()
+        return replace(inputs, position=(*counted, None, None), faults=faults)
+
+    cycles = list(drive([(2.0, 0.0, 0.0), motion, (1.0, 0.0, 0.0)], Errors(offset_counts=OFFSETS)))
+    before, back = cycles[round(begin / 0.005)][0], cycles[round((begin + seconds) / 0.005)][0]
+    found = run((hanging(inputs, before, back), command) for inputs, command in cycles)
+    estimate, inputs = found[-1]
+    assert max(sigmas(estimate, inputs)) < 2.0
+    assert math.hypot(estimate.x_std, estimate.y_std) < 0.05
+    assert estimate.heading_std < 0.4
 
 
 def later(cycles: Iterator[Cycle], after: float, seconds: float) -> Iterator[Cycle]:
