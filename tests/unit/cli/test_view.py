@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raccoon import open_robot, wait
+from raccoon import open_robot, straight, wait
 from raccoon.cli.main import main
 from raccoon.cli.view.drawing import _outline
 from raccoon.cli.view.drive import drive_of
@@ -68,6 +68,17 @@ def test_the_robot_is_drawn_as_long_and_as_wide_as_it_was_recorded(tmp_path: Pat
         assert corners[:, 0].tolist() == pytest.approx([front, -0.09, -0.09, front])
         assert corners[:, 1].tolist() == pytest.approx([0.09, 0.09, -0.09, -0.09])
         assert line.tolist() == pytest.approx([0.0, front])
+
+
+def test_what_the_robot_believed_is_drawn_of_a_converted_recording_too(tmp_path: Path) -> None:
+    config = RobotConfig(controller=ControllerConfig(port="emulator"))
+    with open_robot(config, record=tmp_path / "run") as robot:
+        robot.run(straight(0.02))
+    assert main(["convert", str(tmp_path / "run"), str(tmp_path / "run.csv")]) == 0
+    native, converted = drive_of(tmp_path / "run.jsonl.gz").best, drive_of(tmp_path / "run.csv").best
+    assert native.x[-1] == pytest.approx(0.02, abs=0.001)
+    for name in ("time", "x", "y", "heading"):
+        np.testing.assert_allclose(getattr(converted, name), getattr(native, name), atol=1e-6)
 
 
 def test_it_can_be_moved_to_where_it_started(recording: Path) -> None:

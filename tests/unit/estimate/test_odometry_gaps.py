@@ -9,7 +9,7 @@ import pytest
 
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import Inputs, Outputs, Status
+from raccoon.core.readings import Fault, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
 from raccoon.estimate.ekf.bridge import bridged
@@ -57,6 +57,16 @@ def test_motion_that_ends_unseen_is_counted(motion: Segment, seconds: float) -> 
     assert found[-1][0].status is Status.OK
 
 
+@pytest.mark.parametrize("seconds", [0.12, 0.3, 1.0])
+def test_a_gyro_that_is_late_tells_no_part_of_a_turn_twice_after_a_gap_in_it(seconds: float) -> None:
+    """The heading is of the gyro's time: a turn that goes on after the gap does not bring it up to date."""
+    cycles = drive([(2.0, 0.0, 0.0), (3.0, 0.0, 1.5), (1.0, 0.0, 0.0)], Errors(imu_latency=0.012))
+    found = run(each for each in cycles if not 3.0 < each[0].time < 3.0 + seconds)
+    estimate, inputs = found[-1]
+    assert inputs.truth is not None
+    assert abs(estimate.heading - inputs.truth.heading) < 0.006
+
+
 @pytest.mark.parametrize("seconds", [0.07, 0.12, 0.3, 1.0])
 @pytest.mark.parametrize("motion", [(1.0, 0.0, 1.5), (1.0, 0.15, 0.0)], ids=["turn", "straight"])
 @pytest.mark.parametrize("gyro_every", [1, 4])
@@ -82,6 +92,33 @@ def test_a_silent_link_is_a_gap_though_cycles_come(motion: Segment, seconds: flo
     assert math.hypot(estimate.x_std, estimate.y_std) < 0.02
     within = found[round((begin + min(seconds, 0.05)) / 0.005)][0]
     assert within.x == pytest.approx(found[round(begin / 0.005)][0].x, abs=0.02)
+
+
+@pytest.mark.parametrize("seconds", [0.08, 0.12, 0.18])
+@pytest.mark.parametrize(
+    "motion", [(1.0, 0.0, 1.5), (1.0, 0.2, 0.0), (1.0, 0.12, 1.0)], ids=["turn", "straight", "arc"]
+)
+def test_what_a_controller_did_not_count_while_it_hung_is_in_doubt(motion: Segment, seconds: float) -> None:
+    """Its motors ran on meanwhile. What is lost is no more than that, and alike for both wheels."""
+    begin, nothing = 2.6, (None,) * 4
+
+    def hanging(inputs: Inputs, before: Inputs, back: Inputs) -> Inputs:
+        if inputs.time < before.time:
+            return inputs
+        if inputs.time < back.time:
+            return replace(inputs, bemf=nothing, position=nothing, gyro=None, faults=(Fault.STALE,))
+        ticks = zip(inputs.position[:2], before.position[:2], back.position[:2], strict=True)
+        counted = [(now or 0) - ((then or 0) - (last or 0)) for now, last, then in ticks]
+        faults = (Fault.POSITION_JUMP,) if inputs is back else ()
+        return replace(inputs, position=(*counted, None, None), faults=faults)
+
+    cycles = list(drive([(2.0, 0.0, 0.0), motion, (1.0, 0.0, 0.0)], Errors(offset_counts=OFFSETS)))
+    before, back = cycles[round(begin / 0.005)][0], cycles[round((begin + seconds) / 0.005)][0]
+    found = run((hanging(inputs, before, back), command) for inputs, command in cycles)
+    estimate, inputs = found[-1]
+    assert max(sigmas(estimate, inputs)) < 2.0
+    assert math.hypot(estimate.x_std, estimate.y_std) < 0.05
+    assert estimate.heading_std < 0.4
 
 
 def later(cycles: Iterator[Cycle], after: float, seconds: float) -> Iterator[Cycle]:
@@ -126,12 +163,12 @@ def test_the_bridge_has_the_derivatives_of_its_motion() -> None:
     generator = np.random.default_rng(4)
     geometry = DriveGeometry(0.0345, 0.16)
     mean = np.array([0.3, -0.2, 0.7, 0.15, 0.4, 0.002, 0.01, -0.02, 1.02, 0.01, 0.98, 1.0, 0.01])
-    angles, seconds, tiny = (1.1, 2.3), 1.7, 1e-6
+    angles, seconds, tiny, after = (1.1, 2.3), 1.7, 1e-6, -0.6
     pose = [State.X, State.Y, State.HEADING]
 
     def end(state: np.ndarray, left: float = angles[0], right: float = angles[1]) -> np.ndarray:
         found: np.ndarray = bridged(
-            state, np.zeros((SIZE, SIZE)), seconds, (left, right), np.zeros((2, 2)), geometry
+            state, np.zeros((SIZE, SIZE)), seconds, (left, right), np.zeros((2, 2)), geometry, after
         )[0][pose]
         return found
 
@@ -147,8 +184,9 @@ def test_the_bridge_has_the_derivatives_of_its_motion() -> None:
     A = 0.01 * generator.normal(size=(SIZE, SIZE))
     B = 0.01 * generator.normal(size=(2, 2))
     spread, noise = A @ A.T, B @ B.T
-    _, known, travel = bridged(mean, np.zeros((SIZE, SIZE)), seconds, angles, np.zeros((2, 2)), geometry)
-    _, P, _ = bridged(mean, spread, seconds, angles, noise, geometry)
+    sure = np.zeros((SIZE, SIZE)), seconds, angles, np.zeros((2, 2))
+    _, known, travel = bridged(mean, *sure, geometry, after)
+    _, P, _ = bridged(mean, spread, seconds, angles, noise, geometry, after)
     np.testing.assert_allclose((P - known)[np.ix_(pose, pose)], exact(spread, noise), rtol=0.02, atol=3e-6)
     assert travel == pytest.approx(1.02 * 0.5 * 0.0345 * (1.083 / 0.99 + 2.334 / 1.01))
     assert np.linalg.eigvalsh(P).min() > 0.0

@@ -1,6 +1,7 @@
 """Things seen in the field: fused with the full covariance, gated, and put where they belong in time."""
 
 import math
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -139,6 +140,20 @@ def test_what_is_seen_in_this_cycle_counts_alike_with_its_time_and_without(cycle
         ).accepted
         told.append((odometry.estimate.x, odometry.estimate.y, odometry.estimate.heading))
     np.testing.assert_allclose(told[0], told[1], atol=2e-4)
+
+
+def test_what_was_seen_more_than_two_seconds_ago_is_not_taken_after_a_pause_either() -> None:
+    """The steps of two seconds reach further back where nobody looked in between."""
+    odometry = Odometry(RobotConfig())
+    for inputs, command in islice(drive(OUT, WRONG), 500):
+        late = 4.0 if inputs.time > 2.0 else 0.0
+        odometry.update(replace(inputs, time=inputs.time + late), command)
+    now = inputs.time + 4.0
+    assert inputs.truth is not None
+    for ago, taken in ((1.0, True), (3.0, False)):
+        found = odometry.observe_pose(*pose(inputs.truth), position_std=1.0, heading_std=1.0, time=now - ago)
+        assert found.accepted is taken
+    assert "allowed are the 2 s before" in found.reason
 
 
 @pytest.mark.parametrize("time", [-1.0, 2.0, 1e9])

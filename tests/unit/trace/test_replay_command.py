@@ -226,6 +226,8 @@ def test_a_picture_is_drawn(recorded: Path, tmp_path: Path) -> None:
 def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--plot out\.bmp: allowed are the endings"):
         run(recorded, "--plot", "out.bmp")
+    with pytest.raises(ConfigError, match="--tolerance nan: allowed are numbers from 0 to below 1"):
+        run(recorded, "--tolerance", "nan")
     with pytest.raises(ConfigError, match="there is no folder"):
         run(recorded, "--json", tmp_path / "missing" / "out.json")
     with pytest.raises(ConfigError, match="--program prints what it finds and writes nothing"):

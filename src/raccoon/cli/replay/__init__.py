@@ -41,6 +41,8 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.core.config import load_robot
     from raccoon.trace.loading import load_runs
 
+    if not 0.0 <= args.tolerance < 1.0:
+        raise ConfigError(f"--tolerance {args.tolerance}: allowed are numbers from 0 to below 1")
     _check_outputs(args)
     robot = None if args.robot is None else load_robot(args.robot)
     runs = [run for file in args.file for run in load_runs(file)]

@@ -19,8 +19,6 @@ from raccoon.trace.loading import Run
 
 def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig | None) -> int:
     """Replay a program on traces. Exit status 1 where it diverges from one of them."""
-    if not 0.0 <= args.tolerance < 1.0:
-        raise ConfigError(f"--tolerance {args.tolerance}: allowed are numbers from 0 to below 1")
     with _told(args.program), no_robot_opened():
         mission = load_mission(args.program)
     diverged = 0

@@ -15,6 +15,9 @@ from raccoon.core.errors import TraceError
 from raccoon.trace.loading import Run, load_run
 
 Floats = NDArray[np.float64]
+TRUTH = ("truth.x", "truth.y", "truth.heading")
+ESTIMATE = ("estimate.drive.0", "estimate.drive.1", "estimate.drive.2")
+"""The first three numbers of the robot's drive estimate, of which only these are drawn."""
 
 
 @dataclass(frozen=True)
@@ -91,18 +94,19 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
 
 
 def _truth(run: Run) -> Path2 | None:
-    if not run.recording.has_truth:
-        return None
-    columns = [run.recording[name] for name in ("t", "truth.x", "truth.y", "truth.heading")]
-    known = ~np.isnan(np.stack(columns)).any(axis=0)
-    return Path2(*(column[known] for column in columns)) if known.sum() > 1 else None
+    return _path(run, TRUTH) if run.recording.has_truth else None
 
 
 def _estimate(run: Run) -> Path2 | None:
-    """Poses that the robot noted: the first three numbers of its drive estimate."""
-    ticks = run.trace.ticks if run.trace else []
-    rows = [(tick.inputs.time, *tick.estimates["drive"][:3]) for tick in ticks if "drive" in tick.estimates]
-    return Path2(*np.array(rows, dtype=np.float64).T) if len(rows) > 1 else None
+    """Poses that the robot noted, in whatever form the recording is kept."""
+    return _path(run, ESTIMATE) if all(name in run.recording for name in ESTIMATE) else None
+
+
+def _path(run: Run, pose: tuple[str, str, str]) -> Path2 | None:
+    """The poses in these columns, where there are two at least."""
+    columns = [run.recording[name] for name in ("t", *pose)]
+    known = ~np.isnan(np.stack(columns)).any(axis=0)
+    return Path2(*(column[known] for column in columns)) if known.sum() > 1 else None
 
 
 def _home(path: Path2) -> Path2:

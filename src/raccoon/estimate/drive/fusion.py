@@ -47,6 +47,7 @@ class Reading:
     known when it began. held: m^2 of its place, along the heading, because the robot may stand while its
     wheels turn. now: where nobody looked for a part of the step, the wheels' speeds at its end,
     rad/s; values are then the mean of what the counters say, variances and wobble those of the angles, rad^2.
+    together: rad^2, the covariance of both angles then.
     """
 
     time: float
@@ -59,6 +60,7 @@ class Reading:
     undated: float = 0.0
     held: float = 0.0
     now: tuple[float, float] | None = None
+    together: float = 0.0
 
     @property
     def of_gyro(self) -> float:
@@ -190,7 +192,7 @@ class Fusion:
         speeds = now[0] - flat[State.LEFT_OFFSET], now[1] - flat[State.RIGHT_OFFSET]
         motion = self.geometry.body_motion(*speeds)
         angles, variances = (left * span, right * span), (reading.variances[0], reading.variances[1])
-        self._travel = self.drive.bridge(span, angles, variances, reading.wobble, *motion)
+        self._travel = self.drive.bridge(span, angles, variances, reading.wobble, reading.together, *motion)
         self.slip.start_again()
         if span >= LONGEST_GAP or self.deviation(State.HEADING) > LOST_HEADING:
             # No straight line goes through so much doubt: what is learnt later would throw the pose about.

@@ -11,6 +11,9 @@ from raccoon.model.bemf import counts_scale
 
 SILENT_WHEEL = 50.0
 """(rad/s)^2 over one second, variance of a wheel that gives no reading: it may turn at any speed."""
+TOGETHER = 0.9
+"""Correlation of what both wheels turned uncounted: a controller that hung or restarted let both go on, or
+stopped both."""
 
 
 class WheelNoise:
@@ -49,6 +52,10 @@ class WheelNoise:
         slip = self._settings.slip_noise**2 * abs(angle) / self._radius
         late = self._settings.timing * (wheel.speed - wheel.mean)
         return steps + ahead + slip + late * late + wheel.lost**2 + 1e-10
+
+    def together(self, left: WheelTrack, right: WheelTrack) -> float:
+        """Covariance of the angles that both wheels turned over a gap, rad^2."""
+        return TOGETHER * left.lost * right.lost
 
     def wobble(self, left: float, right: float, span: float) -> float:
         """Of half the difference of both wheels' mean speeds, because they are not round.

@@ -28,6 +28,8 @@ __all__ = ["DriveEstimate", "Observation", "Odometry", "OdometrySettings"]
 DEFAULTS = OdometrySettings()
 STEP = 0.0175
 """s; the filter moves on with the first gyro reading after it (every 20 ms at 50 and at 200 Hz)."""
+LATEST_SEEN = 2.0
+"""s; what was seen longer ago is not taken any more."""
 
 
 class Odometry:
@@ -193,10 +195,10 @@ class Odometry:
         return found
 
     def _observe(self, seen: Seen, time: float | None) -> Observation:
-        if time is not None and not self._readings.time - 10.0 <= time <= self._readings.time:
-            return Observation(
-                False, math.nan, f"seen at {time} s: allowed are the 2 s before {self._readings.time} s"
-            )
+        now = self._readings.time
+        if time is not None and not now - LATEST_SEEN <= time <= now:
+            allowed = f"the {LATEST_SEEN:g} s before {now} s"
+            return Observation(False, math.nan, f"seen at {time} s: allowed are {allowed}")
         flat = self._steps.fusion.drive.flat
         here = self._estimate
         shift = np.array([here.x - flat[State.X], here.y - flat[State.Y], here.heading - flat[State.HEADING]])

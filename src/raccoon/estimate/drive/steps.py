@@ -114,7 +114,7 @@ class Steps:
         """Move the filter to now over a time in which nobody looked."""
         span, noise, left, right = pending.span, self._noise, self._left, self._right
         variances = noise.of_angle(left, pending.left, span), noise.of_angle(right, pending.right, span)
-        wobble = noise.wobble(pending.left, pending.right, 1.0)
+        wobble, together = noise.wobble(pending.left, pending.right, 1.0), noise.together(left, right)
         now = left.speed, right.speed
         left.mean, right.mean = now
         left.blind = right.blind = left.lost = right.lost = 0.0
@@ -123,7 +123,9 @@ class Steps:
         self._standstill.interrupt()
         self.touch.interrupt(velocity)
         read = pending.left / span, pending.right / span
-        reading = Reading(self._readings.time, span, read, variances, 0.0, wobble, False, now=now)
+        reading = Reading(
+            self._readings.time, span, read, variances, 0.0, wobble, False, now=now, together=together
+        )
         self.fusion.advance(reading, self._reasons, False)
 
     def _stands(self, span: float, command: Outputs | None) -> bool:

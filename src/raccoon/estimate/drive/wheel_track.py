@@ -35,7 +35,7 @@ class WheelTrack:
     mean: rad/s over the filter's last step, kept here for it.
     silent: s without a reading. fine: True where back-EMF was read, which carries no steps.
     blind: s of the filter's present step, kept here for it, in which the back-EMF was within the device's
-    dead zone. lost: rad in it that were guessed and that no counter corrects.
+    dead zone. lost: rad in it, with their sign, that were guessed and that no counter corrects.
     """
 
     __slots__ = (
@@ -44,6 +44,7 @@ class WheelTrack:
         "_filtered",
         "_moved",
         "_turned",
+        "_went",
         "blind",
         "fine",
         "increment",
@@ -62,6 +63,7 @@ class WheelTrack:
         self._filtered: float | None = None
         self._before: float | None = None  # what it was before it fell silent
         self._behind = 0.0
+        self._went = 0.0  # rad/s, as it fell silent
         self.increment = 0.0
         self.mean = 0.0
         self.speed = 0.0
@@ -106,7 +108,7 @@ class WheelTrack:
     def _bridge(self, dt: float, speed: float | None, angle: float | None) -> None:
         """Take the first words after a time in which there were none."""
         if angle is None:
-            self.lost += abs(self.speed) * (self.silent + dt)
+            self.lost = max(self.lost, self._unknown(dt), key=abs)  # a restart has told of it already
             self.increment = 0.0
         else:
             before, now = self._before if self._filtered is None else self._filtered, speed
@@ -125,9 +127,13 @@ class WheelTrack:
         """The counter jumped, or its controller restarted: what the wheel turned since the last reading stays
         guessed, and the board's filter may have begun anew. Before `update`.
         """
-        self.lost += abs(self.speed) * (self.silent + dt)
+        self.lost += self._unknown(dt)
         self._behind = 0.0
         self._filtered = None
+
+    def _unknown(self, dt: float) -> float:
+        """Rad that it would have turned since its last reading at the speed that it had then."""
+        return (self._went if self.silent > 0.0 else self.speed) * (self.silent + dt)
 
     def _compare(self, dt: float, speed: float, angle: float) -> None:
         """Find the one of both that is dead: it stands while the other turns."""
@@ -166,6 +172,8 @@ class WheelTrack:
 
     def _hold(self, dt: float) -> None:
         """Nothing was read: turn on as before for a while; a counter that comes back corrects it."""
+        if self.silent == 0.0:
+            self._went = self.speed
         self.silent += dt
         self.increment = self.speed * dt if self.silent <= HOLD else 0.0
         self._behind -= self.increment

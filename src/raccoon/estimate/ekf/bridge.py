@@ -33,13 +33,15 @@ def bridged(
     angles: tuple[float, float],
     noise: Array,
     geometry: DriveGeometry,
+    turn_rate: float,
 ) -> tuple[Array, Array, float]:
     """Mean (13,) and covariance (13, 13) after `seconds` s, and the travel in m.
 
     covariance: with what the slow numbers wandered. angles: rad that the wheels turned, at nominal scale.
-    noise: their covariance (2, 2), rad^2. Velocity and turn rate are unknown after it.
+    noise: their covariance (2, 2), rad^2. turn_rate: rad/s that the robot turns with at the end, about.
+    Velocity and turn rate are unknown after it.
     """
-    travel, turn, slopes, of_angles = _motion(mean, seconds, angles, geometry)
+    travel, turn, slopes, of_angles = _motion(mean, seconds, angles, geometry, turn_rate)
     heading = mean[State.HEADING]
     x, y, after = arc_end(mean[State.X], mean[State.Y], heading, travel, turn)
     moved = mean.copy()
@@ -71,7 +73,7 @@ def bridged(
 
 
 def _motion(
-    mean: Array, seconds: float, angles: tuple[float, float], geometry: DriveGeometry
+    mean: Array, seconds: float, angles: tuple[float, float], geometry: DriveGeometry, turn_rate: float
 ) -> tuple[float, float, Array, Array]:
     """Travel (m), turn (rad), and their derivatives by the state (2, 13) and by both angles (2, 2)."""
     radius, balance = geometry.wheel_radius, mean[State.BALANCE]
@@ -80,8 +82,9 @@ def _motion(
     right = of_right * (angles[1] - mean[State.RIGHT_OFFSET] * seconds)
     way, track = mean[State.WAY], geometry.track_width * mean[State.WHEEL_TURN]
     turn = (right - left) / track
-    # The wheels are ahead of the heading, which is of the gyro's time.
-    early = mean[State.GYRO_DELAY] * mean[State.TURN_RATE]
+    # The wheels are ahead of the heading, which is of the gyro's time, before the gap and after it.
+    slower = mean[State.TURN_RATE] - turn_rate
+    early = mean[State.GYRO_DELAY] * slower
     # Travel and turn by the ways of both wheels.
     combined = np.array([[0.5 * way, 0.5 * way], [-1.0 / track, 1.0 / track]])
     of_angles: Array = combined * np.array([of_left, of_right])
@@ -91,5 +94,5 @@ def _motion(
     slopes[:, State.BALANCE] = combined @ np.array([left / (1.0 - balance), -right / (1.0 + balance)])
     slopes[0, State.WAY] = 0.5 * (left + right)
     slopes[1, State.WHEEL_TURN] = -turn / mean[State.WHEEL_TURN]
-    slopes[1, State.GYRO_DELAY] = mean[State.TURN_RATE]
+    slopes[1, State.GYRO_DELAY] = slower
     return 0.5 * way * (left + right), turn + early, slopes, of_angles

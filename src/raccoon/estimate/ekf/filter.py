@@ -39,7 +39,7 @@ def flattened(mean: Array, covariance: Array) -> Flat:
 
 
 def mean_of(flat: Flat) -> Array:
-    """The state vector, (12,)."""
+    """The state vector, (13,)."""
     return np.array(flat[:SIZE])
 
 
@@ -182,12 +182,14 @@ class DriveFilter:
         angles: tuple[float, float],
         variances: tuple[float, float],
         wobble: float,
+        together: float,
         velocity: float,
         turn_rate: float,
     ) -> float:
         """Move on by dt s in which nobody looked, by the angles (rad, nominal) that both wheels turned; m.
 
-        variances, wobble: of the angles, rad^2. velocity, turn_rate: m/s and rad/s that it has now, about.
+        variances, wobble: of the angles, rad^2. together: their covariance besides. velocity, turn_rate: m/s
+        and rad/s that it has now, about.
         """
         _, _, gyro_bias, offset, scale = self._noise(dt)
         P = covariance_of(self.flat)
@@ -195,7 +197,9 @@ class DriveFilter:
         P[State.WAY, State.WHEEL_TURN] -= scale
         P[State.WHEEL_TURN, State.WAY] -= scale
         noise = np.diag(variances) + wobble * np.array([[1.0, -1.0], [-1.0, 1.0]])
-        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry)
+        noise[0, 1] += together
+        noise[1, 0] += together
+        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry, turn_rate)
         mean[State.VELOCITY], mean[State.TURN_RATE] = velocity, turn_rate
         self.flat = flattened(mean, P)
         return travel

@@ -149,12 +149,12 @@ class WombatPort:
         atexit.unregister(self.close)
         stopped = False
         try:
-            stopped = self._stop(trust_registers=True) or self._failure is not None
+            stopped = self._stop(trust_registers=not self._monitor.frozen)
         finally:
             if self._guard is not None:
                 self._guard.close(stopped=stopped)
             self._link.close()
-        if not stopped:
+        if not stopped and self._failure is None:
             raise HardwareError(
                 "the motors may still run: the controller did not confirm the stop; switch it off"
             )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions.actions import Action, Steps, wait
-from raccoon.robot.actions.limits import check_function, check_port
+from raccoon.robot.actions.limits import check_function, check_number, check_port
 from raccoon.robot.calibration.drives import watched
 from raccoon.robot.remarks import say
 
@@ -45,9 +45,10 @@ def rehearse_light(
 
     Every time is noted in the recording and nothing starts. Where it is too bright to tell the lamp, or light
     that stays is refused, that is said. Raises ValueError for a time that is not above 0 and for a port that
-    is not there.
+    is not there, TypeError for a time that is no number.
     """
     check_port("analog", port, ANALOG_PORTS)
+    check_number("seconds", seconds, "above 0")
     if not seconds > 0.0:
         raise ValueError(f"seconds is {seconds}: allowed are numbers above 0")
 

@@ -376,6 +376,21 @@ def test_the_guard_hears_every_cycle_and_the_end() -> None:
     assert guard.ended is True
 
 
+@pytest.mark.parametrize("fault", [{"silent": 0xFF}, {"frozen": True}], ids=["silent", "hangs"])
+def test_the_guard_stops_motors_that_a_port_which_has_failed_could_not(
+    bench: Bench, fault: dict[str, Any]
+) -> None:
+    guard = Watched()
+    bench.port._guard = guard
+    bench.run(FORWARD, 50)
+    for name, value in fault.items():
+        setattr(bench.emulator.faults, name, value)
+    with pytest.raises(HardwareError, match="motors may still run"):
+        bench.run(FORWARD, 200)
+    bench.port.close()
+    assert guard.ended is False
+
+
 @pytest.mark.parametrize("firmware", FIRMWARES)
 def test_what_the_guard_holds_stops_motors_and_leaves_servos(firmware: Firmware) -> None:
     guard = Watched()

@@ -86,6 +86,8 @@ def test_a_simulator_without_a_lamp_is_said() -> None:
 def test_a_rehearsal_takes_time() -> None:
     with pytest.raises(ValueError, match="seconds is 0"):
         rehearse_light(PORT, seconds=0.0)
+    with pytest.raises(TypeError, match="seconds is '3': it must be a number, above 0"):
+        rehearse_light(PORT, seconds="3")  # type: ignore[arg-type]
 
 
 def test_light_that_stays_and_is_no_lamp_is_said_once_and_then_the_lamp_starts() -> None:
