@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from raccoon.cli.motors import add_calibration, put_in_if_asked, recorded_in_simulation
 from raccoon.core.config import Measured, RobotConfig, load_robot
-from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.core.errors import CalibrationError, ConfigError, TraceError
 
 if TYPE_CHECKING:
     from raccoon.core.readings import Outputs
@@ -78,10 +78,14 @@ def _add_drive(kinds: Any) -> None:
 
 def _calibrate_drive(args: argparse.Namespace) -> int:
     from raccoon.trace.loading import load_runs
+    from raccoon.trace.recording import mistaken_step, usual_step
 
     _check_lengths(args)
     robot = load_robot(args.robot)
     runs = [run for path in args.recording for run in load_runs(path)]
+    for each in runs:
+        if mistaken := mistaken_step(usual_step(each.recording["t"])):
+            raise TraceError(f"{each.path}: {mistaken}")
     entries = _straight(args, robot, runs) if args.straight is not None else _manoeuvre(args, robot, runs)
     _show(entries)
     return put_in_if_asked(args, entries, recorded_in_simulation(runs))

@@ -82,6 +82,18 @@ def test_manoeuvre_with_a_reference_gives_the_track_too(tmp_path: Path, robot: P
     assert track.date is not None
 
 
+def test_a_time_in_milliseconds_is_said_to_be_one(
+    tmp_path: Path, robot: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "squares.csv"
+    recording(file, [*WAIT, *SQUARE, *BACK, *WAIT], truth=True)
+    header, *rows = file.read_text().splitlines()
+    cells = [row.partition(",") for row in rows]
+    file.write_text("\n".join([header, *(f"{1e3 * float(t)},{rest}" for t, _, rest in cells), ""]))
+    assert main(["calibrate", "drive", str(file), "--robot", str(robot)]) == 2
+    assert "squares.csv: t advances by 5 s a sample: it looks like milliseconds" in capsys.readouterr().err
+
+
 def test_an_offset_that_may_be_0_has_no_share(
     tmp_path: Path, robot: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
