@@ -23,6 +23,10 @@ WORST_SECONDS = 0.5
 LITTLE = 0.05
 """Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
 degrees in a match of two minutes, if it never averages out."""
+BRIEF = 0.003
+"""s of a lag below which it does not matter: half a cycle of a firmware at 175 Hz. When
+in its cycle a controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
+_LAGS = {"actuation.latency": "seconds", "imu.latency": "seconds", "drive.wheel_slip": "time"}
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
@@ -107,8 +111,15 @@ class CauseResult:
 
     @property
     def little(self) -> bool:
-        """Whether it is real but does not matter: readings would be next to the same without it."""
-        return self.change < LITTLE
+        """Whether it is real but does not matter: readings would be next to the same without it, or as much
+        sooner as no robot feels."""
+        return self.change < LITTLE or self.brief
+
+    @property
+    def brief(self) -> bool:
+        """Whether it is a lag that is too short to matter, however well readings show it."""
+        lag = self.parameters.get(_LAGS.get(self.id, ""))
+        return lag is not None and abs(lag.value) < BRIEF
 
     def to_dict(self) -> dict[str, Any]:
         """As plain types; change and unabsorbed are in it where a drive was recorded."""

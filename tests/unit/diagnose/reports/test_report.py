@@ -137,6 +137,26 @@ def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
         assert said not in report(replace(FOUND, causes=(small, other)))
 
 
+@pytest.mark.parametrize(
+    ("id_", "name", "value", "little"),
+    [
+        ("actuation.latency", "seconds", 0.0026, True),
+        ("actuation.latency", "seconds", 0.0031, False),
+        ("imu.latency", "seconds", 0.0005, True),
+        ("drive.wheel_slip", "time", 0.0016, True),
+        ("bemf.filter_lag", "time_constant", 0.0016, False),  # of a filter it is what is left that matters
+    ],
+)
+def test_a_lag_of_less_than_half_a_cycle_is_said_not_to_matter(
+    id_: str, name: str, value: float, little: bool
+) -> None:
+    """When in its cycle a controller reads made latencies of 2.6 ms of sound robots."""
+    lag = replace(CAUSE, id=id_, where=None, parameters={name: ParameterResult(value, 1e-4, "s", 0.0)})
+    assert replace(lag, change=1.6, unabsorbed=0.2).little is little
+    text = terminal_report(replace(FOUND, causes=(replace(lag, change=1.6, unabsorbed=0.2),)))
+    assert ("too small to matter, less than half a cycle" in text) is little
+
+
 @pytest.mark.usefixtures("words_only")
 @pytest.mark.parametrize(("change", "said"), [(0.04, True), (0.06, False), (np.nan, False)])
 def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) -> None:
