@@ -25,7 +25,8 @@ class Group:
     """Columns that come and go together. start: coordinates at which they were taken (secants of a cause).
     over_place: whether they are friction that depends on where the robot is. parts: those of the columns
     that may be all there is, one set of them alone. paid: log evidence that a part pays for the choice.
-    part: those that it has, of such a part. least: log evidence up to which something usual imitates it."""
+    part: those that it has, of such a part. least: log evidence up to which something usual imitates it,
+    as long as its coordinates together are no larger than `usual`."""
 
     name: str
     columns: Array
@@ -36,12 +37,13 @@ class Group:
     paid: float = 0.0
     part: tuple[int, ...] = ()
     least: float = 0.0
+    usual: float = math.inf
 
     def bare(self) -> Group:
         """The same without what its columns are: some megabytes, which can be made again."""
         nothing = np.empty((len(self.columns), 0, 0))
-        its = self.start, self.one_sided, self.over_place, self.parts, self.paid, self.part, self.least
-        return Group(self.name, nothing, *its)
+        its = self.start, self.one_sided, self.over_place, self.parts, self.paid, self.part
+        return Group(self.name, nothing, *its, self.least, self.usual)
 
 
 @dataclass(frozen=True, slots=True)

@@ -249,11 +249,14 @@ def best_probe(search: Search) -> Probed:
     for gain, each in likeliest:
         columns = probes[each.name]
         group = replace(each, columns=columns[list(each.part)] if each.part else columns)
+        least = group.least
         if group.over_place:
             gain, limited = (each - group.paid for each in _beside_wander(search, group))
         else:
-            limited = gain - _excess(search.problem, *_with_and_without(search, group))
-        found.append(Probed(group.name, gain, min(limited, most_of_all), group.least))
+            *residuals, size = _with_and_without(search, group)
+            limited = gain - _excess(search.problem, *residuals)
+            least = least if size < group.usual else 0.0
+        found.append(Probed(group.name, gain, min(limited, most_of_all), least))
     shown = [each for each in found if each.shows(0.0)] or found
     most = max(each.lead for each in shown)
     return max((each for each in shown if each.lead >= NEARLY * most), key=lambda each: each.evidence)
@@ -273,15 +276,14 @@ def _probes_by_evidence(search: Search) -> list[tuple[float, Group]]:
     return sorted(best.values(), key=lambda each: -each[0])
 
 
-def _with_and_without(search: Search, group: Group) -> tuple[Array, Array]:
-    """Whitened residuals of the linear model with a group, and without it."""
+def _with_and_without(search: Search, group: Group) -> tuple[Array, Array, float]:
+    """Whitened residuals of the linear model with a group and without it, and the size of its coordinates."""
     fit = search.fit
     own, target = fit.jacobian[fit.free], fit.target
-    residuals = []
-    for columns in (np.vstack([own, search.whitener(group.columns)]), own):
-        mean, _, _ = Gram.of(columns.T, target).solve()
-        residuals.append(target - mean @ columns)
-    return residuals[0], residuals[1]
+    every = np.vstack([own, search.whitener(group.columns)])
+    mean, _, _ = Gram.of(every.T, target).solve()
+    less, _, _ = Gram.of(own.T, target).solve()
+    return target - mean @ every, target - less @ own, float(np.linalg.norm(mean[len(own) :]))
 
 
 def _beside_wander(search: Search, group: Group) -> tuple[float, float]:

@@ -35,11 +35,12 @@ INERTIA_SHARE = "growth of inertia"
 TORQUE = 0.03
 WAVE = 0.0075
 """N m of a wave: so many are free that with four times as much causes had a tenth less evidence on 8 s."""
-LEAST_WAVE, LEAST_RUB = 14.0, 25.0
-"""Log evidence up to which a floor makes a torque, or a friction, over a wheel's angle. A robot that drives
-there and back on a line has the same floor under the same angle: of 20 drives on one whose friction varies by
-2 % within 4 to 20 cm seven had 10 of a torque, or 14 to 23 of a friction. Of ten wheels that rub by a fourth
-of their friction nine had 41 and more on 40 s, and one 27."""
+LEAST_WAVE, LEAST_RUB, SMALL_RUB = 14.0, 60.0, 0.08
+"""Log evidence up to which a floor makes a torque, or a friction, over a wheel's angle; of a friction as long
+as its wave is no larger than that share of robot.toml's. A robot that drives there and back on a line has the
+same floor under the same angle: on one whose friction varies by 2 % within 4 to 20 cm nine of 60 drives had
+10 of a torque, or 14 to 29 of a friction, with waves of 1.5 to 5 %. Of ten wheels that rub by a fourth of
+their friction, waves of 12 to 20 %, one had 27 on 40 s, and the others 41 and more."""
 GYRO = 0.02
 BATTERY = 0.02
 RATE = "rad/s of the wheels"
@@ -182,6 +183,7 @@ def _within_a_turn(angle: Array) -> Array:
 
 def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: Array) -> list[Probe]:
     """speeds (bins, 2): of the wheels, rad/s, as simulated."""
+    usual = SMALL_RUB * problem.robot.model.friction.coulomb.value / WAVE
     found = []
     for wheel, side in enumerate(SIDES):
         angle = angle_of(problem, motion.angle[:, wheel], wheel)
@@ -192,7 +194,7 @@ def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: 
                     f"{PREFIX}wheel angle {side}{' (friction)' if friction else ''}", WAVE * its.columns,
                     quantity="friction" if friction else "torque forward", unit="N m",
                     over=_within_a_turn(angle), over_unit="rad", curves=WAVE * its.curves, parts=its.parts,
-                    least=LEAST_RUB if friction else LEAST_WAVE,
+                    least=LEAST_RUB if friction else LEAST_WAVE, usual=usual if friction else math.inf,
                 )
             )  # fmt: skip
     return found
