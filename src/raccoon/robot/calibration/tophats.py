@@ -161,15 +161,17 @@ def _store(robot: Robot, found: dict[str, TophatCalibration], store: Path, set_n
     from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 
     now = datetime.now(UTC).isoformat(timespec="seconds")
+    entries = []
     for name, each in found.items():
         white, black = each.surfaces()
         known = explanations(white.mean, black.mean)
         ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
-        TophatStore(store).add(
+        entries.append(
             StoredCalibration(
                 name, set_name, now, each, robot.config.name, ambient, robot.battery_voltage, generation
             )
         )
+    TophatStore(store).add(*entries)
 
 
 def _counts(readings: list[Inputs], port: int) -> list[float]:
