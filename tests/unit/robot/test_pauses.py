@@ -9,9 +9,11 @@ import pytest
 
 from raccoon import (
     Action,
+    MotionResult,
     Robot,
     RobotConfig,
     after_time,
+    arc,
     deg,
     do,
     drive,
@@ -100,6 +102,31 @@ def test_a_drive_whose_motors_were_stopped_in_a_pause_speeds_up_again() -> None:
     before, *after = port.duties()  # the first is of the tick in which it thought
     assert after[0] < 0.4 * before
     assert max(after) < before + 0.05
+
+
+@pytest.mark.parametrize("seconds", [1.0, 2.5])
+@pytest.mark.parametrize(
+    "action",
+    [turn(deg(120), 0.4), straight(0.25, 0.05), straight(-0.25, 0.05), arc(0.15, deg(90), 0.08)],
+    ids=repr,
+)
+def test_a_motion_whose_motors_were_stopped_in_a_pause_makes_up_for_nothing(
+    action: Action[MotionResult], seconds: float
+) -> None:
+    port = Pausing()
+
+    def think(_robot: Robot) -> None:
+        before.extend(port.duties())
+        port.pause(seconds, stopped=True)
+        port.written.clear()
+
+    before: list[float] = []
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        result, _ = robot.run(parallel(action, seq(wait(1.5), do(think))))
+    assert max(port.duties()) < max(before) + 0.05
+    assert abs(result.along) < 0.002
+    assert abs(result.heading) < 0.006
 
 
 @pytest.mark.parametrize("seconds", [0.3, 5.0])
