@@ -68,14 +68,16 @@ def calibrate_recordings(
     now = datetime.now(UTC).isoformat(timespec="seconds")
     layout = Layout.of(robot.tophats, [set_name])
     print(layout.header)
-    failed = 0
+    failed, usable = 0, []
     for name, sensor in robot.tophats.items():
         found = calibrate(readings.get(sensor.analog, []))
         entry = _entry(name, set_name, now, found, robot.name, voltage)
         print(_row(entry, layout))
         failed += not found.usable
-        if write and found.usable:
-            TophatStore(store).add(entry)
+        if found.usable:
+            usable.append(entry)
+    if write and usable:
+        TophatStore(store).add(*usable)
     if not write:
         print(f"{store} is as it was: say --write to store these")
     elif failed < len(robot.tophats):

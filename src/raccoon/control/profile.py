@@ -27,6 +27,7 @@ class Trapezoid:
         "_acceleration",
         "_cruise",
         "_deceleration",
+        "_limit",
         "_sign",
         "_speed",
         "_up",
@@ -46,12 +47,17 @@ class Trapezoid:
         self._sign = -1.0 if distance < 0.0 else 1.0
         self._acceleration = acceleration
         self._deceleration = deceleration
+        self._limit = speed
         self._speed = peak
         self._up = peak / acceleration
         ramps = 0.5 * peak * peak * (1.0 / acceleration + 1.0 / deceleration)
         self._cruise = (length - ramps) / peak if peak > 0.0 else 0.0
         self.duration = self._up + self._cruise + peak / deceleration
         """S from rest to rest."""
+
+    def over(self, distance: float) -> Trapezoid:
+        """A profile with the same limits over another distance."""
+        return Trapezoid(distance, self._limit, self._acceleration, self._deceleration)
 
     def at(self, time: float) -> ProfileState:
         """The state `time` s after the start (before it: at rest; after the end: at the goal)."""
@@ -78,11 +84,12 @@ class SCurve:
     v (2 t_j + t_a) / 2, and too short a distance lowers v until both ramps fit.
     """
 
-    __slots__ = ("_phases", "_sign", "distance", "duration")
+    __slots__ = ("_limits", "_phases", "_sign", "distance", "duration")
 
     def __init__(self, distance: float, speed: float, acceleration: float, jerk: float) -> None:
         _check(distance, speed=speed, acceleration=acceleration, jerk=jerk)
         self.distance = distance
+        self._limits = speed, acceleration, jerk
         self._sign = -1.0 if distance < 0.0 else 1.0
         length = abs(distance)
         ramp, steady, peak = self._ramps(speed, acceleration, jerk)
@@ -114,6 +121,10 @@ class SCurve:
         if speed * jerk < acceleration * acceleration:
             return math.sqrt(speed / jerk), 0.0, speed
         return acceleration / jerk, speed / acceleration - acceleration / jerk, speed
+
+    def over(self, distance: float) -> SCurve:
+        """A profile with the same limits over another distance."""
+        return SCurve(distance, *self._limits)
 
     def at(self, time: float) -> ProfileState:
         """The state `time` s after the start (before it: at rest; after the end: at the goal)."""

@@ -14,6 +14,22 @@ MOST_LINKS = 40
 """Links that lead from one to the next before they count as a ring, as the system has it."""
 
 
+def program_folder() -> Path | None:
+    """The folder of the program that runs, None where it is none of a file."""
+    program = getattr(sys.modules.get("__main__"), "__file__", None)
+    return None if program is None else Path(program).absolute().parent
+
+
+def near_program(name: str | Path) -> Path:
+    """A file where the program was started, else beside the program where it is there alone: an editor or a
+    service starts a program from wherever it likes. A file that is nowhere stays where it was started."""
+    path, folder = Path(name), program_folder()
+    if path.exists() or folder is None:
+        return path
+    beside = folder / path  # of an absolute path that path itself
+    return beside if beside.exists() else path
+
+
 def write_atomically(path: Path, content: str | bytes) -> None:
     """Write or replace a file in one step; one that is there keeps its permissions.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
+from raccoon.core.files import near_program, program_folder
 from raccoon.core.port import Port
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
@@ -112,19 +112,15 @@ def _opened(
 
 
 def _located(name: str | Path) -> Path:
-    """A robot.toml from the folder that the program was started in, else from the program's own: an editor or
-    a service starts it from wherever it likes. Raises FileNotFoundError that names both."""
-    path = Path(name)
+    """A robot.toml from the folder that the program was started in, else from the program's own. Raises
+    FileNotFoundError that names both."""
+    path = near_program(name)
     if path.is_absolute() or path.exists():
         return path
-    program = getattr(sys.modules.get("__main__"), "__file__", None)
-    folders = [Path.cwd()] if program is None else [Path.cwd(), Path(program).absolute().parent]
-    beside = folders[-1] / path
-    if beside.exists():
-        return beside
-    places = f"in {folders[0]}, where the program was started"
-    if folders[-1] != folders[0]:
-        places += f", and none beside the program in {folders[-1]}"
+    started, folder = Path.cwd(), program_folder()
+    places = f"in {started}, where the program was started"
+    if folder not in (None, started):
+        places += f", and none beside the program in {folder}"
     raise FileNotFoundError(f"there is no {path} {places}; `raccoon init` writes one to start from")
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from raccoon.control.profile import Trapezoid
+from raccoon.control.profile import Trapezoid, profile
 
 LIMITS = st.tuples(st.floats(-3.0, 3.0), st.floats(0.01, 2.0), st.floats(0.05, 10.0), st.floats(0.05, 10.0))
 
@@ -62,3 +62,13 @@ def test_velocity_is_the_slope_of_position(limits: tuple[float, float, float, fl
 def test_impossible_limits_are_refused(arguments: tuple[float, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         Trapezoid(*arguments)
+
+
+@pytest.mark.parametrize("jerk", [0.0, 2.0])
+def test_a_profile_over_another_distance_keeps_its_limits(jerk: float) -> None:
+    """Also where its own distance is too short to reach them."""
+    for distance in (0.01, -0.4):
+        other = profile(distance, 0.2, 0.4, jerk).over(-0.5)
+        again = profile(-0.5, 0.2, 0.4, jerk)
+        assert other.duration == again.duration
+        assert other.at(0.7) == again.at(0.7)

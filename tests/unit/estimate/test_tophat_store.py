@@ -47,6 +47,20 @@ def test_failed_calibration_replaces_nothing(tmp_path: Path) -> None:
     assert len(store.history()) == 1
 
 
+def test_several_are_stored_all_or_none(tmp_path: Path) -> None:
+    """They are of one drive and one light: half of them would stand beside those of another."""
+    store = TophatStore(tmp_path / "tophats.json")
+    store.add(entry("left"), entry("right"))
+    failed = StoredCalibration("right", "table", "", TophatCalibration(Verdict.ONE_SURFACE, "bare floor"))
+    with pytest.raises(ConfigError, match="right: a calibration that is one_surface"):
+        store.add(entry("left", time="later"), failed)
+    assert [each.sensor for each in store.history()] == ["left", "right"]
+    store._write([entry("left")] * KEPT + [entry("right")])
+    store.add(entry("left", time="later"), entry("right", time="later"))
+    assert [len(store.history(sensor)) for sensor in ("left", "right")] == [KEPT, 2]
+    assert [store.history(sensor)[-1].time for sensor in ("left", "right")] == ["later", "later"]
+
+
 def test_history_is_bounded(tmp_path: Path) -> None:
     store = TophatStore(tmp_path / "tophats.json")
     kept = entry()

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import pytest
 
 from raccoon import (
     Action,
+    MotionResult,
     Robot,
     RobotConfig,
     after_time,
+    arc,
     deg,
     do,
     drive,
@@ -21,13 +24,14 @@ from raccoon import (
     parallel,
     race,
     seq,
+    servo,
     straight,
     turn,
     wait,
     when,
 )
 from raccoon.core.clock import SteppedClock
-from raccoon.core.config import MechanismConfig
+from raccoon.core.config import MechanismConfig, ServoConfig
 from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.estimate.tophat import calibrate
 from raccoon.hal.wombat.emulator import Emulator, Firmware
@@ -44,8 +48,8 @@ CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 f
 class Pausing:
     """The simulated robot, which a test can let go on by itself; remembers every command."""
 
-    def __init__(self) -> None:
-        self._port = simulated(config=ARM)
+    def __init__(self, config: RobotConfig = ARM) -> None:
+        self._port = simulated(config=config)
         self.written: list[Outputs] = []
 
     def read(self) -> Inputs:
@@ -100,6 +104,58 @@ def test_a_drive_whose_motors_were_stopped_in_a_pause_speeds_up_again() -> None:
     before, *after = port.duties()  # the first is of the tick in which it thought
     assert after[0] < 0.4 * before
     assert max(after) < before + 0.05
+
+
+@pytest.mark.parametrize("seconds", [1.0, 2.5])
+@pytest.mark.parametrize(
+    "action",
+    [turn(deg(120), 0.4), straight(0.25, 0.05), straight(-0.25, 0.05), arc(0.15, deg(90), 0.08)],
+    ids=repr,
+)
+def test_a_motion_whose_motors_were_stopped_in_a_pause_makes_up_for_nothing(
+    action: Action[MotionResult], seconds: float
+) -> None:
+    port = Pausing()
+
+    def think(_robot: Robot) -> None:
+        before.extend(port.duties())
+        port.pause(seconds, stopped=True)
+        port.written.clear()
+
+    before: list[float] = []
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        result, _ = robot.run(parallel(action, seq(wait(1.5), do(think))))
+    assert max(port.duties()) < max(before) + 0.05
+    assert abs(result.along) < 0.002
+    assert abs(result.heading) < 0.006
+
+
+def test_an_arm_whose_motor_was_stopped_in_a_pause_makes_up_for_nothing() -> None:
+    port = Pausing()
+    rates: list[float] = []
+
+    def look(robot: Robot) -> bool:
+        rates.append(abs(robot.mechanism("arm").rate))
+        return False
+
+    with open_robot(ARM, port=port) as robot:
+        thinks = seq(wait(1.0), do(lambda _: port.pause(1.5, stopped=True)))
+        angle, *_ = robot.run(parallel(move("arm", 1.0, 0.3), thinks, wait(6.0).until(when(look))))
+    assert angle == pytest.approx(1.0, abs=0.05)
+    assert max(rates) < 0.5
+
+
+def test_a_servo_that_goes_slowly_does_not_jump_after_a_pause() -> None:
+    config = RobotConfig(servos={"claw": ServoConfig(port=0)})
+    port = Pausing(config)
+    with open_robot(config, port=port) as robot:
+        robot.run(servo("claw", 1000))
+        begin = robot.time
+        robot.run(parallel(servo("claw", 2000, seconds=2.0), seq(wait(0.5), do(lambda _: port.pause(1.0)))))
+        assert robot.time - begin == pytest.approx(3.0, abs=0.02)
+    pulses = [each.servo_us[0] or 0 for each in port.written]
+    assert max(after - before for before, after in pairwise(pulses[1:]) if before) <= 3
 
 
 @pytest.mark.parametrize("seconds", [0.3, 5.0])

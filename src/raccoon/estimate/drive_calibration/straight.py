@@ -120,14 +120,19 @@ def calibrate_straight(
     values = []
     for side, sign, offset in (("left", -1.0, offsets[0]), ("right", 1.0, offsets[1])):
         ticks, ticks_std = counted(robot, inputs, side, offset)
+        _require(
+            abs(ticks) > ticks_std,
+            f"the {side} wheel (motor port {getattr(robot.drive, side)}) did not turn: is this the recording "
+            "of the drive, and the port right in robot.toml?",
+        )
         side_way = way + sign * half * drive.track_width.value
-        value = side_way / drive.wheel_radius.value / ticks if ticks else math.inf
+        value = side_way / drive.wheel_radius.value / ticks
         relative = math.sqrt(
             (distance_std / distance) ** 2
             + (0.5 * turn_std * drive.track_width.value / side_way) ** 2
             + (half * drive.track_width.std / side_way) ** 2
             + SLIP**2 / abs(side_way)
-            + (ticks_std / ticks if ticks else 1.0) ** 2
+            + (ticks_std / ticks) ** 2
         )
         values.append(_believed(robot, side, inputs, Measured(value, abs(value) * relative)))
     return StraightCalibration(

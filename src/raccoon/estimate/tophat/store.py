@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
@@ -39,19 +40,23 @@ class TophatStore:
         found = self.history(sensor, set_name)
         return found[-1] if found else None
 
-    def add(self, entry: StoredCalibration) -> None:
-        """Store one more; the oldest of its sensor and set goes where there are more than 50.
+    def add(self, *entries: StoredCalibration) -> None:
+        """Store these, all or none; the oldest of a sensor and set go where there are more than 50.
 
         Raises ConfigError for a calibration without a threshold: a failed one never replaces a good one.
         """
-        if not entry.calibration.usable:
-            raise ConfigError(
-                f"{entry.sensor}: a calibration that is {entry.calibration.verdict} is not stored"
-            )
-        entries = [*self._load(), entry]
-        same = [each for each in entries if (each.sensor, each.set_name) == (entry.sensor, entry.set_name)]
-        dropped = {id(each) for each in same[:-KEPT]}
-        self._write([each for each in entries if id(each) not in dropped])
+        for entry in entries:
+            if not entry.calibration.usable:
+                raise ConfigError(
+                    f"{entry.sensor}: a calibration that is {entry.calibration.verdict} is not stored"
+                )
+        kept: list[StoredCalibration] = []
+        counts: Counter[tuple[str, str]] = Counter()
+        for each in reversed([*self._load(), *entries]):
+            counts[each.sensor, each.set_name] += 1
+            if counts[each.sensor, each.set_name] <= KEPT:
+                kept.append(each)
+        self._write(kept[::-1])
 
     def _load(self) -> list[StoredCalibration]:
         try:

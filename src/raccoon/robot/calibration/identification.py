@@ -21,6 +21,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
 from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.motions.pacing import check_wiring
 from raccoon.robot.parts.drive import dead_time
 
 if TYPE_CHECKING:
@@ -50,7 +51,8 @@ class Excitation:
 def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Action[Excitation]:
     """Drive straight ahead at each duty of `levels` for `seconds` s, and back again.
 
-    The robot moves about 0.2 m ahead and returns.
+    The robot moves about 0.2 m ahead and returns. Raises MotionTimeout where the gyro shows for half a second
+    that a motor is plugged in the other way round: what it feels then is no drive's load.
     """
     for level in levels:
         if not 0.0 < level <= 1.0:
@@ -59,10 +61,11 @@ def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Act
     def steps(robot: Robot) -> Steps[Excitation]:
         rows: tuple[Rows, Rows] = ([], [])
         batteries: list[float] = []
+        miswired = 0.0
         try:
             for sign in (1.0, -1.0):
                 for level in (*levels, *reversed(levels[:-1])):
-                    yield from _level(robot, sign * level, seconds, rows, batteries)
+                    miswired = yield from _level(robot, sign * level, seconds, rows, batteries, miswired)
                 yield from _rest(robot)
         finally:
             robot.drive.stop()
@@ -75,12 +78,18 @@ def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Act
 
 
 def _level(
-    robot: Robot, duty: float, seconds: float, rows: tuple[Rows, Rows], batteries: list[float]
-) -> Steps[None]:
-    """One duty for so long."""
+    robot: Robot,
+    duty: float,
+    seconds: float,
+    rows: tuple[Rows, Rows],
+    batteries: list[float],
+    miswired: float,
+) -> Steps[float]:
+    """One duty for so long. miswired, and the result: see `check_wiring`."""
     windows = (Windows(), Windows())
     begin, smoothed, before = robot.time, None, 0.0
     while robot.time - begin < seconds:
+        miswired = check_wiring(robot, miswired, "the drive of the calibration")
         battery = robot.battery_voltage
         if battery is not None and robot.time > begin and robot.dt > 0.0:
             # The speeds are smoothed; so is the voltage, to be of the same moment.
@@ -95,6 +104,7 @@ def _level(
         before = 0.0 if battery is None else duty * battery
         robot.drive.duties(duty, duty)
         yield
+    return miswired
 
 
 def _rest(robot: Robot) -> Steps[None]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.core.files import near_program
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import seq, wait
 from raccoon.robot.actions.limits import check_way
@@ -37,8 +38,9 @@ def calibrate_tophats(
     The robot stands for 0.4 s before and 0.6 s after it, in which an open port shows that wanders.
     Returns the calibrations by name; they are in use from now on. speed: m/s, `motion.speed` when None; it
     drives backwards where distance or speed is negative. store: file that they are added to as `set_name`
-    (`load_tophats` reads it). A sensor whose height changed since the calibration before is said, and so is a
-    store that fails after the drive. Raises ConfigError before anything moves where the store is damaged or
+    (`load_tophats` reads it), where the program was started or, where it is only there, beside the program.
+    A sensor whose height changed since the calibration before is said, and so is a store that fails after the
+    drive. Raises ConfigError before anything moves where the store is damaged or
     cannot be written; CalibrationError where the way was not driven, or naming each tophat whose readings
     allow no threshold, and why; no calibration is changed then.
     """
@@ -52,7 +54,7 @@ def calibrate_tophats(
     searching = search(velocity, abs(distance))
     before = {name: each.calibration for name, each in robot.tophats.items()}
     # In a replay this was stored when it happened.
-    kept = None if store is None or hasattr(robot.port, "trace") else Path(store)
+    kept = None if store is None or hasattr(robot.port, "trace") else near_program(store)
     if kept is not None:
         stored = _checked(kept, set_name)
         before = {name: stored.get(name) if each is None else each for name, each in before.items()}
@@ -93,12 +95,13 @@ def load_tophats(
 ) -> dict[str, TophatCalibration]:
     """Use the newest stored calibration of every tophat; returns them by name.
 
+    store: a file, looked for where the program was started and then beside the program, as robot.toml is.
     Whether they fit is found out within a second of driving: see `TophatSensor.fit`, the log and the
     recording. Raises CalibrationError naming the sensors that have none, ConfigError for a damaged file.
     """
     from raccoon.estimate.tophat.store import TophatStore
 
-    shelf = TophatStore(store)
+    shelf = TophatStore(near_program(store))
     entries = {name: shelf.latest(name, set_name) for name in robot.tophats}
     missing = [name for name, entry in entries.items() if entry is None]
     if missing:
@@ -158,15 +161,17 @@ def _store(robot: Robot, found: dict[str, TophatCalibration], store: Path, set_n
     from raccoon.estimate.tophat.store import StoredCalibration, TophatStore
 
     now = datetime.now(UTC).isoformat(timespec="seconds")
+    entries = []
     for name, each in found.items():
         white, black = each.surfaces()
         known = explanations(white.mean, black.mean)
         ambient, generation = (known[0].ambient, known[0].generation) if len(known) == 1 else (None, None)
-        TophatStore(store).add(
+        entries.append(
             StoredCalibration(
                 name, set_name, now, each, robot.config.name, ambient, robot.battery_voltage, generation
             )
         )
+    TophatStore(store).add(*entries)
 
 
 def _counts(readings: list[Inputs], port: int) -> list[float]:

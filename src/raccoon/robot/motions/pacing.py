@@ -83,6 +83,7 @@ class Pace:
         self.planned = planned
         self._lag_limit = lag_limit
         self._allowed = 2.0 * profile.duration + 2.0 if timeout is None else timeout
+        self._walk, self._from = profile, 0.0  # what it walks now, and how far along that began
         self._time = 0.0
         self._stalled = 0.0
         self.begin = robot.time
@@ -107,20 +108,30 @@ class Pace:
         last = robot.time
         try:
             while True:
-                state = profile.at(self._time)
+                state = self._at(self._time)
                 yield state
                 self._watch()
+                passed, here = robot.time - last, progress()
+                behind = sign * (self._at(self._time + passed).position - here)
+                if robot.paused and behind > self._lag_limit:
+                    # The motors were stopped meanwhile: it speeds up anew, and makes up for nothing.
+                    self._walk, self._from, self._time = profile.over(profile.distance - here), here, 0.0
                 # A robot that is ahead is not waited for: the profile has to end for it to come back.
-                if sign * (state.position - progress()) < self._lag_limit:
+                elif sign * (state.position - here) < self._lag_limit:
                     # The whole of it also after a pause: the motors went on with their last command.
-                    self._time += robot.time - last
+                    self._time += passed
                 last = robot.time
-                self.finished = self._time >= profile.duration
+                self.finished = self._time >= self._walk.duration
                 if robot.time - self.begin > self._allowed or self._stalled > STALL_PATIENCE:
                     raise MotionTimeout(self._explain(progress()))
         finally:
             robot.drive.stop()
             robot.plan = place(progress())
+
+    def _at(self, time: float) -> ProfileState:
+        """Where along the motion one should be, `time` s after what it walks now began."""
+        state = self._walk.at(time)
+        return ProfileState(self._from + state.position, state.velocity, state.acceleration)
 
     @property
     def doubt(self) -> float:

@@ -265,18 +265,24 @@ def _move(
     moved = robot.mechanism(name)
     start, config = moved.angle, moved.config
     walk = profile(way(start), config.speed if speed is None else speed, config.acceleration, 0.0)
+    goal, sign = start + walk.distance, math.copysign(1.0, walk.distance)
     allowed = 2.0 * walk.duration + MARGIN_TIME if timeout is None else timeout
-    begin = robot.time
+    begin = walked = robot.time
     arrived = False
     moved.forget_stall()
     try:
         while not arrived:
             elapsed = robot.time - begin
-            state = walk.at(elapsed)
+            behind = sign * (start + walk.at(robot.time - walked).position - moved.angle)
+            if robot.paused and behind > config.tolerance:
+                # Its motor was stopped meanwhile: it speeds up anew, and makes up for nothing.
+                start, walked = moved.angle, robot.time
+                walk = walk.over(goal - start)
+            state = walk.at(robot.time - walked)
             moved.goal = ProfileState(start + state.position, state.velocity, state.acceleration)
             if moved.stalled or elapsed > allowed:
-                raise MotionTimeout(_explain(moved, start + walk.distance, elapsed))
-            arrived = elapsed >= walk.duration and moved.settled
+                raise MotionTimeout(_explain(moved, goal, elapsed))
+            arrived = robot.time - walked >= walk.duration and moved.settled
             yield
     finally:
         if not arrived:

@@ -82,7 +82,10 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
             begin = robot.time
             while (share := (robot.time - begin) / lasts if lasts > 0.0 else 1.0) < 1.0:
                 moved.pulse = start + share * (goal - start)
+                last = robot.time
                 yield
+                if robot.paused and seconds is not None:  # it stood meanwhile, where it was sent last
+                    begin += robot.time - last - robot.dt
             moved.pulse = goal
 
     return Action(label, steps, lambda robot: robot.servo(name).place(to))

@@ -196,6 +196,22 @@ def test_a_robot_at_rest_may_repeat_itself_for_ever(firmware: Firmware) -> None:
     assert (driven[-1].position[0] or 0.0) > 0.0
 
 
+def test_wheels_that_stood_still_in_a_pause_are_no_fault(bench: Bench) -> None:
+    """The supervisor has stopped them; the program goes on, and stands for now."""
+    guard = Watched()
+    bench.port._guard = guard
+    bench.port._hold(bench.port.dialect.hold(FORWARD))
+    bench.run(FORWARD, 200)
+    bench.clock.advance(0.5)
+    bench.emulator.transfer(guard.held[-1])
+    bench.clock.advance(1.0)
+    bench.port.read()  # its own lateness is told
+    bench.port.write(STOP)
+    seen = bench.run(STOP, 20)
+    assert not any(each.faults for each in seen[3:])
+    assert all(each.position[0] is not None for each in seen[3:])
+
+
 @pytest.mark.parametrize("firmware", FIRMWARES)
 @pytest.mark.parametrize("before", [STOP, FORWARD], ids=["from rest", "driving"])
 def test_a_hanging_controller_is_stopped_all_the_same(firmware: Firmware, before: Outputs) -> None:

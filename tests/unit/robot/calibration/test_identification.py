@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon import CalibrationError, Robot, wait
+from raccoon import CalibrationError, MotionTimeout, Robot, open_robot, wait
 from raccoon.control.identify import WheelVoltages
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs
@@ -75,6 +75,16 @@ def test_a_motor_that_does_not_turn_is_named() -> None:
     seen = seen_on(Unplugged())
     with pytest.raises(CalibrationError, match=r"left wheel \(motor port 0\): \d+ windows.*plugged in"):
         fit_wheels(seen, CONFIG, SIMULATOR)
+
+
+def test_a_robot_that_spins_instead_is_not_measured() -> None:
+    """With its left motor plugged in the other way round it would feel its inertia of turning."""
+    turned = replace(CONFIG, motors={**CONFIG.motors, 0: replace(CONFIG.motor(0), inverted=True)})
+    with open_robot(CONFIG, port=simulated(config=turned)) as robot:
+        robot.run(wait(0.5))
+        with pytest.raises(MotionTimeout, match=r"left motor \(port 0\) were plugged in the other way round"):
+            robot.run(excite())
+        assert robot.time < 2.0
 
 
 def test_a_motion_that_is_no_motor_s_is_refused() -> None:

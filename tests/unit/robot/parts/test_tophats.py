@@ -1,5 +1,6 @@
 """The robot's tophats in lights that change, with stored sets, and with sensors that are not as they were."""
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,7 @@ from raccoon import (
 )
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Status
+from raccoon.estimate.tophat.store import TophatStore
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
 from robots import CONFIG, simulated
@@ -99,6 +101,25 @@ def test_a_stored_set_that_does_not_fit_is_said_within_a_second_of_driving(tmp_p
         robot.run(drive(0.2).until(after_distance(0.8)))
         assert not any("tophat" in said for said in robot.drive.remarks.values())
         assert robot.tophat("left").status is Status.OK
+
+
+def test_a_set_may_lie_beside_a_program_that_is_started_from_elsewhere(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the robot.toml does: the controller's screen starts programs from a folder of its own."""
+    team, other = tmp_path / "team", tmp_path / "other"
+    for folder in (team, other):
+        folder.mkdir()
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", str(team / "program.py"), raising=False)
+    with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
+        robot.run(wait(0.3))
+        monkeypatch.chdir(team)
+        calibrate_tophats(robot, 0.9, store="tophats.json")
+        monkeypatch.chdir(other)
+        assert set(load_tophats(robot)) == {"left", "right"}
+        calibrate_tophats(robot, 0.4, store="tophats.json")  # the same file goes on, there is no second one
+    assert list(other.iterdir()) == []
+    assert len(TophatStore(team / "tophats.json").history()) == 4
 
 
 def test_a_set_that_is_not_there_is_said(tmp_path: Path) -> None:

@@ -29,6 +29,9 @@ class StockBemf:
     """Counts: f may drop to 0 from here where the motor is driven back at the same moment."""
     NEXT, MISSED = 1.3, 2.6
     """Updates after which the next one must have come, and after which two are missing."""
+    MANY = 12
+    """Updates in which f falls from any speed to where it may drop to 0: a difference that holds as many is a
+    mean of what was, and tells nothing of now."""
     SURE = 0.2
     """Updates: what the time has room for is the whole number of them that it is nearer to than that."""
     OWED = 0.3
@@ -44,17 +47,18 @@ class StockBemf:
         self._owed = 0.0  # updates that the time so far had room for beyond those that were counted
         self._updates = 0
         self._seconds = 0.0
+        self._mean = False  # whether `value` is one of so many updates that f may be anything by now
 
     def update(self, differences: Counts, seconds: float) -> None:
         """Take what the counters did in the last `seconds`. `fresh` tells whether `value` is new."""
         self._since_news += seconds
-        fastest = max(map(abs, self.value))
+        fastest = 0.0 if self._mean else max(map(abs, self.value))
         moving = fastest > self.SURELY_STOPPED
         if not any(differences):
             patience = self.MISSED if moving else self.NEXT
             self.fresh = fastest <= self.STOPPED_BY_FORCE and self._since_news > patience * self._period
             if self.fresh:
-                self.value = (0.0, 0.0, 0.0, 0.0)
+                self.value, self._mean = (0.0, 0.0, 0.0, 0.0), False
             return
         updates = self._count(differences)
         if moving:
@@ -63,6 +67,7 @@ class StockBemf:
         self._since_news = 0.0
         a, b, c, d = (self._made_up(port, each, updates) for port, each in enumerate(differences))
         self.value = (a, b, c, d)
+        self._mean = updates >= self.MANY
         self.fresh = True
 
     def _made_up(self, port: int, difference: int, updates: int) -> float:
@@ -80,7 +85,7 @@ class StockBemf:
         """
         periods = self._since_news / self._period
         port = max(range(MOTOR_PORTS), key=lambda each: abs(self.value[each]))
-        if abs(self.value[port]) < 2 * self.SURELY_STOPPED:
+        if self._mean or abs(self.value[port]) < 2 * self.SURELY_STOPPED:
             self._owed = 0.0
             return 1 if periods < 1.5 else round(periods)
         due = periods + self._owed
@@ -94,7 +99,7 @@ class StockBemf:
     @property
     def overdue(self) -> bool:
         """Whether counters that must move have stood still for more than two updates."""
-        if self._since_news <= self.MISSED * self._period:
+        if self._mean or self._since_news <= self.MISSED * self._period:
             return False
         return max(map(abs, self.value)) > self.STOPPED_BY_FORCE
 

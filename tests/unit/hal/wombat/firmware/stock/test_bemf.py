@@ -83,3 +83,16 @@ def test_a_rate_needs_motion() -> None:
     for _ in range(200):
         bemf.update((400, 0, 0, 0), 1 / 250)
     assert bemf.rate_hz == pytest.approx(250.0)
+
+
+def test_a_motor_that_stopped_while_nobody_looked_is_no_hanging_firmware() -> None:
+    """A difference over a long time is the mean of it: what the wheel does by now it does not tell."""
+    bemf = StockBemf(235.0)
+    bemf.update((400, 400, 0, 0), 0.0025)
+    bemf.update((200 * 100, 200 * 100, 0, 0), 1.0)
+    assert bemf.fresh
+    for _ in range(4):
+        bemf.update((0, 0, 0, 0), 0.0025)
+        assert not bemf.overdue
+    assert bemf.fresh
+    assert bemf.value == (0.0, 0.0, 0.0, 0.0)
