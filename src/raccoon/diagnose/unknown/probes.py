@@ -187,7 +187,7 @@ def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: 
     """speeds (bins, 2): of the wheels, rad/s, as simulated."""
     found = []
     for wheel, side in enumerate(SIDES):
-        angle = angle_of(problem, motion.angle[:, wheel], wheel)
+        angle = angle_of(problem, settings, motion.angle[:, wheel], wheel)
         for friction in (False, True):
             its = wheel_waves(problem, settings, angle, speeds, wheel, friction)
             found.append(
