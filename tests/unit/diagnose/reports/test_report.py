@@ -9,6 +9,7 @@ import pytest
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
+from raccoon.diagnose.reports.pictures import curve_figure, error_figure
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.unknown_words import shape_text
 from raccoon.diagnose.reports.wording import explanation, told
@@ -61,6 +62,17 @@ FOUND = Diagnosis(
 def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages whose figures are made but not turned into pictures, which takes half a second a page."""
     monkeypatch.setattr(html, "png", lambda _: "AAAA")
+
+
+def test_pictures_say_what_is_compared() -> None:
+    """Before, too, what robot.toml leaves open is refitted: that is not the simulation as it was."""
+    for found, plain in ((FOUND, "without the causes"), (replace(FOUND, causes=()), "before")):
+        errors, curve = error_figure(found), curve_figure(FOUND.curves[0], found)
+        legends = [each.get_legend() for each in (*errors.axes, *curve.axes)]
+        said = [text.get_text() for each in legends if each is not None for text in each.get_texts()]
+        assert plain in said
+        assert f"simulated, {plain}" in said
+        assert not any("as it was" in each for each in said)
 
 
 @pytest.mark.usefixtures("words_only")
