@@ -263,18 +263,27 @@ def number(value: float, nominal: float = 0.0, std: float = 0.001) -> ParameterR
         ("battery.internal_resistance", [0.12, 0.05], "sags more", "Take a fresh battery"),
         ("motor.armature_resistance", [1.2, 1.0], "20.0 % higher", "Look for worn brushes"),
         ("motor.armature_resistance", [0.8, 1.0], "20.0 % lower", "Calibrate the left motor."),
-        ("friction.coulomb", [0.099, 0.18], "only 0.099 N m instead of 0.180", "Put this value"),
+        ("friction.coulomb", [0.099, 0.18], "only 0.099 N m instead of 0.180", "Keep it in a model.toml"),
         ("friction.coulomb", [0.23, 0.18], "0.230 N m instead of 0.180", "Check axles"),
-        ("friction.viscous", [0.002, 0.004], "is only 0.0020", "Put this value"),
+        ("friction.viscous", [0.002, 0.004], "is only 0.0020", "Keep it in a model.toml"),
         ("friction.viscous", [0.008, 0.004], "is 0.0080", "Check bearings"),
         ("bemf.offset", [-7.0, 2.0], "-7 counts at standstill, not +2", "Calibrate its offset."),
-        ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22 ms", "Put this value"),
+        ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22 ms", "Keep it in a model.toml"),
     ],
 )  # fmt: skip
 def test_a_sentence_and_its_advice_fit_both_signs(
     id_: str, values: list[float], what: str, todo: str
 ) -> None:
     assert_told(id_, {"number": number(*values)}, what, todo)
+
+
+def test_a_number_that_robot_toml_has_once_is_put_there_where_it_is_that_of_both_sides() -> None:
+    """Put there for one wheel, the friction of the other one was the next cause."""
+    for id_, value, nominal in (("friction.coulomb", 0.1, 0.18), ("bemf.filter_lag", 0.03, 0.0225)):
+        both, left = (explanation(id_, where, {"number": number(value, nominal)}) for where in (None, "left"))
+        assert both.endswith(": put this value into robot.toml.")
+        assert "put this value" not in left
+        assert left.endswith("(--save-model), since robot.toml has one number for both wheels.")
 
 
 def assert_told(id_: str, numbers: dict[str, ParameterResult], what: str, todo: str) -> None:
