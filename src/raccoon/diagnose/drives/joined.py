@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.features import SETTLING
 from raccoon.diagnose.drives.log import Channel, Clocks, Log, Run
+from raccoon.diagnose.drives.stops import brakes
 
 Array = NDArray[np.float64]
 
@@ -101,8 +102,12 @@ def _one(channels: Sequence[Channel]) -> Channel:
 
 
 def _brakes(logs: Sequence[Log]) -> NDArray[np.bool_] | None:
-    known = [each.brake for each in logs if each.brake is not None]
-    return np.concatenate(known) if len(known) == len(logs) else None
+    """What is known of one is no habit of another, which has no word of it where it never braked: of such a
+    one its stops tell."""
+    if all(each.brake is None for each in logs):
+        return None
+    own = [np.full(each.duty.shape, brakes(each)) if each.brake is None else each.brake for each in logs]
+    return np.concatenate(own)
 
 
 def _ended(log: Log) -> Log:

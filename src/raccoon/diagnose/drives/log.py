@@ -281,7 +281,7 @@ def _command(columns: Mapping[str, Array], port: int) -> Array:
 
 
 def _latest(values: Array) -> Array:
-    """Values of which some are numbers, where one is none the last that was, or else the first."""
+    """Values of which some are numbers, where one is none the last that was; 0 before the first."""
     known = np.isfinite(values)
-    latest = np.maximum.accumulate(np.where(known, np.arange(len(values)), np.argmax(known)))
-    return np.asarray(values[latest], float)
+    latest = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
+    return np.where(latest < 0, 0.0, values[latest])

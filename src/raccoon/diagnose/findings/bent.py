@@ -61,8 +61,9 @@ def _name(coordinate: Coordinate) -> str:
 
 
 def _by(coordinate: Coordinate, u: float) -> str:
+    """How the robot differs from the number, which is off the other way."""
     change = coordinate.value(u)
     if coordinate.factor:
-        return f" ({100.0 * (change - 1.0):+.0f} %)"
+        return f" (the drive says {100.0 * (change - 1.0):+.0f} %)"
     id_, _, name = coordinate.settings[0]
-    return f" ({change:+.2g} {effect(id_).parameter(name).unit})"
+    return f" (the drive says {change:+.2g} {effect(id_).parameter(name).unit})"

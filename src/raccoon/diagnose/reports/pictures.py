@@ -33,6 +33,11 @@ def _improved(diagnosis: Diagnosis) -> str:
     return "with the causes" if diagnosis.causes else "within robot.toml's tolerances"
 
 
+def _compared(diagnosis: Diagnosis) -> str:
+    """What the simulation before is. Of a drive it is refitted within robot.toml's tolerances as well."""
+    return "without the causes" if diagnosis.causes else "before"
+
+
 def _plain(axes: Any) -> None:
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
@@ -48,7 +53,7 @@ def error_figure(diagnosis: Diagnosis) -> Any:
     after = [each.rmse_after / floor for each, floor in zip(diagnosis.channels, floors, strict=True)]
     rows = np.arange(len(names))
     for shift, values, label, color in (
-        (-0.2, before, "simulation as it was", BEFORE),
+        (-0.2, before, _compared(diagnosis), BEFORE),
         (0.2, after, _improved(diagnosis), AFTER),
     ):
         bars = axes.barh(rows + shift, values, 0.38, label=label, color=color)
@@ -100,7 +105,7 @@ def shape_figure(shape: Shape) -> Any:
 
 def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
     """Measured against simulated, and the two errors below."""
-    better = _improved(diagnosis)
+    plain, better = _compared(diagnosis), _improved(diagnosis)
     step = max(1, len(curve.time) // MOST_POINTS)
     time, measured, before, after = (
         each[::step] for each in (curve.time, curve.measured, curve.before, curve.after)
@@ -114,10 +119,10 @@ def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
         top.plot(time, measured, color=MEASURED, linewidth=1.6, label="measured")
         top.set_ylabel(f"{curve.name}, {curve.unit}", fontsize=9)
     if compared:
-        top.plot(time, before, color=BEFORE, linewidth=0.9, label="simulated, as it was")
+        top.plot(time, before, color=BEFORE, linewidth=0.9, label=f"simulated, {plain}")
         top.plot(time, after, color=AFTER, linewidth=0.9, label=f"simulated, {better}")
     if simulated:
-        bottom.plot(time, before - measured, color=BEFORE, linewidth=0.8, label="as it was")
+        bottom.plot(time, before - measured, color=BEFORE, linewidth=0.8, label=plain)
         bottom.plot(time, after - measured, color=AFTER, linewidth=0.8, label=better)
         bottom.axhline(0.0, color="0.7", linewidth=0.8)
         bottom.set_ylabel(f"error, {curve.unit}" if compared else f"{curve.name}, {curve.unit}", fontsize=9)

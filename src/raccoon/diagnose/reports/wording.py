@@ -7,10 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from raccoon.diagnose.result import CauseResult, ParameterResult
+from raccoon.sim.effects.parameters import SIDES
 
 Values = Mapping[str, ParameterResult]
 
 INTO_ROBOT = "put this value into robot.toml"
+INTO_MODEL = "keep it in a model.toml (--save-model), since robot.toml has one number for both wheels"
+"""What to do instead with a number of one side: put into robot.toml it would make the other side's wrong."""
 CLEAR = 2.0
 """Deviations from which one of the two kinds of friction by direction is said to differ."""
 
@@ -260,4 +263,6 @@ def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
         found = Told(f"{id} at {place}: {numbers}", "")
     else:
         found = maker(place, values)
+    if where in SIDES:
+        found = replace(found, todo=found.todo.replace(INTO_ROBOT, INTO_MODEL))
     return Told(found.what[0].upper() + found.what[1:], found.todo)

@@ -28,7 +28,6 @@ from raccoon.sim.effects.physical import (
     safe_step,
     sample_slots,
     time_constants,
-    wiring_signs,
 )
 from raccoon.sim.plant.quantities import Plant
 from raccoon.sim.rollout.commands import Commands
@@ -101,7 +100,7 @@ class PlantRollout:
         plain: bool = False,
         own: Sequence[OwnEffect] = (),
     ) -> None:
-        self._robot = replace(robot, motors={})  # the log's signs of wiring are already taken away
+        self._robot = robot
         cycle = _cycle(usual_row(log), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
         self._neutral = neutral_settings(robot)
@@ -210,7 +209,7 @@ class PlantRollout:
         return Lanes(
             plant=plant,
             gyro=np.array([gyro_numbers(each, self._robot) for each in variants]),
-            signs=wiring_signs(first),
+            signs=(1.0, 1.0),  # of readings and commands: the log's are already taken away
             ports=(self._robot.drive.left, self._robot.drive.right),
             slots=sample_slots(first),
             cycle=chain.cycle,

@@ -24,7 +24,8 @@ from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.unknown.waves import angle_of, counts_of, waves, wheel_waves
-from raccoon.sim.effects.parameters import SIDES
+from raccoon.sim.effects.parameters import SIDES, Parameters
+from raccoon.sim.effects.physical import wiring_signs
 
 Array = NDArray[np.float64]
 
@@ -115,11 +116,13 @@ def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array
     """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
     point."""
     roles, columns = problem.features.roles, []
-    for side in SIDES:
+    signs = wiring_signs(Parameters.from_robot(problem.robot))
+    for side, sign in zip(SIDES, signs, strict=True):
         if f"speed_{side}" in roles:
             columns.append(readings[:, roles.index(f"speed_{side}")])
         elif f"bemf_{side}" in roles:
-            counts = readings[:, roles.index(f"bemf_{side}")] - settings[("bemf.offset", side, "counts")]
+            offset = sign * settings[("bemf.offset", side, "counts")]
+            counts = readings[:, roles.index(f"bemf_{side}")] - offset
             columns.append(counts / counts_of(problem, settings, side))
     return np.column_stack(columns) if len(columns) == 2 else None
 
@@ -186,7 +189,7 @@ def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: 
     usual = SMALL_RUB * problem.robot.model.friction.coulomb.value / WAVE
     found = []
     for wheel, side in enumerate(SIDES):
-        angle = angle_of(problem, motion.angle[:, wheel], wheel)
+        angle = angle_of(problem, settings, motion.angle[:, wheel], wheel)
         for friction in (False, True):
             its = wheel_waves(problem, settings, angle, speeds, wheel, friction)
             found.append(

@@ -60,11 +60,11 @@ def waves(angle: Array, orders: int) -> Array:
     return np.concatenate([np.sin(multiples), np.cos(multiples)])
 
 
-def angle_of(problem: Problem, counted: Array, wheel: int) -> Array:
+def angle_of(problem: Problem, settings: Settings, counted: Array, wheel: int) -> Array:
     """A wheel's angle, (bins,), from that which is counted from its readings, and is late as they are."""
     if f"bemf_{SIDES[wheel]}" not in problem.features.roles:
         return counted
-    late = problem.robot.model.bemf.filter_time_constant.value + SAMPLED
+    late = settings["bemf.filter_lag", SIDES[wheel], "time_constant"] + SAMPLED
     return np.asarray(np.interp(problem.features.time + late, problem.features.time, counted))
 
 
@@ -99,7 +99,7 @@ def _pushed(problem: Problem, settings: Settings, torques: Array, speeds: Array,
     sticks = np.abs(speeds) < STICKS
     courses = []
     for inertia, way in ((drive.inertia_straight, "straight"), (drive.inertia_turn, "turn")):
-        felt = inertia.value * settings["inertia", None, way]
+        felt = inertia.value * settings["inertia", None, way] * settings["drive.inertia", None, "factor"]
         lasts = felt / np.maximum(damping, felt / COASTING)
         lasts = np.where(sticks[:, wheel], AT_ONCE, lasts)
         courses.append(_followed(0.5 * torques, lasts, width, lasts / felt))
@@ -126,7 +126,7 @@ def _read(problem: Problem, settings: Settings, faster: Array) -> Array:
             found[:, :, place] = faster[:, :, SIDES.index(side)]
         elif role.startswith("bemf_"):
             counts = counts_of(problem, settings, side)
-            lag = np.full(faster.shape[1], max(model.bemf.filter_time_constant.value, AT_ONCE))
+            lag = np.full(faster.shape[1], max(settings["bemf.filter_lag", side, "time_constant"], AT_ONCE))
             read = _followed(counts * faster[:, :, SIDES.index(side)], lag, features.width)
             found[:, :, place] = _late(read, SAMPLED / features.width)
         elif role == "gyro":

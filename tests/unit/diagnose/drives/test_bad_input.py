@@ -324,6 +324,16 @@ def test_inverted_wiring_is_taken_away(good: Columns) -> None:
     assert np.array_equal(plain.channels[0].values, turned.channels[0].values, equal_nan=True)
 
 
+def test_a_command_holds_until_the_next_one_and_none_is_none() -> None:
+    """As for raccoon replay. The first command was taken for that of all rows before it: a robot that stood
+    was said to have been switched off while it was driven."""
+    given = np.full(1000, np.nan)
+    given[[400, 600]] = 0.5, -0.3
+    columns = {"t": 0.005 * np.arange(1000), "motor.0.duty": given, "motor.1.duty": np.zeros(1000)}
+    log = log_from_columns(columns, ROBOT)
+    assert log.duty[:, 0].tolist() == [0.0] * 400 + [0.5] * 200 + [-0.3] * 400
+
+
 def test_a_missing_channel_is_named(good: Columns) -> None:
     log = log_from_columns({key: each for key, each in good.items() if "gyro" not in key}, ROBOT)
     assert "imu.gyro.z" in log.missing

@@ -41,7 +41,7 @@ def test_a_number_far_from_what_robot_toml_says_is_told(
     assert [each for each, _ in bent_numbers(search)] == [id_]
     (note,) = bent_notes(search)
     assert said in note
-    assert "(-" in note  # which way
+    assert "off (the drive says -" in note  # which way: not robot.toml, the robot has less
     assert bent_notes(search_at(one, bent(problem, name, side, FAR - 0.2))) == ()
 
 

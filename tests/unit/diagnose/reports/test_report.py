@@ -9,6 +9,7 @@ import pytest
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
+from raccoon.diagnose.reports.pictures import curve_figure, error_figure
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.unknown_words import shape_text
 from raccoon.diagnose.reports.wording import explanation, told
@@ -61,6 +62,17 @@ FOUND = Diagnosis(
 def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages whose figures are made but not turned into pictures, which takes half a second a page."""
     monkeypatch.setattr(html, "png", lambda _: "AAAA")
+
+
+def test_pictures_say_what_is_compared() -> None:
+    """Before, too, what robot.toml leaves open is refitted: that is not the simulation as it was."""
+    for found, plain in ((FOUND, "without the causes"), (replace(FOUND, causes=()), "before")):
+        errors, curve = error_figure(found), curve_figure(FOUND.curves[0], found)
+        legends = [each.get_legend() for each in (*errors.axes, *curve.axes)]
+        said = [text.get_text() for each in legends if each is not None for text in each.get_texts()]
+        assert plain in said
+        assert f"simulated, {plain}" in said
+        assert not any("as it was" in each for each in said)
 
 
 @pytest.mark.usefixtures("words_only")
@@ -271,18 +283,27 @@ def number(value: float, nominal: float = 0.0, std: float = 0.001) -> ParameterR
         ("battery.internal_resistance", [0.12, 0.05], "sags more", "Take a fresh battery"),
         ("motor.armature_resistance", [1.2, 1.0], "20.0 % higher", "Look for worn brushes"),
         ("motor.armature_resistance", [0.8, 1.0], "20.0 % lower", "Calibrate the left motor."),
-        ("friction.coulomb", [0.099, 0.18], "only 0.099 N m instead of 0.180", "Put this value"),
+        ("friction.coulomb", [0.099, 0.18], "only 0.099 N m instead of 0.180", "Keep it in a model.toml"),
         ("friction.coulomb", [0.23, 0.18], "0.230 N m instead of 0.180", "Check axles"),
-        ("friction.viscous", [0.002, 0.004], "is only 0.0020", "Put this value"),
+        ("friction.viscous", [0.002, 0.004], "is only 0.0020", "Keep it in a model.toml"),
         ("friction.viscous", [0.008, 0.004], "is 0.0080", "Check bearings"),
         ("bemf.offset", [-7.0, 2.0], "-7 counts at standstill, not +2", "Calibrate its offset."),
-        ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22 ms", "Put this value"),
+        ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22 ms", "Keep it in a model.toml"),
     ],
 )  # fmt: skip
 def test_a_sentence_and_its_advice_fit_both_signs(
     id_: str, values: list[float], what: str, todo: str
 ) -> None:
     assert_told(id_, {"number": number(*values)}, what, todo)
+
+
+def test_a_number_that_robot_toml_has_once_is_put_there_where_it_is_that_of_both_sides() -> None:
+    """Put there for one wheel, the friction of the other one was the next cause."""
+    for id_, value, nominal in (("friction.coulomb", 0.1, 0.18), ("bemf.filter_lag", 0.03, 0.0225)):
+        both, left = (explanation(id_, where, {"number": number(value, nominal)}) for where in (None, "left"))
+        assert both.endswith(": put this value into robot.toml.")
+        assert "put this value" not in left
+        assert left.endswith("(--save-model), since robot.toml has one number for both wheels.")
 
 
 def assert_told(id_: str, numbers: dict[str, ParameterResult], what: str, todo: str) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.habits.lost import LostChange, changed_at
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
@@ -77,3 +78,20 @@ def test_a_row_that_was_lost_is_as_the_one_after_it() -> None:
     assert wider.brake is not None
     assert len(wider.brake) == len(wider.time)
     assert not wider.brake[1800].any()
+
+
+def test_of_several_recordings_each_has_its_own_stops() -> None:
+    """One that never braked has no word of it, and what the other says was forgotten: both were simulated as
+    if nothing ever braked, and something was loose."""
+    every = np.ones(len(TIME), bool)
+    logs = [log_from_columns(each, ROBOT) for each in (stops(every) | said(every), stops(~every))]
+    both = joined(logs)
+    assert both.brake is not None
+    second = both.time >= both.runs[1].start
+    assert both.brake[~second].all()
+    assert not both.brake[second].any()
+    unsaid = joined(
+        [log_from_columns(stops(every) | said(every), ROBOT), log_from_columns(stops(every), ROBOT)]
+    )
+    assert unsaid.brake is not None
+    assert unsaid.brake.all()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,8 +18,10 @@ from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Settings
+from raccoon.diagnose.rollout.robots import with_inertia
 from raccoon.diagnose.unknown.probes import WAVE, Probe, probes_for
-from raccoon.diagnose.unknown.waves import COGGING, _followed, _late, waves
+from raccoon.diagnose.unknown.waves import COGGING, _followed, _late, angle_of, waves, wheel_waves
 
 ROBOT = RobotConfig()
 QUIET = Noise(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -78,6 +82,29 @@ def test_an_independent_robot_answers_a_motor_that_cogs_as_its_waves_say(wheel: 
         size, left, *_ = np.linalg.lstsq(five[:, :, place].T, changed[:, place], rcond=None)
         assert np.hypot(*size) == pytest.approx(0.02, rel=0.25), role
         assert float(left[0]) < 0.25 * float((changed[:, place] ** 2).sum()), role
+
+
+def test_waves_answer_as_the_robot_that_was_found(problem: Problem) -> None:
+    """Beside a named inertia or filter they answered as robot.toml's: with a third less inertia, motors that
+    cog were said to do so by up to half too much."""
+    found, usual = problem.settings(problem.nominal()), problem.robot.model
+    bins = len(problem.features.time)
+    angle, speeds = np.linspace(0.0, 20.0, bins), np.full((bins, 2), 5.0)
+
+    def answers(robot: RobotConfig, named: Settings) -> np.ndarray:
+        its = replace(problem, robot=robot)
+        return wheel_waves(
+            its, found | named, angle_of(its, found | named, angle, 0), speeds, 0, False
+        ).columns
+
+    factor, slow = 0.65, replace(usual.bemf.filter_time_constant, value=0.0475)
+    named = answers(problem.robot, {("drive.inertia", None, "factor"): factor})
+    np.testing.assert_allclose(named, answers(with_inertia(problem.robot, factor, factor), {}))
+    lag: Settings = {("bemf.filter_lag", side, "time_constant"): slow.value for side in ("left", "right")}
+    other = replace(problem.robot, model=replace(usual, bemf=replace(usual.bemf, filter_time_constant=slow)))
+    late = answers(problem.robot, lag)
+    np.testing.assert_allclose(late, answers(other, lag))
+    assert np.ptp(late - answers(problem.robot, {})) > 1.0
 
 
 def _quiet(hidden: Hidden) -> tuple[Problem, np.ndarray]:
