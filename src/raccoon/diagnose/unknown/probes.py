@@ -252,7 +252,8 @@ def _gyro_over_speed(features: Features, wheels: Array) -> list[Probe]:
     """A gyro that hears the motors, and one that reads more to one side than to the other. wheels (bins, 2):
     rad/s of both."""
     forward, turn = wheels.mean(axis=1), 0.5 * (wheels[:, 1] - wheels[:, 0])
-    alike = _hats(np.abs(turn), 5)[1:]  # nothing at rest, and the opposite of a scale: as much either way
+    size = np.abs(turn)[None]  # one curve, since each that may be there takes evidence from what is
+    alike = size / max(float(np.quantile(size, 0.99)), 1e-9)
     return [
         *_sensor_probe(features, "gyro", "gyro over speed", GYRO * _hats(forward, 6), forward, RATE),
         *_sensor_probe(features, "gyro", "gyro over turn rate", GYRO * alike, turn, RATE),
