@@ -29,6 +29,7 @@ from raccoon.sim.effects.effect import all_effects, effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
+from simulated_drives import recorded
 
 ROBOT = RobotConfig()
 
@@ -113,6 +114,21 @@ def test_a_gap_that_no_sample_tells_from_a_wider_one_is_not_as_unsure_as_before(
     assert cause.id == "drive.backlash"
     assert angle.std < 0.025  # the prior's is 0.1
     assert abs(angle.value - 0.06) < 2.0 * angle.std
+
+
+def test_what_both_wheels_have_unlike_is_said_of_each() -> None:
+    """Said of both and of the left one beside it, both had the left one's number, the right one's none."""
+    names = {"left": 0.25, "right": 0.12}
+    robot = Parameters.from_robot(ROBOT)
+    for side, torque in names.items():
+        robot = robot.with_effect("friction.coulomb", side, torque=torque)
+    found = diagnose(recorded(robot, 10.0, seed=9), ROBOT)
+    assert {each.where: each.id for each in found.causes} == dict.fromkeys(names, "friction.coulomb")
+    for each in found.causes:
+        assert each.where is not None
+        number = each.parameters["torque"]
+        assert abs(number.value - names[each.where]) < 2.0 * number.std
+        assert not each.confounded_with
 
 
 def test_every_drive_effect_is_a_cause_with_a_sentence_and_a_manoeuvre() -> None:

@@ -192,11 +192,17 @@ def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
 
 def _brakes(columns: Mapping[str, Array], ports: Sequence[int]) -> NDArray[np.bool_] | None:
     """Whether each motor is shorted at duty 0, (n, 2), each valid until the next row, as the format has it: a
-    row without a word does not brake. None where no row of one of them has any."""
+    command without a word of it does not brake, and a row without a command has that of before. None where no
+    row of one of them has any word."""
     names = [f"motor.{port}.brake" for port in ports]
     if not all(name in columns and np.isfinite(columns[name]).any() for name in names):
         return None
-    return np.column_stack([np.nan_to_num(columns[name]) > 0.5 for name in names])
+    duties = [columns[f"motor.{port}.duty"] for port in ports]
+    words = [
+        np.where(np.isfinite(duty), np.nan_to_num(columns[name]), columns[name])
+        for name, duty in zip(names, duties, strict=True)
+    ]
+    return np.column_stack([_latest(each) > 0.5 for each in words])
 
 
 def _time(columns: Mapping[str, Array]) -> Array:

@@ -11,6 +11,7 @@ from raccoon.diagnose.select.missed import with_missed
 from raccoon.diagnose.select.moves import BETTER_TOGETHER
 from raccoon.diagnose.select.needed import spare
 from raccoon.diagnose.select.outlook import Search, estimated
+from raccoon.diagnose.select.replacements import taken_apart
 from raccoon.diagnose.select.search import pruned
 from raccoon.diagnose.watch import tell
 
@@ -30,7 +31,7 @@ NO_SIZE = "has no number that differs from what was assumed"
 
 def proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
     """The causes that stand on unseen data, and how they do there."""
-    search = estimated(search)
+    search = estimated(taken_apart(search))
     while (more := with_missed(search)) is not None:
         search = estimated(more)
     tell("judging on data that was not fitted")

@@ -11,7 +11,14 @@ from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.joint import better_set
-from raccoon.diagnose.select.moves import accepted, accepted_without, replaced_by, rows_without, settled_fit
+from raccoon.diagnose.select.moves import (
+    accepted,
+    accepted_without,
+    moved,
+    replaced_by,
+    rows_without,
+    settled_fit,
+)
 from raccoon.diagnose.select.outlook import Search, lead
 from raccoon.diagnose.select.refits import SCALE, both_signs, doubtful
 
@@ -39,6 +46,28 @@ def merged(search: Search) -> Search:
             both, ahead = _furthest(search, fits, apart)
         if ahead > -gate(whole):  # one cause less must be justified
             return merged(accepted_without(search, other, both))
+    return search
+
+
+def taken_apart(search: Search) -> Search:
+    """Each side by itself where a cause of both has one of a side beside it: the same robot, in numbers that
+    each wheel has. What explains as much as that of both does so in the place of the other side's."""
+    active = search.fit.point.active
+    for name in active:
+        whole, _, side = name.partition("@")
+        other = f"{whole}@{'left' if side == 'right' else 'right'}"
+        plain = whole in active and search.problem.causes[whole].joint is None
+        if not side or not plain or other in active or other not in search.problem.causes:
+            continue
+        less = search.fit.point.without_cause(whole).with_cause(name, active[whole] + active[name])
+        fit = fit_point(search.problem, search.whitener, less.with_cause(other, active[whole]))
+        rivals = {key: each for key, each in search.rivals.items() if key != whole}
+        rivals[other] = [each for each in search.rivals.get(whole, []) if each.name != other]
+        following = moved(search, fit, rivals)
+        for now, before in ((following.gains, search.gains), (following.held_out, search.held_out)):
+            if whole in before:
+                now[other] = before[whole]
+        return taken_apart(following)
     return search
 
 

@@ -95,3 +95,20 @@ def test_of_several_recordings_each_has_its_own_stops() -> None:
     )
     assert unsaid.brake is not None
     assert unsaid.brake.all()
+
+
+def test_a_row_without_a_command_brakes_as_the_one_before() -> None:
+    """As for raccoon replay. Where a logger writes commands as they change each stop braked for a row."""
+    braking = TIME % 4.0 < 2.0
+    columns = stops(braking) | said(braking)
+    wanted = log_from_columns(columns, ROBOT)
+    seldom = {name: each.copy() for name, each in columns.items()}
+    for port in (0, 1):
+        duty, brake = seldom[f"motor.{port}.duty"], seldom[f"motor.{port}.brake"]
+        same = np.append(False, (np.diff(duty) == 0.0) & (braking[1:] == braking[:-1]))
+        duty[same] = brake[same] = np.nan
+    log = log_from_columns(seldom, ROBOT)
+    assert log.brake is not None
+    assert wanted.brake is not None
+    assert np.array_equal(log.duty, wanted.duty)
+    assert np.array_equal(log.brake, wanted.brake)
