@@ -209,6 +209,7 @@ def test_what_makes_unseen_data_worse_is_dropped(
 
     monkeypatch.setattr(proving, "_standing", lambda search: search)
     monkeypatch.setattr(proving, "estimated", lambda search: search)
+    monkeypatch.setattr(proving, "taken_apart", lambda search: search)
     monkeypatch.setattr(proving, "with_missed", lambda _: None)
     monkeypatch.setattr(proving, "pruned", pruned)
     monkeypatch.setattr(proving, "held_out", judged)
@@ -240,6 +241,7 @@ def test_a_cause_whose_number_is_none_is_not_named(monkeypatch: pytest.MonkeyPat
         return SimpleNamespace(fit=fit, problem=problem, failed=failed, gains={})
 
     monkeypatch.setattr(proving, "estimated", lambda search: search)
+    monkeypatch.setattr(proving, "taken_apart", lambda search: search)
     monkeypatch.setattr(proving, "spare", lambda _: None)
     monkeypatch.setattr(proving, "pruned", pruned)
     monkeypatch.setattr(proving, "parameters", lambda _, cause, __: numbers[cause.name])
