@@ -87,7 +87,7 @@ def left_text(unexplained: Unexplained) -> str:
     """How much no cause describes, where that is much on data that was not fitted."""
     share = round(100 * unexplained.share)
     if share == 0:
-        return "Something acts that no cause describes; it depends on"
+        return "What is left depends on"
     return f"{share} % of the error's power is left; it depends on"
 
 

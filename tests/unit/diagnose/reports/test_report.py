@@ -98,9 +98,7 @@ def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("share", "said"), [(0.12, "12 % of"), (0.001, "that no cause describes; it depends on: heading")]
-)
+@pytest.mark.parametrize(("share", "said"), [(0.12, "12 % of"), (0.001, "What is left depends on: heading")])
 def test_a_share_of_nothing_is_not_said_to_be_left(share: float, said: str) -> None:
     assert said in terminal_report(replace(FOUND, unexplained=Unexplained(share, ("heading",))))
 
