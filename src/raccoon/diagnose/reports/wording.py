@@ -219,7 +219,7 @@ _CATALOGUE: Mapping[str, Maker] = {
         "drive faster where a distance is measured",
     ),
     "bemf.filter_lag": _number(
-        "back-EMF is smoothed with {milli:.0f} ms instead of {nominal_milli:.0f} ms ({place})", INTO_ROBOT
+        "back-EMF is smoothed with {milli:.3g} ms instead of {nominal_milli:.3g} ms ({place})", INTO_ROBOT
     ),
     "imu.gyro_bias": _number(
         "the gyro reads {value:+.4f} rad/s at rest, not {nominal:+.4f}", "calibrate it before every run"

@@ -286,7 +286,7 @@ def number(value: float, nominal: float = 0.0, std: float = 0.001) -> ParameterR
         ("friction.viscous", [0.002, 0.004], "is only 0.0020", "Keep it in a model.toml"),
         ("friction.viscous", [0.008, 0.004], "is 0.0080", "Check bearings"),
         ("bemf.offset", [-7.0, 2.0], "-7 counts at standstill, not +2", "Calibrate its offset."),
-        ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22 ms", "Keep it in a model.toml"),
+        ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22.5 ms", "Keep it in a model.toml"),
     ],
 )  # fmt: skip
 def test_a_sentence_and_its_advice_fit_both_signs(
