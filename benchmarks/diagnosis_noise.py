@@ -26,7 +26,8 @@ from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.select.gates import FLOOR_GATE, gate
-from raccoon.diagnose.select.outlook import Search, best_probe, estimated, lead, start_search
+from raccoon.diagnose.select.outlook import Search, estimated, lead, start_search
+from raccoon.diagnose.select.probed import best_probe
 from raccoon.diagnose.select.refits import refit_candidates
 from raccoon.diagnose.unknown.probes import probes_for
 

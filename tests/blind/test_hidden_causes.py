@@ -15,7 +15,8 @@ from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.result import Diagnosis, Verdict
-from raccoon.diagnose.select.outlook import best_probe, estimated, look_around, start_search
+from raccoon.diagnose.select.outlook import estimated, look_around, start_search
+from raccoon.diagnose.select.probed import best_probe
 from raccoon.diagnose.select.refits import SCALE
 from raccoon.diagnose.select.replacements import rearranged
 from raccoon.diagnose.select.search import PROBE_GATE, _with_unknown, grown

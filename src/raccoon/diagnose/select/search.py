@@ -19,13 +19,12 @@ from raccoon.diagnose.select.moves import (
 )
 from raccoon.diagnose.select.outlook import (
     Foretold,
-    Probed,
     Search,
-    best_probe,
     held_out_lead,
     lead,
     look_around,
 )
+from raccoon.diagnose.select.probed import Probed, best_probe
 from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.select.replacements import merged, rearranged, simplified
 from raccoon.diagnose.select.rivals import compared

@@ -18,7 +18,8 @@ from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.select.outlook import best_probe, look_around, start_search
+from raccoon.diagnose.select.outlook import look_around, start_search
+from raccoon.diagnose.select.probed import best_probe
 from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
 from raccoon.diagnose.unknown.probes import motion_of, probes_for
 

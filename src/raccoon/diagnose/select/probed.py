@@ -1,0 +1,108 @@
+"""What a probe would explain of what is left beside the causes that are named."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.fit.evidence import Gram
+from raccoon.diagnose.fit.linear import Group
+from raccoon.diagnose.fit.wander import slow_friction
+from raccoon.diagnose.fit.whitening import FLOOR_SHARES
+from raccoon.diagnose.select.outlook import MOST_OF_EVENT, Search, excess, screen
+
+Array = NDArray[np.float64]
+
+NEARLY = 0.7
+"""Part of the best probe's lead, which many events saturate, from which the whole evidence decides."""
+PROBES_TRIED = 3
+LEAST_OF_PROBE = 10.0
+"""Log evidence of the linear model from which a probe is looked at closely."""
+
+
+@dataclass(frozen=True, slots=True)
+class Probed:
+    """A probe and the log evidence that it would add: all of it, and with no event counting for much.
+
+    least: see `Group`."""
+
+    name: str
+    evidence: float
+    lead: float
+    least: float = 0.0
+
+    def shows(self, gate: float) -> bool:
+        """Whether its lead is beyond a gate, and beyond what something usual makes of it."""
+        return self.lead > max(gate, self.least)
+
+
+def best_probe(search: Search) -> Probed:
+    """The probe that explains most of what is left, moment by moment; see `lead`."""
+    found = [Probed("", 0.0, 0.0)]
+    # What a probe gains by freeing bent base numbers comes on top, and no cause could be compared with it.
+    features = search.problem.features
+    most_of_all = MOST_OF_EVENT * len(features.time) / features.event
+    likeliest = _probes_by_evidence(search)[:PROBES_TRIED]
+    probes = {each.name: each.columns for each in search.probes(search.linear)} if likeliest else {}
+    for gain, each in likeliest:
+        columns = probes[each.name]
+        group = replace(each, columns=columns[list(each.part)] if each.part else columns)
+        least = group.least
+        if group.over_place:
+            gain, limited = (each - group.paid for each in _beside_wander(search, group))
+        else:
+            *residuals, size = _with_and_without(search, group)
+            limited = gain - excess(search.problem, *residuals)
+            least = least if size < group.usual else 0.0
+        found.append(Probed(group.name, gain, min(limited, most_of_all), least))
+    shown = [each for each in found if each.shows(0.0)] or found
+    most = max(each.lead for each in shown)
+    return max((each for each in shown if each.lead >= NEARLY * most), key=lambda each: each.evidence)
+
+
+def _probes_by_evidence(search: Search) -> list[tuple[float, Group]]:
+    """The probes that are worth a closer look, whole or that part which alone explains most, with the log
+    evidence that is left of them once the choice is paid."""
+    known = {*search.problem.causes, *search.unknown}
+    best: dict[str, tuple[float, Group]] = {}
+    for gain, group, _ in screen(search, search.table.in_parts(), held=True):
+        left = gain - group.paid
+        if group.name in known or left < LEAST_OF_PROBE:
+            continue
+        if group.name not in best or left > best[group.name][0]:
+            best[group.name] = left, group
+    return sorted(best.values(), key=lambda each: -each[0])
+
+
+def _with_and_without(search: Search, group: Group) -> tuple[Array, Array, float]:
+    """Whitened residuals of the linear model with a group and without it, and the size of its coordinates."""
+    fit = search.fit
+    own, target = fit.jacobian[fit.free], fit.target
+    every = np.vstack([own, search.whitener(group.columns)])
+    mean, _, _ = Gram.of(every.T, target).solve()
+    less, _, _ = Gram.of(own.T, target).solve()
+    return target - mean @ every, target - less @ own, float(np.linalg.norm(mean[len(own) :]))
+
+
+def _beside_wander(search: Search, group: Group) -> tuple[float, float]:
+    """Evidence of a probe over the place, whole and limited, where friction may also wander: with the probe
+    and without it as much as is likeliest.
+
+    A place at which the robot was once is a moment, and friction over it the same as friction that wanders.
+    Both were free when the noise was estimated, and chance decided which of them it was.
+    """
+    fit = search.fit
+    own, slow = fit.jacobian[fit.free], search.whitener(slow_friction(search.problem, search.linear))
+    residuals, evidence = [], []
+    for columns in (np.vstack([own, search.whitener(group.columns)]), own):
+        every = np.vstack([columns, slow])
+        gram = Gram.of(every.T, fit.target)
+        wanders = [np.repeat([1.0, share], [len(columns), len(slow)]) for share in FLOOR_SHARES]
+        sizes = max(wanders, key=lambda each: gram.scaled(each).evidence())
+        mean, its, _ = gram.scaled(sizes).solve()
+        residuals.append(fit.target - (mean * sizes) @ every)
+        evidence.append(its)
+    gain = evidence[0] - evidence[1]
+    return gain, gain - excess(search.problem, *residuals)
