@@ -8,7 +8,7 @@ where nothing is commanded, and the filter of a reading.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -172,4 +172,8 @@ def answer_of(
     if asked is None or float(np.ptp(duty)) == 0.0:
         return None
     answer = asked.of_one(duty, latest)
-    return asked.of_many(duties, latest) if answer.early or answer.left > lost else answer
+    if not (answer.early or answer.left > lost):
+        return answer
+    better = asked.of_many(duties, latest)
+    # The simplest may still explain most, by the friction that is a column of its own; it is not early then.
+    return better if better.early or better.left <= answer.left else replace(answer, delay=max(latest, 0.0))
