@@ -24,8 +24,8 @@ LITTLE = 0.05
 """Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
 degrees in a match of two minutes, if it never averages out."""
 BRIEF = 0.003
-"""s of a lag below which it does not matter: half a cycle of a firmware at 175 Hz. When
-in its cycle a controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
+"""s of a lag below which it does not matter: half a cycle of a firmware at 175 Hz. When in its cycle a
+controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
 _LAGS = {"actuation.latency": "seconds", "imu.latency": "seconds", "drive.wheel_slip": "time"}
 
 STOOD, NO_DUTY = "stood", "speed"

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import Channel
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
@@ -26,8 +27,6 @@ FRICTIONS = (0.0, 0.05, 0.1, 0.2)
 """Duty that friction takes away."""
 FILTERS = (0.0225, 0.045)
 """s of a reading's filter, where it has one."""
-
-
 STEP, FARTHEST = 0.02, 0.3
 """s by which delays are tried, and the longest of them, either way."""
 FEWEST, MOST = 200, 3000
@@ -130,7 +129,7 @@ class Asked:
     def of(cls, time: Array, channel: Channel) -> Asked | None:
         """None where too little of it is known."""
         known = np.flatnonzero(np.isfinite(channel.values))
-        step = float(np.median(np.diff(time)))
+        step = usual_step(time)
         reach = round(FARTHEST / step)
         known = known[(known >= reach) & (known < len(time) - reach)]
         if len(known) < FEWEST:
@@ -176,4 +175,4 @@ def answer_of(
         return answer
     better = asked.of_many(duties, latest)
     # The simplest may still explain most, by the friction that is a column of its own; it is not early then.
-    return better if better.early or better.left <= answer.left else replace(answer, delay=max(latest, 0.0))
+    return better if better.early or better.left <= answer.left else replace(answer, delay=0.0)

@@ -27,9 +27,10 @@ from raccoon.diagnose.rollout.encoders import encoder_coordinates, encoder_setti
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.joined import rollout_of
 from raccoon.diagnose.rollout.silence import told
-from raccoon.diagnose.rollout.variants import Habits, usual_row
+from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.trace.recording import usual_step
 
 USUAL_CHAINS = (Chain.firmware(), Chain())
 FREE_RUNNING = replace(Chain.firmware(), slots=False, free_running=True)
@@ -203,7 +204,7 @@ def with_battery(habits: Habits, seconds: float) -> Habits:
 def cycle_by_row(log: Log) -> float:
     """s between two samples of a controller that takes one a row, where a row is so long that this is no
     usual one; the usual one's elsewhere. A program, or a simulation, may filter what it logs by itself."""
-    row, usual = usual_row(log), Chain().cycle
+    row, usual = usual_step(log.time), Chain().cycle
     return row if 1.5 * usual < row <= LONGEST_CYCLE else usual
 
 

@@ -32,6 +32,7 @@ from raccoon.sim.effects.physical import (
 from raccoon.sim.plant.quantities import Plant
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import Lanes, rollout
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 Possible = NDArray[np.bool_]
@@ -101,7 +102,7 @@ class PlantRollout:
         own: Sequence[OwnEffect] = (),
     ) -> None:
         self._robot = robot
-        cycle = _cycle(usual_row(log), habits.chain.cycle)
+        cycle = _cycle(usual_step(log.time), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
         self._neutral = neutral_settings(robot)
         ports = {"left": robot.drive.left, "right": robot.drive.right}
@@ -227,11 +228,6 @@ class PlantRollout:
 def _some(lanes: Lanes, which: slice | Possible) -> Lanes:
     """Some of the robots."""
     return replace(lanes, plant=lanes.plant[which], gyro=lanes.gyro[which])
-
-
-def usual_row(log: Log) -> float:
-    """s of a row."""
-    return float(np.median(np.diff(log.time)))
 
 
 def _cycle(row: float, usual: float) -> float:

@@ -43,12 +43,13 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.result import Verdict
-from raccoon.diagnose.rollout.variants import Habits, _cycle, usual_row
+from raccoon.diagnose.rollout.variants import Habits, _cycle
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
 from raccoon.diagnose.select.search import begun
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
+from raccoon.trace.recording import usual_step
 from simulated_drives import recorded
 from unit.diagnose.searches import search_at, standing
 
@@ -490,7 +491,7 @@ def test_commands_from_their_rows_on_are_taken_so() -> None:
 def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: float) -> None:
     log = planned_log(exciting(np.random.default_rng(1), 2.0))
     shaken = row * (np.arange(len(log.time)) + np.random.default_rng(2).uniform(-0.05, 0.05, len(log.time)))
-    assert _cycle(usual_row(replace(log, time=shaken)), 0.005) == pytest.approx(cycle, rel=0.02)
+    assert _cycle(usual_step(shaken), 0.005) == pytest.approx(cycle, rel=0.02)
 
 
 @pytest.mark.parametrize("row", [0.01, 0.02])
