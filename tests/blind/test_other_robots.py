@@ -22,9 +22,10 @@ HIDDEN = {
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_hidden_cause_is_named_alone_of_another_robot(name: str) -> None:
+    # Stiction shows where a wheel begins to turn only: more of that is needed.
     with other_robot(name) as robot:
         hidden = fitting(draw(HIDDEN[name], np.random.default_rng(5)))
-        blind = make(6, [hidden], noise=noise_of(), seconds=20.0)
+        blind = make(6, [hidden], noise=noise_of(), seconds=20.0 if name == "smooth" else 12.0)
         found = diagnose(blind.columns, robot)
     assert [each.id for each in found.causes] == [hidden.id]
     (parameter, true), *_ = hidden.values.items()

@@ -192,7 +192,7 @@ def test_wheels_that_spin_at_a_wall_are_no_odd_motors(behind: str, caplog: pytes
         port = open_emulated(RobotConfig(), "stock" if behind == "stock" else 21, world=World.default())
     with open_robot(RobotConfig(), port=port) as robot:
         robot.run(wait(1.0))
-        remarks = robot.run(straight(3.0)).remarks
+        remarks = robot.run(straight(2.4)).remarks
         assert any(said.startswith("held") for said in remarks)
         assert not any("voltage" in said for said in remarks)
     assert not any("voltage" in record.message for record in caplog.records)

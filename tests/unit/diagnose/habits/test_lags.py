@@ -93,10 +93,9 @@ def smoothed(first: Hidden, chain: Chain, others: tuple[str, ...]) -> tuple[Sear
     return search, habits, under
 
 
-@pytest.mark.parametrize("chain", [Chain.firmware(), FREE_RUNNING])
-def test_a_slip_that_was_taken_for_other_readings_is_named_once_much_else_is_wrong(chain: Chain) -> None:
+def test_a_slip_that_was_taken_for_other_readings_is_named_once_much_else_is_wrong() -> None:
     """Of 17 slips beside many causes 12 were left to a chip, which was taken while little else was known."""
-    search, habits, under = smoothed(SLIPS, chain, OTHERS)
+    search, habits, under = smoothed(SLIPS, FREE_RUNNING, OTHERS)
     usual = replace(habits, chain=Chain.firmware(), low_pass=False)
     under.were_vain(search, habits, [usual])  # as a search for the filter notes that is not told of lags
     found, now = as_lags_of_the_robot(search, habits, under)
