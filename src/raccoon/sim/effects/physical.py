@@ -26,7 +26,9 @@ LEAST_COMPLIANCE = 1e-5
 LEAST_CREEP = 0.002
 """rad/s below which nothing creeps: less than a count of back-EMF, and a step of 1 ms would ring."""
 LEAST_LOW_PASS = 0.00125
-"""s below which a gyro filters nothing: half of the longest step."""
+"""s below which a gyro filters nothing: half of the usual step."""
+LOW_PASS_STEP = 2.0
+"""Longest step in time constants of the gyro's filter: beyond that its exponential's series grows."""
 BRISTLE_STEP = 0.6
 """Longest step as a part of sqrt(compliance J), the time of the bristles' swing over 2 pi."""
 
@@ -226,7 +228,8 @@ def _least_inertia(plants: NDArray[np.float64]) -> NDArray[np.float64]:
 def safe_step(plants: NDArray[np.float64]) -> float:
     """s: the longest step that resolves every robot's fastest motion, half its mechanical time constant, and
     a millisecond where gears have play: a wheel that meets a tooth jumps, and readings are before or after.
-    Where wheels give before they slide, the swing of bristles and inertia as well.
+    Where wheels give before they slide, the swing of bristles and inertia as well; where a gyro filters,
+    its filter.
 
     plants: (robots, fields of Plant). Raises ConfigError where a time constant is below 0.1 ms, which no
     drive train has.
@@ -238,8 +241,17 @@ def safe_step(plants: NDArray[np.float64]) -> float:
         )
     loose = any(np.any(_column(plants, f"half_play_{side}") > 0.0) for side in SIDES)
     swing = np.sqrt(_column(plants, "compliance") * _least_inertia(plants))
-    swiftest = float(np.min(swing, where=swing > 0.0, initial=math.inf))
-    return min(0.5 * shortest, LOOSE_STEP if loose else math.inf, BRISTLE_STEP * swiftest)
+    return min(
+        0.5 * shortest,
+        LOOSE_STEP if loose else math.inf,
+        BRISTLE_STEP * _least_positive(swing),
+        LOW_PASS_STEP * _least_positive(_column(plants, "low_pass")),
+    )
+
+
+def _least_positive(values: NDArray[np.float64]) -> float:
+    """The least of those above 0, infinite where there is none."""
+    return float(np.min(values, where=values > 0.0, initial=math.inf))
 
 
 def sample_slots(parameters: Parameters) -> tuple[float, float]:

@@ -74,14 +74,14 @@ def rollout(
     initial: a State, or fields of it by name (a number, or one a robot) over a robot at rest; where a speed
     is given, the back-EMF filter has settled on it unless its fields are given too. longest_step: s of one
     physics step; a row is cut into equal steps no longer than it, and shorter ones where a robot's time
-    constant asks for that. readings_only: what no reading depends on (place, angles of the wheels, heat) is
-    not followed, which is faster for robots whose wheels give; truth.x and truth.y cannot be asked for then,
-    and `final` is nothing to go on from. noise: how much the readings scatter, other numbers for each robot,
-    from one seed; by default not at all.
+    constant or its gyro's filter asks for that. readings_only: what no reading depends on (place, angles of
+    the wheels, heat) is not followed, which is faster for robots whose wheels give; truth.x and truth.y
+    cannot be asked for then, and `final` is nothing to go on from. noise: how much the readings scatter,
+    other numbers for each robot, from one seed; by default not at all.
 
     Row i of a channel is at commands.time[begin + i]: row 0 is the initial state, and the command of row i
-    acts between rows i and i + 1. The equations are `sim.equations`; the result is the same, bit for bit,
-    for a robot alone and in a lane, with and without numba.
+    acts between rows i and i + 1. The equations are `sim.plant.equations`; the result is the same, bit for
+    bit, for a robot alone and in a lane, with and without numba.
 
     Raises ConfigError for unknown channels or fields, channels that are not followed, rows out of range and
     steps that are not above 0.

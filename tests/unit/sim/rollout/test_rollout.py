@@ -316,6 +316,14 @@ def test_a_stiff_robot_is_stepped_finely_enough_to_stay_stable() -> None:
     np.testing.assert_allclose(coarse, fine, atol=0.05)
 
 
+def test_a_gyro_that_filters_little_is_followed_in_steps_that_its_series_bears() -> None:
+    """In steps of four time constants it grew to 1e122 rad/s within a second."""
+    quick = nominal().with_effect("imu.low_pass", time_constant=0.00125)
+    coarse = rollout(quick, STEPS, channels=["imu.gyro.z"], longest_step=0.02)["imu.gyro.z"]
+    fine = rollout(quick, STEPS, channels=["imu.gyro.z"], longest_step=0.0002)["imu.gyro.z"]
+    np.testing.assert_allclose(coarse, fine, atol=0.005)
+
+
 @pytest.mark.parametrize(
     ("left", "message"), [(np.full(400, np.nan), r"left\[0\] is nan"), (LEFT * 2, "duties from -1 to 1")]
 )
