@@ -40,6 +40,7 @@ def counter_lag(time_constant: float, sample_time: float) -> float:
     sum(raw) = sum(f) + k / (1 - k) f. The sum of samples, each counted for the whole time since the last one,
     is ahead of the angle by half a sample. Below 0, where the filter is that fast, 0 is given.
     """
-    if time_constant <= 0.0:
+    # At half of the sample time it is below 0 already; the exponential of a tiny one is no float.
+    if time_constant <= 0.5 * sample_time:
         return 0.0
     return max(sample_time / math.expm1(sample_time / time_constant) - 0.5 * sample_time, 0.0)

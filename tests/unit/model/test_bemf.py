@@ -23,6 +23,8 @@ def test_the_counter_of_a_wheel_that_speeds_up_is_behind_by_the_lag(time_constan
 def test_a_filter_faster_than_its_samples_is_not_behind() -> None:
     assert counter_lag(0.0, 0.005) == 0.0
     assert counter_lag(1e-4, 0.005) == 0.0
+    assert counter_lag(1e-6, 0.005) == 0.0  # whose exponential is beyond every float
+    assert counter_lag(0.95 * 0.005, 0.005) > 0.0
 
 
 def test_a_count_is_worth_what_the_calibration_says_and_else_what_the_nominal_motor_says() -> None:
