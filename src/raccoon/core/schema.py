@@ -161,16 +161,21 @@ def _value(spec: Field[Any], hint: Any, value: object, where: str) -> object:
     return _number(value, bounds, unit, where)
 
 
-def _number(value: object, bounds: Bounds, unit: str, where: str) -> float:
-    refused = f"{where} = {shown(value)}: allowed are {bounds} {unit}".rstrip()
+def finite(value: object) -> float | None:
+    """The finite float that a value of a file is, None where it is none: no number, NaN, beyond any float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ConfigError(refused)
+        return None
     try:
         found = float(value)
-    except OverflowError:  # a whole number beyond every float
-        found = math.inf
-    if not math.isfinite(found) or not bounds.allows(found):
-        raise ConfigError(refused)
+    except OverflowError:  # a whole number of hundreds of digits
+        return None
+    return found if math.isfinite(found) else None
+
+
+def _number(value: object, bounds: Bounds, unit: str, where: str) -> float:
+    found = finite(value)
+    if found is None or not bounds.allows(found):
+        raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds} {unit}".rstrip())
     return found
 
 

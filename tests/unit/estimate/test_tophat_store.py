@@ -98,6 +98,7 @@ def test_damaged_file_is_named(tmp_path: Path, text: str) -> None:
         ("calibration.white", {"mean": 1270.0}, r"calibration\.white\.sd: it is missing"),
         ("calibration.verdict", "fine", r"verdict = 'fine': allowed is ok \| weak"),
         ("calibration.share_black", 1.5, r"share_black = 1\.5: allowed are numbers from 0 to 1"),
+        ("calibration.separation", 10**400, r"separation = 10+\.\.\.: allowed are numbers from 0"),
         ("calibration.separation", math.inf, r"separation = inf: allowed are numbers from 0"),
         ("calibration.flickers", 1, r"flickers = 1: allowed are true and false"),
         ("calibration.treshold", 1.0, r"treshold: there is no such key; did you mean threshold\?"),

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.schema import Bounds, refuse_unknown, shown
+from raccoon.core.schema import Bounds, finite, refuse_unknown, shown
 from raccoon.estimate.tophat.calibration import FULL_SCALE, Surface, TophatCalibration, Verdict
 
 COUNTS = Bounds(0.0, FULL_SCALE)
@@ -137,10 +136,10 @@ def _text(value: object, where: str) -> str:
 
 
 def _number(value: object, bounds: Bounds, where: str) -> float:
-    numeric = isinstance(value, int | float) and not isinstance(value, bool)
-    if not numeric or not bounds.allows(value) or not math.isfinite(value):  # type: ignore[arg-type]
+    found = finite(value)
+    if found is None or not bounds.allows(found):
         raise ConfigError(f"{where} = {shown(value)}: allowed are {bounds}")
-    return float(value)  # type: ignore[arg-type]
+    return found
 
 
 def _maybe(value: object, bounds: Bounds, where: str) -> float | None:

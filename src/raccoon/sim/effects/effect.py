@@ -13,7 +13,7 @@ from functools import cache
 from typing import SupportsFloat
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.schema import Bounds
+from raccoon.core.schema import Bounds, shown
 
 
 class Place(StrEnum):
@@ -73,7 +73,10 @@ class Effect:
         unit = f" {parameter.unit}" if parameter.unit else ""
         if isinstance(value, bool) or not isinstance(value, SupportsFloat):
             raise ConfigError(f"{self.id}: {name} is {value!r}: it must be a number")
-        number = float(value)
+        try:
+            number = float(value)
+        except OverflowError:  # a whole number of hundreds of digits
+            raise ConfigError(f"{self.id}: {name} is {shown(value)}: no float is as large") from None
         if math.isnan(number) or not parameter.bounds.allows(number):
             raise ConfigError(f"{self.id}: {name} is {number:g}{unit}: allowed are {parameter.bounds}")
         return number
