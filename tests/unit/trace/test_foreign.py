@@ -4,11 +4,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raccoon.core.config import parse_robot
 from raccoon.core.errors import TraceError
 from raccoon.trace.columns import inputs_of
 from raccoon.trace.foreign.fleet_steps import read_fleet_steps
 from raccoon.trace.foreign.motor_steps import FILTER_SHARE, read_motor_steps
 from raccoon.trace.foreign.optiodom import read_robot, read_run
+from raccoon.trace.header import robot_table
 from raccoon.trace.loading import load_run
 
 METADATA = "type,diff,\nngear,43.7,\nencRes,64,\nLi,0.2,\nDi,0.085,0.083\n"
@@ -43,6 +45,7 @@ def test_optiodom_robot_has_the_geometry_of_its_metadata(tmp_path: Path) -> None
     assert left.value * radius == pytest.approx(tick * 0.083 / 2)
     assert right.value * radius == pytest.approx(tick * 0.085 / 2)
     assert robot.model.drive.track_width.value == 0.2
+    assert parse_robot(robot_table(robot)) == robot  # a model.toml or a header that holds it can be read
 
 
 @pytest.mark.parametrize(

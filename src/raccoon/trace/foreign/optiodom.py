@@ -72,7 +72,7 @@ def read_robot(path: str | Path) -> RobotConfig:
     try:
         return RobotConfig(
             name=Path(path).parent.name,
-            controller=ControllerConfig("replay", rate_hz=20.0),
+            controller=ControllerConfig(rate_hz=20.0),
             drive=DriveConfig(LEFT, RIGHT),
             motors=motors,
             model=NominalModel(drive=DriveModel(wheel_radius=radius, track_width=track)),
