@@ -140,4 +140,4 @@ def _shown(value: object) -> str:
         text = value.encode("utf-8", "replace").decode()  # of a file's name that is no text
         text = text.replace("\\", "\\\\").replace('"', '\\"')
         return '"' + _CONTROL.sub(lambda it: f"\\u{ord(it[0]):04x}", text) + '"'
-    return repr(value)
+    return repr(float(value) if isinstance(value, float) else value)  # NumPy's floats show their type

@@ -5,9 +5,10 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig, parse_robot, template
+from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig, parse_robot, template
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.model_file import parse_model
@@ -84,6 +85,13 @@ def test_a_robot_may_have_any_name(tmp_path: Path, name: str) -> None:
     assert Parameters.from_model_file(tmp_path / "model.toml") == model
 
 
+def test_a_number_of_numpy_is_written_as_one(tmp_path: Path) -> None:
+    motor = MotorConfig(static_voltage=Measured(np.float64(0.3), np.float64(0.01)))
+    model = Parameters(RobotConfig(motors={0: motor}))
+    model.save(tmp_path / "model.toml")
+    assert Parameters.from_model_file(tmp_path / "model.toml") == model
+
+
 def test_a_recording_whose_name_is_no_text_is_named_as_far_as_it_is(tmp_path: Path) -> None:
     replace(Parameters(), provenance=Provenance(recording="b\udce4d.csv")).save(tmp_path / "model.toml")
     assert Parameters.from_model_file(tmp_path / "model.toml").provenance.recording == "b?d.csv"
@@ -127,6 +135,10 @@ def test_nominal_values_are_those_of_the_robot() -> None:
             "probability = 97: allowed are numbers from 0 to 1",
         ),
         ('[provenance]\nfile = "run.csv"', r"provenance\.file: there is no such key"),
+        (
+            f'[[effect]]\nid = "drive.inertia"\nparameters = {{ factor = 1{"0" * 400} }}',
+            r"factor is 10+\.\.\.: no float is as large",
+        ),
         ("[chain]\nmedain = true", r"chain\.medain"),
         ("[model.motor]\narmature_resistance = -1.0", "armature_resistance = -1"),
         ("[model.drive]\ntrack_width = 0.0", "track_width = 0"),
