@@ -80,6 +80,7 @@ def test_impossible_parameters(value: Any) -> None:
         (lambda: plain().with_effect("friction.coulomb", force=1), "no parameter force; allowed are torque"),
         (lambda: plain().with_effect("friction.coulomb", "up"), "where is 'up': allowed are left, right, 0"),
         (lambda: plain().with_effect("drive.track_width", "left"), "it belongs to the whole robot"),
+        (lambda: plain().with_effect("tophat.height", height=0.001), r"numbers from 0\.002 to 0\.06"),
         (lambda: plain().with_effect("tophat.gain", "3"), r"robot\.toml has no tophat"),
         (lambda: Chain(battery_held=-0.1), r"battery_held is -0\.1: allowed are numbers from 0\.0 to 1\.0"),
         (lambda: Chain(coast_share=1.0), r"coast_share is 1\.0: allowed are numbers from 0\.0 to 0\.9"),
