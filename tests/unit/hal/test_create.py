@@ -18,9 +18,10 @@ from raccoon.core.config import MotorModel
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, STOP, Fault, Inputs, Outputs
-from raccoon.hal.create import RADIANS_PER_TICK, CreatePort, protocol
+from raccoon.hal.create import RADIANS_PER_TICK, CreatePort, open_create, protocol
 from raccoon.hal.create.protocol import BAUD, PACKETS, Mode, Sensors, StreamDecoder
 from raccoon.hal.serial_line import SerialLine
+from raccoon.hal.supervise import supervisor
 from serial_peer import SerialPeer
 
 REST = Sensors(
@@ -363,6 +364,33 @@ def test_the_guard_hears_every_cycle_and_whether_the_wheels_were_stopped(
     port.close()
     port.close()
     assert guard.closed == [plugged]
+
+
+def test_a_stop_that_is_interrupted_is_left_to_the_guard(
+    peer: SerialPeer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(_: bytes) -> bool:
+        raise KeyboardInterrupt
+
+    guard, clock = Watched(), SteppedClock()
+    line = SerialLine(str(peer.path), BAUD, clock)
+    port = CreatePort(line, clock, guard=guard)
+    monkeypatch.setattr(line, "write", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        port.close()
+    assert guard.closed == [False]
+    assert not line.connected
+
+
+def test_a_base_that_cannot_be_begun_with_leaves_neither_guard_nor_line(
+    peer: SerialPeer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    guard = Watched()
+    monkeypatch.setattr(supervisor, "Supervisor", lambda *_: guard)
+    with pytest.raises(ValueError, match="allowed are SAFE and FULL"):
+        open_create(str(peer.path), mode=Mode.PASSIVE)
+    assert guard.closed == [False]
+    SerialLine(str(peer.path), BAUD, SteppedClock()).close()  # it is free again
 
 
 def test_nothing_is_written_after_closing(base: Base) -> None:

@@ -125,9 +125,13 @@ class CreatePort:
 
     def close(self) -> None:
         """Stop the wheels and give the base back. May be called twice."""
-        if not self._closed:
-            self._closed = True
+        if self._closed:
+            return
+        self._closed = True
+        stopped = False
+        try:
             stopped = self._line.write(protocol.release())
+        finally:  # Ctrl-C in the middle of it: the guard is to stop the wheels then
             self._line.close()
             if self._guard is not None:
                 self._guard.close(stopped=stopped)
@@ -256,7 +260,8 @@ def _digital(sensors: Sensors, bits: int) -> tuple[bool, ...]:
 def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool = False) -> CreatePort:
     """Open the Create 2 on a serial port; its wheels stop when the program ends, is killed or hangs.
 
-    Raises HardwareError when the port is missing, forbidden or taken.
+    Raises HardwareError when the port is missing, forbidden or taken, ValueError for a mode in which no wheel
+    obeys.
     """
     from raccoon.hal.supervise.supervisor import Supervisor
 
@@ -264,9 +269,13 @@ def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool 
     line = SerialLine(path, BAUD, clock)
     try:
         guard = Supervisor(f"tty:{path}:{BAUD}", [protocol.stop()])
-    except HardwareError:
+        try:
+            port = CreatePort(line, clock, mode=mode, speed=speed, guard=guard)
+        except BaseException:
+            guard.close(stopped=False)
+            raise
+    except BaseException:
         line.close()
         raise
-    port = CreatePort(line, clock, mode=mode, speed=speed, guard=guard)
     atexit.register(port.close)
     return port
