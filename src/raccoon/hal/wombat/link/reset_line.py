@@ -39,9 +39,11 @@ class GpioResetLine:
                 os.close(chip)
             try:
                 time.sleep(PULSE_SECONDS)
-                fcntl.ioctl(line, SET_LINE_VALUES, bytes((1,)).ljust(64, b"\0"))
-            finally:
-                os.close(line)
+            finally:  # Ctrl-C in the middle of it must not leave the controller held down
+                try:
+                    fcntl.ioctl(line, SET_LINE_VALUES, bytes((1,)).ljust(64, b"\0"))
+                finally:
+                    os.close(line)
         except OSError as error:
             raise HardwareError(
                 f"the reset line (pin {self._pin} of {self._chip}) failed: {error}"
