@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 MOST_LINKS = 40
 """Links that lead from one to the next before they count as a ring, as the system has it."""
@@ -40,11 +41,17 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     """
     # The name of a file may be no text, and stand in a report of it.
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
-    with named(path):
-        if is_stream(path):
-            _write_on(path, data)
-        else:
-            _replace(Path(os.path.realpath(path)), data)
+    with replacing(path) as file:
+        file.write(data)
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[BinaryIO]:
+    """A file to write that gets the name `path` when the block ends; where it is left by an error nothing
+    has happened. Otherwise as `write_atomically`.
+    """
+    with named(path), _stream(path) if is_stream(path) else _beside(Path(os.path.realpath(path))) as file:
+        yield file
 
 
 @contextmanager
@@ -58,12 +65,13 @@ def named(path: Path) -> Iterator[None]:
         raise OSError(error.errno, error.strerror, str(path)) from None
 
 
-def _replace(target: Path, data: bytes) -> None:
-    """Write a file beside the target, and give it its name."""
+@contextmanager
+def _beside(target: Path) -> Iterator[BinaryIO]:
+    """A file beside the target that gets its name."""
     handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         os.chmod(temporary, target.stat().st_mode & 0o7777 if target.exists() else 0o644)
@@ -83,12 +91,11 @@ def is_stream(path: Path) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)) or _descriptor(path) is not None
 
 
-def _write_on(path: Path, data: bytes) -> None:
-    """Write to what is there. An open file goes on where it is, or one would overwrite the other."""
+def _stream(path: Path) -> BinaryIO:
+    """What is there, to be written to. An open file goes on where it is, or one would overwrite the other."""
     number = _descriptor(path)
     sys.stdout.flush()
-    with path.open("wb") if number is None else os.fdopen(os.dup(number), "wb") as file:
-        file.write(data)
+    return path.open("wb") if number is None else os.fdopen(os.dup(number), "wb")
 
 
 def _descriptor(path: Path) -> int | None:

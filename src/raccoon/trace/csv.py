@@ -7,8 +7,8 @@ know are kept.
 from __future__ import annotations
 
 import csv
+import io
 import math
-import os
 import re
 from array import array
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.core.files import named
+from raccoon.core.files import replacing
 from raccoon.trace.format import Event
 from raccoon.trace.mistaken import csv_separator
 from raccoon.trace.recording import (
@@ -230,21 +230,20 @@ def write_csv(recording: Recording, path: str | Path) -> None:
 
     Raises TraceError for an infinite value, which the format has no word for.
     """
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
     names = sorted(recording.columns, key=_rank)
     events: dict[int, str] = {}
     for event in recording.events:
         events[event.tick] = f"{events[event.tick]}; {event.text}" if event.tick in events else event.text
-    try:
-        with named(path), part.open("w", encoding="utf-8", newline="") as file:
+    with replacing(Path(path)) as raw:
+        # A remark may name a file whose name is no text.
+        file = io.TextIOWrapper(raw, encoding="utf-8", errors="backslashreplace", newline="")
+        try:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(names + [EVENT] * bool(events))
             for row, cells in enumerate(zip(*(_cells(recording, name) for name in names), strict=True)):
                 writer.writerow([*cells, events.get(row, "")] if events else cells)
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+        finally:
+            file.detach()  # flushed; who opened it closes it
 
 
 def _rank(name: str) -> tuple[int, list[tuple[int, str]]]:

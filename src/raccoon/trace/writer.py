@@ -15,7 +15,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from threading import Thread
 
-from raccoon.core.files import named
+from raccoon.core.files import named, replacing
 from raccoon.core.readings import Device
 from raccoon.trace.encode import Cycle, cycle_line, device_line, json_line
 
@@ -125,14 +125,10 @@ def _write_all(descriptor: int, data: bytes) -> None:
 
 def pack(plain: Path, packed: Path) -> None:
     """Gzip a file; the result appears whole or not at all, and equal content gives equal bytes."""
-    part = packed.with_name(packed.name + ".part")
-    try:
-        # Level 3 is within a few per cent of the default in less than half of the time.
-        with plain.open("rb") as source, part.open("wb") as raw:
-            with gzip.GzipFile(filename="", fileobj=raw, mode="wb", compresslevel=3, mtime=0) as target:
-                shutil.copyfileobj(source, target, 1 << 18)
-            raw.flush()
-            os.fsync(raw.fileno())
-        os.replace(part, packed)
-    finally:
-        part.unlink(missing_ok=True)
+    # Level 3 is within a few per cent of the default in less than half of the time.
+    with (
+        plain.open("rb") as source,
+        replacing(packed) as raw,
+        gzip.GzipFile(filename="", fileobj=raw, mode="wb", compresslevel=3, mtime=0) as target,
+    ):
+        shutil.copyfileobj(source, target, 1 << 18)

@@ -212,6 +212,19 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     assert path.read_text() == "t\n0\n"
 
 
+def test_a_link_to_a_recording_stays_one(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "t\n0\n")
+    (tmp_path / "last.csv").symlink_to(path)
+    write_csv(Recording({"t": np.arange(2.0)}), tmp_path / "last.csv")
+    assert (tmp_path / "last.csv").is_symlink()
+    assert path.read_text() == "t\n0\n1\n"
+
+
+def test_a_remark_may_name_a_file_whose_name_is_no_text(tmp_path: Path) -> None:
+    write_csv(Recording({"t": np.arange(2.0)}, [Event(0, "b\udce4d.py")]), tmp_path / "run.csv")
+    assert read_csv(tmp_path / "run.csv").events == [Event(0, "b\\udce4d.py")]
+
+
 @pytest.mark.parametrize(
     ("largest", "said"),
     [
