@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,8 +21,9 @@ import numpy as np
 
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.extras import install
-from raccoon.core.files import named
+from raccoon.core.files import replacing
 from raccoon.core.readings import SI_WORDS
+from raccoon.trace.decode import MAX_TEXT
 from raccoon.trace.format import Event
 from raccoon.trace.recording import DUTY, Column, Recording, allowed_instead, check_unit_of_duty
 
@@ -34,6 +34,10 @@ MAX_CHUNK = 64 << 20
 MAX_BYTES = 1 << 30
 MAX_VALUES = 20_000_000
 MAX_PROBLEMS = 100
+MAX_MESSAGE = 12 * MAX_TEXT + 100
+"""Bytes; a letter of a remark may take twelve."""
+MOST_SECONDS = 1.8e10
+"""64 bits of nanoseconds."""
 EVENT = "event"
 _PROFILE = "raccoon"
 _TICK = "position_counts_seconds"
@@ -42,23 +46,17 @@ _TICK = "position_counts_seconds"
 def write_mcap(recording: Recording, path: str | Path) -> None:
     """Write a recording as MCAP; the file appears whole or not at all.
 
-    Raises ConfigError where the package mcap is not installed.
+    Raises ConfigError where the package mcap is not installed, TraceError for times that MCAP cannot hold.
     """
     with _installed():
         from mcap.writer import Writer
 
-    path = Path(path)
-    part = path.with_name(path.name + ".part")
-    try:
-        with named(path), part.open("wb") as file:
-            writer = Writer(file)
-            writer.start(profile=_PROFILE, library=_PROFILE)
-            writer.add_metadata(_PROFILE, {_TICK: repr(recording.device.position_counts_seconds)})
-            _write_rows(writer, recording)
-            writer.finish()
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with replacing(Path(path)) as file:
+        writer = Writer(file)
+        writer.start(profile=_PROFILE, library=_PROFILE)
+        writer.add_metadata(_PROFILE, {_TICK: repr(recording.device.position_counts_seconds)})
+        _write_rows(writer, recording)
+        writer.finish()
 
 
 @contextmanager
@@ -83,6 +81,11 @@ def _write_rows(writer: Writer, recording: Recording) -> None:
     remarks = writer.register_channel(EVENT, "json", text)
     time = recording["t"]
     start = min(0.0, float(time[0])) if len(time) else 0.0  # message times cannot be negative
+    if len(time) and not time[-1] - start < MOST_SECONDS:
+        raise TraceError(
+            f"t goes from {start:g} to {time[-1]:g} s: the times of MCAP end {MOST_SECONDS:g} s after their "
+            "start; is t in seconds?"
+        )
     stamps = [round((each - start) * 1e9) for each in time.tolist()]
     for row, stamp in enumerate(stamps):
         for channel, values in topics:
@@ -248,7 +251,7 @@ class _Rows:
 def _value(data: bytes) -> object:
     try:
         # A whole number of hundreds of digits is one that no float holds: infinite, like 1e999.
-        message = json.loads(data, parse_int=float) if len(data) < 10_000 else None
+        message = json.loads(data, parse_int=float) if len(data) <= MAX_MESSAGE else None
     except (ValueError, RecursionError):
         return None
     return message.get("value") if isinstance(message, dict) else None

@@ -9,6 +9,7 @@ from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace import mcap as trace_mcap
 from raccoon.trace.columns import recording_of
+from raccoon.trace.decode import MAX_TEXT
 from raccoon.trace.format import Event, read_trace
 from raccoon.trace.mcap import read_mcap, write_mcap
 from raccoon.trace.recording import Recording
@@ -43,6 +44,19 @@ def test_worth_of_a_tick_equal_times_and_negative_times_survive(tmp_path: Path) 
     assert back.device.position_counts_seconds == 1.25
     np.testing.assert_array_equal(back["t"], [-0.1, 0.2, 0.2])
     np.testing.assert_array_equal(back["depth"], [np.nan, 2.0, 3.0])
+
+
+def test_the_longest_remark_of_a_trace_comes_back(tmp_path: Path) -> None:
+    recording = Recording({"t": np.arange(2.0)}, [Event(1, "\N{WORLD MAP}" * MAX_TEXT)])
+    write_mcap(recording, tmp_path / "run.mcap")
+    assert read_mcap(tmp_path / "run.mcap").events == recording.events
+
+
+def test_times_that_are_no_seconds_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(TraceError, match=r"t goes from 0 to 1\.7e\+18 s: .* is t in seconds\?"):
+        write_mcap(Recording({"t": np.array([0.0, 1.7e18])}), tmp_path / "run.mcap")
+    assert list(tmp_path.iterdir()) == []
+    write_mcap(Recording({"t": np.array([0.0, 1.7e9])}), tmp_path / "run.mcap")  # the clock of a computer
 
 
 def test_topics_are_the_column_names(tmp_path: Path) -> None:
