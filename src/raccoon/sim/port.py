@@ -23,6 +23,7 @@ from raccoon.model.bemf import counter_lag
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
+from raccoon.sim.plant.driver import cycle_count
 from raccoon.sim.plant.free_motor import FreeMotor
 from raccoon.sim.plant.quantities import State
 from raccoon.sim.robot import SimulatedRobot, bridges
@@ -89,7 +90,7 @@ class SimPort:
         equipped = replace(parameters, robot=replace(parameters.robot, tophats=config.tophats))
         tophats = [Tophat(each, equipped) for each in config.tophats.values()]
         self._converter = Converter(tophats, self._noise, self._scatter)
-        self._cycles = max(1, round(1.0 / rate_hz / parameters.chain.cycle))
+        self._cycles = cycle_count(1.0 / rate_hz, parameters.chain.cycle)
         self._truth = truth
         counted = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
         name = SIMULATOR.name if parameters.chain == Chain() else f"{SIMULATOR.name}-chain"

@@ -12,6 +12,7 @@ from raccoon.core.readings import Outputs
 from raccoon.core.sections import BodyConfig
 from raccoon.sim.effects.physical import state_at_rest
 from raccoon.sim.plant.compiled import advance_one, given
+from raccoon.sim.plant.driver import cycle_count
 from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.world.collision import Pose
 from raccoon.sim.world.contact import NO_SLIP, Contact, placed
@@ -57,7 +58,7 @@ class SimulatedRobot:
         rows = 1 + (math.ceil(plant.latency / period) + 1 if plant.latency > 0.0 else 0)
         self._rows = rows
         self._past = tuple(given([0.0] * rows) for _ in range(4))
-        self._noise = tuple(given([0.0] * max(1, round(period / cycle))) for _ in range(2))
+        self._noise = tuple(given([0.0] * cycle_count(period, cycle)) for _ in range(2))
         self._times = given([(row + 1 - rows) * period for row in range(rows + 1)])
         self._kept = given(np.zeros(0, dtype=np.int64))
         self._out = np.zeros((0, 1))

@@ -1,5 +1,7 @@
 """The simulated robot as a program meets it."""
 
+from itertools import pairwise
+from statistics import stdev
 from typing import Any
 
 import pytest
@@ -8,6 +10,7 @@ from raccoon.core.config import MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs
+from raccoon.sim.effects.chain import Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
@@ -78,6 +81,16 @@ def test_the_same_seed_gives_the_same_run_and_another_seed_another() -> None:
     runs = [[drive(sim(seed=seed), (0.5, 0.5), each) for each in range(1, 20)] for seed in (3, 3, 4)]
     assert runs[0] == runs[1]
     assert runs[0] != runs[2]
+
+
+def test_each_cycle_of_the_controller_has_noise_of_its_own() -> None:
+    """At 80 Hz a period is two and a half of its cycles, for which three are taken."""
+    loud = Noise(bemf=6000.0, gyro=0.0, gyro_bias=0.0, accel=0.0, battery=0.0, analog=0.0)
+    parameters = Parameters.from_robot(RobotConfig()).with_effect("bemf.filter_lag", time_constant=0.0)
+    port = SimPort(parameters, World.empty(), rate_hz=80.0, noise=loud)
+    counts = [port.read().position[0] or 0.0 for _ in range(800)]
+    steps = [after - before for before, after in pairwise(counts)]
+    assert stdev(steps) == pytest.approx(6000.0 * 0.0125 / 3**0.5, rel=0.1)
 
 
 def test_it_takes_no_commands_after_close_and_closes_twice() -> None:
