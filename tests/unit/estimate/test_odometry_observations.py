@@ -54,6 +54,21 @@ def test_a_way_is_taken_from_the_mark() -> None:
     assert not odometry.observe_distance(turned_round - inputs.truth.x, 0.002).accepted
 
 
+def test_what_is_seen_late_is_worth_what_it_was_when_it_was_seen() -> None:
+    """The robot stands: what standing still tells is taken again, too."""
+    at_once, later = Odometry(RobotConfig()), Odometry(RobotConfig())
+    seen_at = 3.4
+    for inputs, command in drive([(1.0, 0.0, 0.0), (2.0, 0.2, 0.3), (1.2, 0.0, 0.0)], WRONG):
+        for each in (at_once, later):
+            each.update(inputs, command)
+        if inputs.time == pytest.approx(seen_at):
+            assert at_once.observe_heading(0.61, std=0.01).accepted
+    assert later.observe_heading(0.61, std=0.01, time=seen_at).accepted
+    late, prompt = later.estimate, at_once.estimate
+    for name in ("x", "y", "heading", "gyro_bias", "x_std", "heading_std", "turn_rate_std", "gyro_bias_std"):
+        assert getattr(late, name) == pytest.approx(getattr(prompt, name), rel=1e-6, abs=1e-9), name
+
+
 def test_a_known_pose_is_taken_with_its_deviation() -> None:
     odometry, truth = driven()
     found = odometry.observe_pose(truth.x, truth.y, truth.heading, position_std=0.003, heading_std=0.005)

@@ -1,0 +1,192 @@
+"""What the drive filter does by itself, held to closed forms: gaps, doubt, priors, and what is published."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import SIMULATOR
+from raccoon.estimate.drive.fusion import Fusion
+from raccoon.estimate.drive.noise import TOGETHER, WheelNoise
+from raccoon.estimate.drive.observations import Way
+from raccoon.estimate.drive.prior import process_noise, scale_covariance
+from raccoon.estimate.drive.published import published
+from raccoon.estimate.drive.readings import DriveReadings
+from raccoon.estimate.drive.standstill import Standstill
+from raccoon.estimate.drive.wheel_track import WheelTrack
+from raccoon.estimate.ekf.bridge import bridged
+from raccoon.estimate.ekf.filter import DriveFilter, ProcessNoise, covariance_of, flattened, mean_of
+from raccoon.estimate.ekf.model import Array
+from raccoon.estimate.ekf.state import SIZE, OdometrySettings, State, wheel_scales
+from raccoon.model.bemf import counts_scale
+from raccoon.model.drive import DriveGeometry
+
+GEOMETRY = DriveGeometry(0.0345, 0.16)
+STILL = ProcessNoise(0.0, 0.0, 0.0, 0.0, 0.0)
+MEAN = np.array([0.3, -0.2, 0.7, 0.15, 0.4, 0.002, 0.01, -0.02, 1.05, 0.03, 0.97, 1.01, 0.012])
+POSE = slice(State.X, State.VELOCITY)
+
+
+def slopes(function: Callable[[Array], Array], at: Array, step: float = 1e-6) -> Array:
+    """Derivative by central differences, (values, inputs)."""
+    columns = [(function(at + h) - function(at - h)) / (2.0 * step) for h in step * np.eye(len(at))]
+    return np.array(columns).T
+
+
+def certain(mean: Array = MEAN, noise: ProcessNoise = STILL) -> DriveFilter:
+    return DriveFilter(mean, np.zeros((SIZE, SIZE)), GEOMETRY, noise)
+
+
+def test_a_gap_carries_all_that_is_not_known_along_its_slopes() -> None:
+    """A way without a turn: where it turned would be in doubt besides. What the wheels, which are ahead of
+    the gyro, had told before the gap of a turn that ended is what they turn less in it."""
+    early = 0.012 * (0.4 - 0.1)
+    left = 0.0345 / 0.97 * (4.0 - 0.01 * 3.0)
+    angles = 4.0, (left - early * 0.97 * 0.16) * 1.03 / 0.0345 - 0.02 * 3.0
+    random = np.random.default_rng(0)
+    A = 1e-3 * random.normal(size=(SIZE, SIZE))
+    A[State.TURN_RATE] = 0.0  # taken as it is
+    P, noise = A @ A.T, np.array([[2e-6, 5e-7], [5e-7, 1e-6]])
+
+    def moved(both: Array) -> Array:
+        state, turned = both[:SIZE], (both[SIZE], both[SIZE + 1])
+        return bridged(state, 0.0 * P, 3.0, turned, 0.0 * noise, GEOMETRY, 0.1)[0][POSE]
+
+    F = slopes(moved, np.concatenate([MEAN, angles]))
+    mean, found, travel = bridged(MEAN, P, 3.0, angles, noise, GEOMETRY, 0.1)
+    expected = F[:, :SIZE] @ P @ F[:, :SIZE].T + F[:, SIZE:] @ noise @ F[:, SIZE:].T
+    np.testing.assert_allclose(found[POSE, POSE], expected, rtol=1e-5, atol=1e-15)
+    assert travel == pytest.approx(1.05 * (left - 0.5 * early * 0.97 * 0.16))
+    np.testing.assert_allclose(mean[POSE], [0.3 + travel * math.cos(0.7), -0.2 + travel * math.sin(0.7), 0.7])
+
+
+def test_when_it_turned_in_a_gap_nobody_knows() -> None:
+    angles = (0.0, 0.6 * 0.97 * 0.16 * 1.03 / 0.0345)
+    mean = MEAN.copy()
+    mean[[State.LEFT_OFFSET, State.RIGHT_OFFSET, State.GYRO_DELAY]] = 0.0
+    nothing = np.zeros((SIZE, SIZE))
+    _, P, travel = bridged(mean, nothing, 3.0, angles, nothing[:2, :2], GEOMETRY, 0.0)
+    aside = travel * 0.3 / math.sqrt(3.0)
+    np.testing.assert_allclose(P[POSE, POSE], np.diag([aside**2, aside**2, 0.0]), rtol=1e-9, atol=1e-18)
+
+
+def test_the_slow_numbers_wander_in_a_gap_as_they_do_in_steps() -> None:
+    noise = ProcessNoise(0.1, 0.2, 1e-6, 2e-6, 3e-6)
+    stepped, gap = certain(noise=noise), certain(noise=noise)
+    stepped.predict(2.0)
+    gap.bridge(2.0, (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+    slow = slice(State.GYRO_BIAS, SIZE)
+    expected, found = (covariance_of(each.flat)[slow, slow] for each in (stepped, gap))
+    np.testing.assert_allclose(found, expected)
+    assert expected[3, 5] == pytest.approx(-6e-6)  # of way and wheel turn
+
+
+def test_what_both_wheels_turned_alike_and_uncounted_is_way_and_no_turn() -> None:
+    drive = certain(np.array([0.0] * 8 + [1.0, 0.0, 1.0, 1.0, 0.0]))
+    drive.bridge(1.0, (2.0, 2.0), (0.04, 0.04), 0.0, 0.036, 0.0, 0.0)
+    P = covariance_of(drive.flat)
+    assert P[State.X, State.X] == pytest.approx((0.0345 / 2.0) ** 2 * 2.0 * (0.04 + 0.036))
+    assert P[State.HEADING, State.HEADING] == pytest.approx((0.0345 / 0.16) ** 2 * 2.0 * (0.04 - 0.036))
+    lost = WheelTrack(0.0), WheelTrack(0.0)
+    lost[0].lost, lost[1].lost = 0.1, 0.2
+    noise = WheelNoise(RobotConfig(), OdometrySettings(), SIMULATOR)
+    assert noise.together(*lost) == pytest.approx(TOGETHER * 0.02)
+
+
+def test_a_doubt_ahead_is_none_across() -> None:
+    drive = certain()
+    drive.widen_along(0.04)
+    c, s = math.cos(0.7), math.sin(0.7)
+    np.testing.assert_allclose(
+        covariance_of(drive.flat)[POSE, POSE],
+        0.04 * np.array([[c * c, c * s, 0.0], [c * s, s * s, 0.0], [0.0, 0.0, 0.0]]),
+    )
+
+
+def test_priors_of_wheel_scales_and_track_are_those_of_the_states_that_hold_them() -> None:
+    def states(errors: Array) -> Array:
+        """Way, balance and wheel turn by the relative errors of left wheel, right wheel and track width."""
+        left, right, track = 1.0 + errors
+        way, balance = 2.0 / (left + right), (right - left) / (left + right)
+        assert wheel_scales(way, balance) == pytest.approx((left, right))
+        return np.array([way, balance, track / way])  # the wheels' turn is that of a track so much wider
+
+    H = slopes(states, np.zeros(3))
+    deviations = np.array([0.01, 0.02, 0.03])
+    np.testing.assert_allclose(scale_covariance(*deviations), H @ np.diag(deviations**2) @ H.T, rtol=1e-6)
+
+
+def test_scales_that_are_doubted_and_that_wander_do_so_as_both_wheels_scales() -> None:
+    scales = slice(State.WAY, State.GYRO_SCALE)
+    drive = certain()
+    drive.doubt_scales(0.05)
+    np.testing.assert_allclose(covariance_of(drive.flat)[scales, scales], scale_covariance(0.05, 0.05, 0.0))
+    drive = certain(noise=process_noise(RobotConfig(), OdometrySettings(scale_walk=0.05), 1.0))
+    drive.predict(4.0)
+    np.testing.assert_allclose(
+        covariance_of(drive.flat)[scales, scales], scale_covariance(0.1, 0.1, 0.0), atol=1e-15
+    )
+
+
+def test_a_taped_way_moves_the_states_along_its_slopes() -> None:
+    way = Way(left=12.0, right=14.0, seconds=5.0)
+    H = slopes(lambda state: way.expected(state, 0.0345), MEAN)
+    np.testing.assert_allclose(way.jacobian(MEAN, 0.0345), H, rtol=1e-7, atol=1e-9)
+
+
+def test_a_wheel_whose_ticks_are_all_there_is_errs_by_a_tick_at_either_end() -> None:
+    """Each of the two counts is off by a part of a tick, evenly: a twelfth of a tick squared."""
+    wheel, settings = WheelTrack(0.0), OdometrySettings(slip_noise=0.0, timing=0.0)
+    tick = counts_scale(RobotConfig(), "left", SIMULATOR) * SIMULATOR.position_counts_seconds
+    variance = WheelNoise(RobotConfig(), settings, SIMULATOR).variance(wheel, 0.0, 0.02)
+    assert variance == pytest.approx(2.0 * (tick / 0.02) ** 2 / 12.0, rel=1e-4)
+
+
+def said(delay: float) -> tuple[Array, float, float, float, float]:
+    """Covariance of the filter, and x, y, heading and deviation of the speed that are published of it."""
+    A = 1e-2 * np.random.default_rng(1).normal(size=(SIZE, SIZE))
+    mean = MEAN.copy()
+    mean[State.HEADING], mean[State.GYRO_DELAY] = 0.0, delay
+    fusion = Fusion(DriveFilter(mean, A @ A.T, GEOMETRY, STILL), OdometrySettings())
+    found = published(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
+    return A @ A.T, found.x, found.y, found.heading, found.velocity_std
+
+
+@pytest.mark.parametrize(("delay", "lead"), [(0.012, 0.006), (-0.012, -0.012)])
+def test_the_pose_is_that_of_now_whoever_of_wheels_and_gyro_is_late(delay: float, lead: float) -> None:
+    """Half of a gyro's delay is the wheels' lead; wheels behind a gyro are late themselves."""
+    _, x, y, heading, _ = said(delay)
+    assert x == pytest.approx(0.3 - lead * 1.05 * 0.15, abs=1e-5)
+    assert y == pytest.approx(-0.2, abs=1e-5)
+    assert heading == pytest.approx((delay - lead) * 0.4)
+
+
+def test_the_speed_is_as_unsure_as_way_and_wheels_together() -> None:
+    P, *_, deviation = said(0.0)
+    two = [State.VELOCITY, State.WAY]
+    slope = np.array([1.05, 0.15])
+    assert deviation**2 == pytest.approx(slope @ P[np.ix_(two, two)] @ slope)
+
+
+def test_a_robot_stands_when_all_is_quiet_for_longer_than_it_coasts() -> None:
+    still = Standstill()
+    quiet: dict[str, Any] = {"driven": False, "wheel": (0.04, 0.0), "gyro": (0.01, 0.0)}
+    said = [still.update(0.005, **quiet) for _ in range(61)]
+    assert said == [False] * 59 + [True] * 2
+    loud: dict[str, Any] = {"driven": True, "wheel": (0.06, 0.0), "gyro": (0.02, 0.0)}
+    for name, value in loud.items():
+        assert not still.update(0.005, **{**quiet, name: value})
+        assert not still.update(0.29, **quiet)
+        assert still.update(0.02, **quiet)
+    still.interrupt()
+    assert not still.update(0.29, **quiet)
+
+
+def test_a_belief_survives_being_flattened() -> None:
+    A = np.random.default_rng(2).normal(size=(SIZE, SIZE))
+    flat = flattened(MEAN, A @ A.T)
+    np.testing.assert_array_equal(mean_of(flat), MEAN)
+    np.testing.assert_array_equal(covariance_of(flat), np.triu(A @ A.T) + np.triu(A @ A.T, 1).T)
