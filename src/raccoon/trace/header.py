@@ -140,24 +140,31 @@ def library_version() -> str:
 def git_revision(folder: Path) -> str | None:
     """Commit that is checked out in the git repository around `folder`; None where there is none.
 
-    Reads two small files and starts no program.
+    Reads a few small files and starts no program.
     """
     for parent in (folder, *folder.parents):
-        git = parent / ".git"
-        if git.is_dir():
-            return _head_commit(git)
+        if (parent / ".git").exists():
+            try:
+                return _head_commit(parent / ".git")
+            except (OSError, UnicodeDecodeError):
+                return None
     return None
 
 
 def _head_commit(git: Path) -> str | None:
-    try:
-        head = (git / "HEAD").read_text(encoding="ascii").strip()
-        if not head.startswith("ref: "):
-            return head
-        name = head.removeprefix("ref: ")
-        if (git / name).is_file():
-            return (git / name).read_text(encoding="ascii").strip()
-        packed = (git / "packed-refs").read_text(encoding="ascii").splitlines()
-    except (OSError, UnicodeDecodeError):
-        return None
+    if git.is_file():  # of a worktree or a submodule: it says where its own is
+        git = git.parent / _first_line(git).removeprefix("gitdir: ")
+    head = _first_line(git / "HEAD")
+    if not head.startswith("ref: "):
+        return head
+    name = head.removeprefix("ref: ")
+    shared = git / "commondir"
+    common = git / _first_line(shared) if shared.is_file() else git
+    if (common / name).is_file():
+        return _first_line(common / name)
+    packed = (common / "packed-refs").read_text(encoding="ascii").splitlines()
     return next((line.split()[0] for line in packed if line.endswith(f" {name}")), None)
+
+
+def _first_line(path: Path) -> str:
+    return path.read_text(encoding="utf-8").partition("\n")[0].strip()
