@@ -125,7 +125,8 @@ def refuse_other_owners(device: str, proc: Path = Path("/proc")) -> None:
 
 def _comm(process: Path) -> str:
     try:
-        return (process / "comm").read_text().strip()
+        # The kernel cuts names to bytes, also in the middle of a letter.
+        return (process / "comm").read_text("utf-8", "replace").strip()
     except OSError:  # it has ended meanwhile
         return ""
 

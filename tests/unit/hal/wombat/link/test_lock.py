@@ -104,5 +104,7 @@ def test_the_screen_and_strangers_do_not_matter(tmp_path: Path) -> None:
     process(tmp_path, 323, "botui", "/dev/spidev0.0")
     process(tmp_path, 324, "other", "/dev/null")
     process(tmp_path, os.getpid(), "python", "/dev/spidev0.0")
+    process(tmp_path, 325, "")
+    (tmp_path / "325" / "comm").write_bytes("Überwachung_\N{WORLD MAP}".encode()[:15] + b"\n")
     (tmp_path / "uptime").write_text("1")
     refuse_other_owners("/dev/spidev0.0", tmp_path)
