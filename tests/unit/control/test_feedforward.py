@@ -66,6 +66,20 @@ def test_time_constant_is_that_of_a_simulated_step() -> None:
     assert time == pytest.approx(frictionless.time_constant, rel=1e-3)
 
 
+def test_measured_voltages_are_those_that_the_wheel_then_takes() -> None:
+    wheel = WHEEL.with_voltages(static=0.4, speed=1.2, acceleration=0.05)
+    assert wheel.static_voltage == pytest.approx(0.4)
+    assert 1.0 / wheel.gain == pytest.approx(1.2)
+    assert wheel.acceleration_voltage == pytest.approx(0.05)
+    assert wheel.back_emf_constant == 1.08
+
+
+def test_a_speed_that_takes_less_than_its_back_emf_has_no_friction_that_pushes() -> None:
+    wheel = WHEEL.with_voltages(static=0.3, speed=0.9)
+    assert (wheel.back_emf_constant, wheel.viscous) == (0.9, 0.0)
+    assert wheel.voltage(2.0) == pytest.approx(0.3 + 0.9 * 2.0)
+
+
 def test_models_come_from_the_configuration() -> None:
     left, right = wheel_models(RobotConfig())
     assert left == right

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from raccoon.control.feedforward import WheelModel
-from raccoon.control.identify import Windows, fit_voltages
+from raccoon.control.identify import RecursiveFit, Windows, fit_voltages
 from raccoon.control.watch import WheelState, WheelWatch, oddities
 
 NOMINAL = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
@@ -44,6 +44,49 @@ def test_the_voltages_of_a_motor_are_found() -> None:
     assert found.speed == pytest.approx(1.0 / NOMINAL.gain, rel=0.02)
     assert found.acceleration == pytest.approx(NOMINAL.acceleration_voltage, rel=0.06)
     assert found.speed_std < 0.02
+
+
+def pushing(volts: float) -> WheelWatch:
+    """A wheel at 3 rad/s that took `volts` more than it should for four windows."""
+    watch = WheelWatch(NOMINAL)
+    for _ in range(41):
+        watch.update(NOMINAL.voltage(3.0) + volts, 3.0, 0.005)
+    return watch
+
+
+def learnt(watch: WheelWatch) -> bool:
+    """Whether anything was, once the motor is off."""
+    watch.rest()
+    return (watch.state.speed_factor, watch.state.load_factor) != (1.0, 1.0)
+
+
+def test_what_was_seen_last_is_not_learnt_of_a_wheel_that_pushed_then() -> None:
+    assert learnt(pushing(1.0))
+    doubted = pushing(1.0)
+    doubted.doubt()
+    assert not learnt(doubted)
+
+
+def test_the_window_before_a_wheel_is_held_is_not_learnt() -> None:
+    """It was braked in it."""
+    watch = WheelWatch(NOMINAL)
+    for _ in range(11):
+        watch.update(NOMINAL.voltage(3.0) + 1.0, 3.0, 0.005)
+    for _ in range(20):
+        watch.update(4.0, 0.0, 0.005)
+    assert not learnt(watch)
+
+
+@pytest.mark.parametrize(("memory", "doubt"), [(120.0, 0.0), (120.0, 0.3), (30.0, 0.0)])
+def test_a_fit_that_forgets_is_as_sure_as_what_it_remembers(memory: float, doubt: float) -> None:
+    """Of three numbers seen in turn, a third of the rows tells of each: sigma sqrt(3 / memory)."""
+    fit = RecursiveFit((0.0, 0.0, 0.0), (1e3, 1e3, 1e3), noise=0.1, memory=memory)
+    for number in range(int(12 * memory)):
+        row = (float(number % 3 == 0), float(number % 3 == 1), float(number % 3 == 2))
+        fit.add(row, 2.0, doubt)
+    for index in range(3):
+        assert fit.values[index] == pytest.approx(2.0)
+        assert fit.std(index) == pytest.approx(math.hypot(0.1, doubt) * math.sqrt(3.0 / memory), rel=0.06)
 
 
 def test_data_that_cannot_tell_is_refused() -> None:

@@ -90,6 +90,28 @@ def test_a_missing_speed_leaves_the_feedforward() -> None:
     assert duties[0] == pytest.approx(NOMINAL.voltage(3.0) / 6.0)
 
 
+def test_a_speed_that_goes_missing_leaves_what_was_learnt_as_well() -> None:
+    loop = make_loop()
+    for _ in range(100):
+        loop.step(WheelTarget(3.0, 3.0), 2.9, 2.9, 0.005, 6.8)
+    kept = loop.step(WheelTarget(3.0, 3.0), None, None, 0.005, 6.8)[0]
+    assert kept > NOMINAL.voltage(3.0) / 6.8 + 0.01
+
+
+def test_a_nominal_motor_that_speeds_up_needs_nothing_but_its_feedforward() -> None:
+    loop, acceleration = make_loop(), 8.0
+    speed = reading = 0.0
+    lag, smooth = (math.exp(-0.005 / each) for each in (NOMINAL.time_constant, 0.0225))
+    for cycle in range(60):
+        target = acceleration * cycle * 0.005
+        wanted = WheelTarget(target, target, acceleration, acceleration)
+        duty = loop.step(wanted, reading, reading, 0.005, 6.8)[0]
+        assert 6.8 * duty == pytest.approx(NOMINAL.voltage(target, acceleration), abs=1e-9)
+        settles = NOMINAL.gain * (6.8 * duty - NOMINAL.static_voltage)
+        before, speed = speed, settles + lag * (speed - settles)
+        reading += (1.0 - smooth) * (0.5 * (before + speed) - reading)
+
+
 def test_an_absurd_battery_reading_is_not_used() -> None:
     expected = NOMINAL.voltage(3.0) / 6.8
     for reading in (None, 0.0, 0.5):
