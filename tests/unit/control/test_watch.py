@@ -69,12 +69,15 @@ def test_what_was_seen_last_is_not_learnt_of_a_wheel_that_pushed_then() -> None:
 
 def test_the_window_before_a_wheel_is_held_is_not_learnt() -> None:
     """It was braked in it."""
-    watch = WheelWatch(NOMINAL)
-    for _ in range(11):
-        watch.update(NOMINAL.voltage(3.0) + 1.0, 3.0, 0.005)
+    watches = WheelWatch(NOMINAL), WheelWatch(NOMINAL)
+    for watch in watches:
+        for _ in range(13):
+            watch.update(NOMINAL.voltage(3.0) + 1.0, 3.0, 0.005)
+    free, held = watches
     for _ in range(20):
-        watch.update(4.0, 0.0, 0.005)
-    assert not learnt(watch)
+        held.update(4.0, 0.0, 0.005)
+    assert learnt(free)
+    assert not learnt(held)
 
 
 @pytest.mark.parametrize(("memory", "doubt"), [(120.0, 0.0), (120.0, 0.3), (30.0, 0.0)])

@@ -112,6 +112,8 @@ def test_how_programs_fail(body: str, reason: str) -> None:
     row = played(f"from raccoon import wait\n\ndef mission(robot):\n    {body}\n")
     assert (row["status"], row["reason"]) == ("failed", reason)
     assert row["x"] == pytest.approx(0.0, abs=1e-3)
+    if reason.startswith("not done"):
+        assert row["seconds"] == pytest.approx(3.5, abs=0.02)  # until it had come to rest
 
 
 @pytest.mark.parametrize("text", ["import nonsense_of_a_module", "mission = 3", "def mission("])
@@ -275,6 +277,7 @@ def test_a_frozen_imu_repeats_its_last_reading_in_whichever_cycle_it_freezes(beg
     after = [each.gyro for each in found if each.time >= begin and each.gyro is not None]
     assert len(after) > 20
     assert set(after) == {before[-1]}
+    assert 3.9 < len([each for each in found if each.time >= begin]) / len(after) < 4.2  # no more often
 
 
 def test_what_faults_do() -> None:
@@ -285,3 +288,25 @@ def test_what_faults_do() -> None:
     assert faulty("fault.motors_off")[200].truth != faulty("fault.imu_silent")[200].truth
     times = [each.time for each in faulty("fault.lost_cycles")]
     assert times[150] - times[149] == pytest.approx(0.01)
+
+
+def test_lost_commands_and_cycles_come_back() -> None:
+    port = FaultyPort(SimPort(Parameters(), seed=1), Broken(("fault.motors_off",), 0.5))
+    speeds = []
+    for _ in range(400):
+        speeds.append(port.read().bemf[0] or 0.0)
+        port.write(Outputs(duty=(0.5, 0.5, 0.0, 0.0)))
+    assert max(speeds[180:200]) < 30.0
+    assert min(speeds[260:]) > 800.0
+    port = FaultyPort(SimPort(Parameters(), seed=1), Broken(("fault.lost_cycles",), 0.0))
+    times = [port.read().time for _ in range(250)]
+    assert times[-1] - times[-2] == pytest.approx(0.005)
+
+
+def test_a_match_ends_by_where_the_robot_looks_and_not_by_how_often_it_turned() -> None:
+    text = "from raccoon import *\nmission = turn(6.2)\n"
+    match = replace(tiny_match(), program=Program("p.py", text, "/"), factors=())
+    row = play(match.ending_at((0.0, 0.0, 0.0)), 0, 1)
+    assert row["status"] == "ok"
+    assert row["heading"] == pytest.approx(6.2, abs=0.02)
+    assert row["heading_error"] == pytest.approx(2.0 * np.pi - row["heading"])
