@@ -19,6 +19,7 @@ from raccoon.core.errors import ConfigError, HardwareError
 from raccoon.core.port import Port
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, STOP, Fault, Inputs, Outputs
 from raccoon.hal.create import RADIANS_PER_TICK, CreatePort, open_create, protocol
+from raccoon.hal.create.counters import WheelCounter
 from raccoon.hal.create.protocol import BAUD, PACKETS, Mode, Sensors, StreamDecoder
 from raccoon.hal.serial_line import SerialLine
 from raccoon.hal.supervise import supervisor
@@ -301,6 +302,14 @@ def test_a_base_that_never_obeys_is_reported(peer: SerialPeer) -> None:
     assert base.cycle(charging).faults == ()
     assert base.cycle(charging, seconds=0.6).faults == (Fault.COMMAND_LOST,)
     base.port.close()
+
+
+def test_a_wheel_that_turns_back_past_0_is_no_base_that_started_again() -> None:
+    wheel = WheelCounter()
+    assert [wheel.update(word, 0.2) for word in (215, 195, 65_534)] == [None] * 3
+    assert wheel.position == -2 - 215
+    assert wheel.update(300, 0.45) is None
+    assert wheel.update(5, 0.6) is Fault.RESET
 
 
 def test_the_port_is_ours_alone(base: Base) -> None:

@@ -235,6 +235,18 @@ def test_a_controller_that_hangs_while_the_robot_is_told_to_stop_is_stopped(benc
     assert not bench.emulator.motors_running
 
 
+@pytest.mark.parametrize("firmware", FIRMWARES)
+def test_what_was_not_counted_while_it_hung_for_a_moment_is_said(firmware: Firmware) -> None:
+    bench = Bench(firmware)
+    bench.run(FORWARD, 100)
+    bench.emulator.faults.frozen = True
+    bench.run(FORWARD, 20)
+    bench.emulator.faults.frozen = False
+    counting = [inputs for inputs in bench.run(FORWARD, 20) if inputs.position[0] is not None]
+    assert len(counting) > 12
+    assert [Fault.POSITION_JUMP in inputs.faults for inputs in counting[:3]] == [True, False, False]
+
+
 def test_offsets_at_rest_are_measured() -> None:
     bench = Bench(17)
     bench.emulator.faults.bemf_offset = (-31.5, 54.9, 0.0, 0.0)  # the wire's sign is the other one

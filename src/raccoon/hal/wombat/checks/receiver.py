@@ -131,9 +131,8 @@ class Receiver:
         if not self._near(apart, later):
             self.faults.append(Fault.TORN)
             return None
-        # Both looks agree on a place where the motors cannot have got to.
+        # Both looks agree on a place where the motors cannot have got to: it is gone on from there.
         self.faults.append(Fault.POSITION_JUMP)
-        self._counters.continue_from(second.position)
         return second, (0, 0, 0, 0)
 
     def _near(self, apart: int, seconds: float) -> bool:

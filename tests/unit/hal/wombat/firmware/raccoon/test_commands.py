@@ -128,3 +128,16 @@ def test_what_does_not_fit_is_refused() -> None:
         commands.encode_command(Command(servo_us=(70000, 0, 0, 0)), 17)
     with pytest.raises(ConfigError, match="version 18"):
         commands.encode_command(Command(), 18)
+
+
+@pytest.mark.parametrize("version", [17, 21])
+@pytest.mark.parametrize("port", range(4))
+def test_a_brake_is_that_of_its_own_motor(port: int, version: int) -> None:
+    brake = tuple(each == port for each in range(4))
+    modes = struct.unpack_from("<H", commands.encode(Outputs(brake=brake), version), 6)[0]
+    assert modes == Mode.BRAKE << 3 * port
+    driven = Outputs(duty=tuple(0.5 * each for each in brake), brake=(True,) * 4)
+    modes = struct.unpack_from("<H", commands.encode(driven, version), 6)[0]
+    assert [modes >> 3 * each & 7 for each in range(4)] == [
+        Mode.PWM if each == port else Mode.BRAKE for each in range(4)
+    ]

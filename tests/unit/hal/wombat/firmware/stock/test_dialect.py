@@ -1,8 +1,12 @@
 """What the stock firmware's counters tell of themselves."""
 
+import struct
+
 import pytest
 
 from raccoon.hal.wombat.firmware.dialect import Reading
+from raccoon.hal.wombat.firmware.stock import wire
+from raccoon.hal.wombat.firmware.stock.commands import CANARY
 from raccoon.hal.wombat.firmware.stock.dialect import StockDialect
 
 
@@ -31,3 +35,20 @@ def test_two_updates_in_one_look_deserve_no_second_one() -> None:
     assert not dialect.suspicious((0, 1190, 0, 0), 0.005)
     assert dialect.suspicious((0, 1190, 0, 0), 0.004)
     assert dialect.suspicious((0, 600 + 256, 0, 0), 0.005)
+
+
+def frame(first: int = wire.START, canary: int = 0, count: int = 0) -> bytes:
+    registers = bytearray(wire.LENGTH)
+    registers[:3] = bytes((first, *wire.MAGIC[1:]))
+    registers[wire.ADC_PE], registers[wire.SERVO] = canary, 5
+    struct.pack_into(">i", registers, wire.MOT_POS, count)
+    return bytes(registers)
+
+
+def test_a_restart_has_counters_that_began_anew_and_lost_its_canary_or_its_first_byte() -> None:
+    restarted = StockDialect().restarted
+    assert restarted(frame(), frame(canary=CANARY, count=900_000))
+    assert restarted(frame(first=0), frame())  # before it was ever given a canary
+    assert not restarted(frame(canary=CANARY), frame(canary=CANARY))
+    assert not restarted(frame(count=900_000), frame(canary=CANARY, count=900_000))  # a byte was damaged
+    assert not restarted(frame(first=0, count=-900_000), frame())

@@ -1,0 +1,51 @@
+"""The watchers one by one, where a whole robot would hide what they do."""
+
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, GRAVITY
+from raccoon.hal.wombat.checks.health import BatteryWatch, ImuWatch, MotorWatch
+
+FLAT = (0.0, 0.0, GRAVITY)
+RIGHT, WRONG = (0.0, 0.0, 1.0), (0.0, 0.0, 11.0)
+
+
+def test_an_imu_that_is_wrong_now_and_then_is_found_out_and_a_damaged_frame_is_not() -> None:
+    def judged(rates: list[tuple[float, float, float]]) -> bool:
+        watch = ImuWatch()
+        for number, rate in enumerate(rates):
+            watch.update(rate, FLAT, at_rest=False, time=0.02 * number)
+        watch.update(RIGHT, FLAT, at_rest=False, time=0.02 * len(rates))
+        return watch.distrusted(0.02 * len(rates) + 0.5)
+
+    assert judged([WRONG, WRONG, *[RIGHT] * 4, WRONG, WRONG])
+    assert not judged([WRONG, WRONG])
+    assert not judged([WRONG, *[RIGHT] * 5] * 4)
+
+
+def test_a_motor_that_is_to_turn_faster_at_once_is_given_its_time() -> None:
+    watch, time = MotorWatch(), 0.0
+    counts = 0.27 * 6.6 / BEMF_VOLTS_PER_COUNT
+
+    def drives(duty: float, seconds: float) -> bool:
+        nonlocal time
+        found = False
+        for _ in range(round(seconds / 0.005)):
+            time += 0.005
+            found = watch.update((duty, 0.0, 0.0, 0.0), (counts, 0.0, 0.0, 0.0), time)
+        return found
+
+    assert not drives(0.27, 1.0)
+    assert not drives(1.0, 0.05)
+    assert drives(1.0, 0.6)  # it never did
+
+
+def test_a_battery_that_is_low_stays_so_until_it_is_clearly_better() -> None:
+    watch, time = BatteryWatch(), 0.0
+
+    def reads(voltage: float) -> bool:
+        nonlocal time
+        low = False
+        for _ in range(400):
+            time += 0.005
+            low = watch.update(voltage, time)
+        return low
+
+    assert [reads(voltage) for voltage in (6.5, 5.8, 5.6, 5.8, 6.0)] == [False, False, True, True, False]
