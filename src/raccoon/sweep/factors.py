@@ -190,6 +190,21 @@ def _range(text: str, given: str) -> tuple[float, float, bool]:
     return numbers[0], numbers[1], False
 
 
+def refuse_twice(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
+    """Raise ConfigError where two factors are the same, also as left and as the motor port of that side: the
+    values of the first would not be simulated."""
+    known: dict[tuple[object, str], str] = {}
+    for factor in factors:
+        place: object = factor.effect
+        if factor.is_of_robot:
+            (place,) = Parameters.from_robot(robot).with_effect(factor.effect, factor.where).effects
+        before = known.get((place, factor.parameter))
+        if before:
+            how = "twice" if before == factor.name else f"already, as {before}"
+            raise ConfigError(f"{factor.name} is varied {how}")
+        known[place, factor.parameter] = factor.name
+
+
 def robot_with(robot: RobotConfig, factors: tuple[Factor, ...], values: dict[str, float]) -> Parameters:
     """The simulated robot with the drawn values. Raises ConfigError where a place does not exist on it."""
     parameters = Parameters.from_robot(robot)

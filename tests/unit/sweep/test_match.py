@@ -210,6 +210,10 @@ def test_a_program_that_fails_on_the_nominal_robot_is_not_swept() -> None:
         ({"within": 0.0}, "within is 0.0"),
         ({"seconds": float("nan")}, "seconds is nan"),
         ({"factors": (BATTERY, BATTERY)}, "varied twice"),
+        (
+            {"factors": (parse_factor("bemf.scale@left=1~0.1"), parse_factor("bemf.scale@0=1~0.1"))},
+            r"bemf\.scale\.factor@0 is varied already, as bemf\.scale\.factor@left",
+        ),
         ({"factors": (Factor("drive.wheel_radius", "factor", 1.0, 1.1, where="7"),)}, "where is '7'"),
         ({"start": (0.0, float("nan"), 0.0)}, r"start is \(0.0, nan, 0.0\): allowed are finite"),
         (
