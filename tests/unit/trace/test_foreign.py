@@ -143,12 +143,12 @@ def test_fleet_steps_are_a_file_for_each_robot(tmp_path: Path) -> None:
 
 
 def test_fleet_steps_report_dead_sensors_and_spikes(tmp_path: Path) -> None:
-    rim = [0.1, 0.1, 0.1, -3.3, -3.3, 0.2, 0.2]
+    rim = [0.1, 0.1, 0.1, -3.3, -3.3, 0.2, 0.2, 0.3, 1.4, 1.5]  # a jump that lasts is none
     rows = [f"{0.001 * index},2,2,0.5,0.0,{speed},0.1,11.4" for index, speed in enumerate(rim)]
     (tmp_path / "robot.csv").write_text(FLEET + "\n".join(rows) + "\n")
     recording = read_fleet_steps(tmp_path / "robot.csv")
     assert np.isnan(recording["motor.1.current"]).all()
-    np.testing.assert_array_equal(np.isnan(recording["motor.0.speed"]), [0, 0, 0, 1, 1, 0, 0])
+    np.testing.assert_array_equal(np.isnan(recording["motor.0.speed"]), [0, 0, 0, 1, 1, 0, 0, 0, 0, 0])
     np.testing.assert_array_equal(recording["motor.0.rim_speed"], rim)
     assert recording.problems == [
         "motor 0: -3.3 m/s is impossible beside its neighbours",
