@@ -22,6 +22,24 @@ def drive(pack: PackState, chemistry: str, resistance: float, charge: float, sec
         pack.update(cycle * 0.01, voltage + 0.013 * random.standard_normal(), current)
 
 
+def test_a_reading_that_is_still_moving_after_a_change_of_load_is_passed_over() -> None:
+    pack = PackState(resistance_std=1.0)
+    for cycle in range(3000):
+        loaded, since = divmod(cycle, 100)[0] % 2, cycle % 100
+        sagged = loaded if since >= 14 else 1 - loaded  # the board's filter shows it 0.14 s later
+        pack.update(0.01 * cycle, 6.8 - 0.1 * 2.0 * sagged, 2.0 * loaded)
+    found = pack.estimate
+    assert found.internal_resistance == pytest.approx(0.1, abs=1e-3)
+    assert found.open_circuit_voltage == pytest.approx(6.8, abs=1e-3)
+
+
+def test_what_is_known_of_the_open_voltage_is_of_the_last_minute() -> None:
+    pack = PackState(reading_std=0.004)
+    for cycle in range(6000):
+        pack.update(0.06 * cycle, 6.8, 0.0)  # windows of 0.12 s
+    assert pack.estimate.open_circuit_voltage_std == pytest.approx(0.004 / 601**0.5, rel=0.02)
+
+
 @pytest.mark.parametrize("chemistry", sorted(CURVES))
 @pytest.mark.parametrize("resistance", [0.05, 0.15])
 def test_charge_and_resistance_are_found_within_their_deviations(chemistry: str, resistance: float) -> None:

@@ -7,7 +7,7 @@ import pytest
 from drive_traces import Errors, Segment, drive
 from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.estimate.drive.timing import Swing, wheels_lead
+from raccoon.estimate.drive.timing import LEAST_SHAKING, SHAKEN, Shaking, Swing, wheels_lead
 from raccoon.estimate.ekf.filter import variance_index
 from raccoon.estimate.ekf.state import SIZE, State
 
@@ -52,3 +52,23 @@ def test_wheels_behind_the_gyro_are_late_themselves_and_else_half_is_theirs() ->
     assert wheels_lead(tuple(flat), 0.0) == (-0.01, 0.0)
     flat[State.GYRO_DELAY] = 0.02
     assert wheels_lead(tuple(flat), 0.0) == pytest.approx((0.01, 0.01))
+
+
+def test_a_turn_that_begins_shakes_nobody_and_one_that_goes_to_and_fro_does() -> None:
+    shaking = Shaking()
+    assert shaking.update(0.02, -3.0, 3.0) == 0.0
+    assert all(shaking.update(0.02, -3.0, 3.0) == 0.0 for _ in range(20))
+    kept = 3.0 * math.exp(-0.02 * 21 / SHAKEN)
+    assert shaking.update(0.02, 0.0, 0.0) == 0.0  # it ends long after
+    back = shaking.update(0.02, -3.0, 3.0)
+    assert back == pytest.approx(
+        min(3.0 + kept * math.exp(-0.02 / SHAKEN), 3.0 * math.exp(-0.02 / SHAKEN)) - LEAST_SHAKING
+    )
+
+
+@pytest.mark.parametrize(("delay", "lead", "late"), [(0.02, 0.01, 0.01**2 + 0.25), (-0.02, -0.02, 1.0)])
+def test_how_unsure_the_lead_of_the_wheels_is(delay: float, lead: float, late: float) -> None:
+    """Half of a delay may be all or nothing of it, and half of its deviation is in half of it."""
+    flat = [0.0] * (SIZE + SIZE * (SIZE + 1) // 2)
+    flat[State.GYRO_DELAY], flat[variance_index(State.GYRO_DELAY)] = delay, 1.0
+    assert wheels_lead(tuple(flat), 0.005) == pytest.approx((lead, math.sqrt(0.005**2 + late)))

@@ -1,0 +1,49 @@
+"""What watches the drive and the battery, one by one: bumps, a gyro of another full scale, the voltage."""
+
+import math
+
+import pytest
+
+from raccoon.core.readings import GRAVITY
+from raccoon.estimate.battery.voltage import BatteryVoltage
+from raccoon.estimate.drive.slip import BumpWatch
+from raccoon.estimate.drive.turn_share import TurnShare
+
+PITCH_BIAS = 0.6
+"""Rad/s that the gyro reads about the axis of a robot that stands."""
+
+
+@pytest.mark.parametrize("pitch_rate", [2.0, -2.0])
+def test_a_robot_that_pitches_at_the_end_of_a_ramp_was_not_bumped(pitch_rate: float) -> None:
+    """As its nose comes down the floor holds up less of its weight: that much less is felt ahead."""
+    watch, lean = BumpWatch(), 0.0
+    for _ in range(25):
+        assert not watch.update(0.02, 0.1, 0.0, still=True, between=0.005, pitch_rate=PITCH_BIAS)
+    for _ in range(50):
+        assert not watch.update(0.02, 0.1, 0.0, still=False, between=0.005, pitch_rate=PITCH_BIAS)
+    for _ in range(8):
+        lean -= GRAVITY * pitch_rate * 0.02
+        assert not watch.update(
+            0.02, 0.1 + lean, 0.0, still=False, between=0.005, pitch_rate=pitch_rate + PITCH_BIAS
+        )
+    assert watch.update(0.02, 0.1 + lean - 12.0, 0.0, still=False, between=0.005, pitch_rate=PITCH_BIAS)
+
+
+def test_a_gyro_of_another_full_scale_is_found_and_slip_is_none() -> None:
+    half, slips = TurnShare(), TurnShare()
+    for step in range(400):
+        wheels = 1.5 * math.copysign(1.0, math.sin(0.1 * step))
+        half.update(0.02, wheels, 0.5 * wheels)
+        slips.update(0.02, wheels, wheels if step % 2 else 0.0)  # half of it, but not always
+    assert half.value == pytest.approx(0.5)
+    assert slips.value == 1.0
+
+
+def test_the_deviation_of_a_voltage_is_that_of_its_filter() -> None:
+    """y += a (x - y) leaves a / (2 - a) of the variance of a reading."""
+    battery = BatteryVoltage(time_constant=0.1, reading_std=0.02)
+    for cycle in range(400):
+        battery.update(0.005 * cycle, 6.8)
+    found = battery.estimate()
+    assert found.voltage == pytest.approx(6.8)
+    assert found.std == pytest.approx(0.02 * math.sqrt(0.05 / 1.95))
