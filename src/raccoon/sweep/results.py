@@ -72,9 +72,11 @@ class Results:
 
     def close(self) -> None:
         """Let go of the file; what was added stays. May be called twice."""
-        if self._rows_path.exists() and len(self.rows) > self._shown and self._rows_path != self.path:
-            self._write_parquet()
-        self._file.close()
+        try:
+            if self._rows_path.exists() and len(self.rows) > self._shown and self._rows_path != self.path:
+                self._write_parquet()
+        finally:
+            self._file.close()
 
     def _all_lines(self) -> bytes:
         lines = (_line(self.rows[run][name] for name in self._columns) for run in sorted(self.rows))

@@ -170,6 +170,26 @@ def test_other_endings_and_other_columns_are_refused(tmp_path: Path) -> None:
         Results(tmp_path / "results.csv", (*COLUMNS, "y"), ABOUT)
 
 
+def test_a_disk_that_is_full_at_the_end_keeps_nobody_from_going_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("pyarrow")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    results = Results(tmp_path / "results.parquet", COLUMNS, ABOUT)
+    for run in range(6):  # the last one is not in the table yet
+        results.add(row(run))
+    with monkeypatch.context() as patched:
+        patched.setattr("raccoon.sweep.results.write_atomically", full)
+        with pytest.raises(OSError, match="No space left"):
+            results.close()
+    again = Results(tmp_path / "results.parquet", COLUMNS, ABOUT)  # which is locked by nobody
+    assert sorted(again.rows) == [0, 1, 2, 3, 4, 5]
+    again.close()
+
+
 def test_without_pyarrow_parquet_is_refused_before_anything_is_played(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
