@@ -300,6 +300,32 @@ def test_single_dead_frames_are_no_restarts(bench: Bench, word: int) -> None:
     assert Fault.RESET not in bench.port.fault_counts
 
 
+def test_a_controller_that_restarts_as_soon_as_it_drives_is_given_up(bench: Bench) -> None:
+    bench.run(FORWARD, 40)
+
+    def drive_until_it_breaks_down() -> None:
+        for _ in range(20):
+            bench.emulator.reset()  # the battery gives way under the first command
+            while Fault.LINK_DEAD in bench.run(FORWARD, 1)[0].faults:
+                pass
+
+    with pytest.raises(HardwareError, match="restarted 3 times within 10 s: charge the battery"):
+        drive_until_it_breaks_down()
+    assert bench.port.fault_counts[Fault.RESET] == 2  # the third is the error
+
+
+@pytest.mark.parametrize("firmware", FIRMWARES)
+def test_frames_shifted_after_a_pause_are_no_restarts(firmware: Firmware) -> None:
+    bench = Bench(firmware)
+    for _ in range(4):
+        bench.run(STOP, 3)
+        bench.clock.sleep_until(bench.clock.now() + 0.3)
+        bench.emulator.transfer(bytes(7))
+        bench.run(STOP, 3)
+    assert bench.port.fault_counts[Fault.MISALIGNED] == 4
+    assert Fault.RESET not in bench.port.fault_counts
+
+
 def test_frames_that_break_off_are_no_restarts() -> None:
     bench = Bench("stock")
     bench.run(FORWARD, 40)

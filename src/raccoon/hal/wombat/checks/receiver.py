@@ -174,6 +174,9 @@ class Receiver:
             reply = self.exchange(bytes(self._dialect.length))
             if self._dialect.aligned(reply):
                 self._expected = None
+                last = self._last
+                if last is not None and self._dialect.restarted(reply, last.reply, time - self._time):
+                    self._restart = True
                 return reply
         self._wait(time, f"no frame can be found in {reply[:8].hex(' ')} ...")
         return None

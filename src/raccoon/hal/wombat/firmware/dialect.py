@@ -86,8 +86,11 @@ class Dialect(Protocol):
         """The part that changes with every reading of the IMU."""
         ...
 
-    def restarted(self, reply: bytes, before: bytes) -> bool:
-        """Whether the controller has restarted between two frames, aligned or not."""
+    def restarted(self, reply: bytes, before: bytes, seconds: float = 0.0, /) -> bool:
+        """Whether the controller has restarted between two frames, aligned or not.
+
+        seconds: that have passed at least, where the controller has taken a frame just before its reply.
+        """
         ...
 
     def obeys(self, reply: bytes, sent: bytes, /) -> bool:

@@ -21,6 +21,8 @@ RESTART_COUNTS_SECONDS = 250.0
 """Counts x seconds that a counter may hold when a restart is noticed."""
 LONGEST_PAUSE_US = 60_000_000
 """Of the clock between two looks at it: began anew and further on than that, it is that of a restart."""
+SLOWEST_CLOCK, BETWEEN_FRAMES = 0.98, 0.005
+"""Share of real time that an oscillator without a crystal goes at least; s that its clock may be old."""
 MOVING = 60.0
 """Counts; a counter that stands still beside it is stuck."""
 STUCK_CYCLES, STUCK_TICKS = 4, 4.0
@@ -89,13 +91,16 @@ class RaccoonDialect:
     def imu_words(self, reply: bytes) -> bytes:
         return reply[54:66] + reply[67:79]
 
-    def restarted(self, reply: bytes, before: bytes) -> bool:
+    def restarted(self, reply: bytes, before: bytes, seconds: float = 0.0) -> bool:
         if reply[0] != self.version or before[0] != self.version:
             return False
         clock = int.from_bytes(reply[1:5], "little")
         last = int.from_bytes(before[1:5], "little")
-        # It starts at 0 again after 71.6 minutes as well, and then goes on from there.
-        if clock >= last or (clock - last) & 0xFFFF_FFFF < LONGEST_PAUSE_US:
+        passed = (clock - last) & 0xFFFF_FFFF
+        # It starts at 0 again after 71.6 minutes as well, and then goes on from there. One that restarts
+        # again and again never gets far: it may show as much as the time before, and yet too little.
+        back = clock < last and passed >= LONGEST_PAUSE_US
+        if not back and passed >= 1e6 * (SLOWEST_CLOCK * seconds - BETWEEN_FRAMES):
             return False
         # One damaged byte is no restart: the counters must have started anew, too.
         limit = RESTART_COUNTS_SECONDS / self.device.position_counts_seconds

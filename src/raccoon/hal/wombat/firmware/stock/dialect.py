@@ -86,7 +86,7 @@ class StockDialect:
     def imu_words(self, reply: bytes) -> bytes:
         return reply[wire.ACCEL : wire.MOT_POS]
 
-    def restarted(self, reply: bytes, before: bytes) -> bool:
+    def restarted(self, reply: bytes, before: bytes, _seconds: float = 0.0) -> bool:
         # Only a whole frame bears witness: one of zeros, or one that breaks off, has no canary and no counts.
         if reply[1:3] != wire.MAGIC[1:] or reply[wire.SERVO] == 0:
             return False

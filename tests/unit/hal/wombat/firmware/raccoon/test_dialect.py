@@ -34,3 +34,10 @@ def test_a_clock_that_goes_on_is_no_restart(at: float, pause: float) -> None:
 
 def test_a_program_that_waited_long_is_no_restart() -> None:
     assert not RaccoonDialect(17).restarted(reply(41 * MINUTE), reply(MINUTE))
+
+
+def test_a_clock_that_went_on_for_too_little_began_anew() -> None:
+    dialect = RaccoonDialect(17)
+    assert dialect.restarted(reply(0.005), reply(0.004), 0.03)  # both shortly after a restart
+    assert not dialect.restarted(reply(0.005, 900_000), reply(0.004), 0.03)
+    assert not dialect.restarted(reply(4.49), reply(4.0), 0.5)  # an oscillator that is 2 % slow
