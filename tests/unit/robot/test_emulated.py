@@ -237,6 +237,29 @@ def test_a_robot_that_goes_to_and_fro_along_a_line_knows_its_heading_less_well()
     assert math.radians(0.4) < here.heading_std < math.radians(0.9)
 
 
+@pytest.mark.parametrize("ports", [{0}, {0, 1}])
+def test_a_robot_that_rolls_on_behind_a_loose_plug_knows_its_place_less_well(ports: set[int]) -> None:
+    """0.3 s in which motors that turn give no back-EMF were 30 mm, at a stated 3."""
+    port = open_emulated(RobotConfig())
+    with open_robot(RobotConfig(), port=port) as robot:
+        robot.odometry.reset()
+        robot.run(motors(0.7, 0.7).until(after_time(0.8)))
+        before = robot.estimate.x - _plant(port).pose[0]
+        known = robot.estimate.x_std
+        _emulator(port).faults.blown_fuse = ports
+        robot.run(motors(0.7, 0.7).until(after_time(0.3)))
+        _emulator(port).faults.blown_fuse = set()
+        robot.run(motors(0.7, 0.7).until(after_time(0.2)))
+        off = robot.estimate.x - _plant(port).pose[0] - before
+        assert abs(off) < 2.0 * robot.estimate.x_std
+        after = robot.estimate.x_std
+        _emulator(port).faults.stalled = {0, 1}  # one that stays blocked is known to stay
+        robot.run(motors(0.7, 0.7).until(after_time(0.5)))
+        once = robot.estimate.x_std
+        robot.run(motors(0.7, 0.7).until(after_time(0.4)))
+        assert known < 0.01 < after < once == pytest.approx(robot.estimate.x_std, abs=0.002)
+
+
 class Restarted:
     """The port of an emulated Wombat that restarts at `at` s."""
 

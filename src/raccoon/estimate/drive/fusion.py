@@ -45,9 +45,9 @@ class Reading:
     swing: rad/s2, how fast the turn rate changed. wobble: variance by which one wheel reads more and the
     other less. still: the robot stood. undated: rad, deviation of the heading by a turn of which it is not
     known when it began. held: m^2 of its place, along the heading, because the robot may stand while its
-    wheels turn. now: where nobody looked for a part of the step, the wheels' speeds at its end,
-    rad/s; values are then the mean of what the counters say, variances and wobble those of the angles, rad^2.
-    together: rad^2, the covariance of both angles then.
+    wheels turn, or roll on while a motor at fault reads nothing. now: where nobody looked for a part of the
+    step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
+    and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then.
     """
 
     time: float

@@ -46,6 +46,8 @@ class Pending:
     pitch: float = 0.0
     """rad/s about the axis that the gyro read with them, summed too; above 0 the nose comes down."""
     force_count: int = 0
+    faulty: bool = False
+    """Whether the port says that a motor is at fault."""
 
 
 class DriveReadings:
@@ -203,6 +205,7 @@ class DriveReadings:
         if inputs.faults:
             for fault in inputs.faults:
                 tell(f"port: {fault.value}", time)
+            self.pending.faulty = self.pending.faulty or Fault.MOTOR_FAULT in inputs.faults
 
 
 def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:

@@ -97,7 +97,8 @@ class Steps:
             if self._gyro.repeats < REPEATED:
                 self._check_signs(span, *read)
         flat = self.fusion.drive.flat
-        held = self.touch.carries(span, read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET])
+        speeds = read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET]
+        held = self.touch.carries(span, *speeds) + self.touch.rolls(span, *speeds, pending.faulty)
         reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated, held)
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self.touch.feel(pending, still)

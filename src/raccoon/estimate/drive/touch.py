@@ -4,6 +4,8 @@ wheels carry.
 
 from __future__ import annotations
 
+from collections import deque
+
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device, Inputs, Outputs
 from raccoon.estimate.drive.estimate import HELD
@@ -14,6 +16,10 @@ from raccoon.estimate.drive.wheel_track import HOLD
 
 COMES_BACK = 0.1
 """s after a wheel was silent in which its speed makes up for what was missed."""
+UNNOTICED, ROLLS_OUT = 0.05, 0.3
+"""s until a motor at fault is told of, and s at its speed before that a robot without power rolls at most."""
+SPEEDS = 4
+"""Steps of the filter, of which one is older than that."""
 
 
 class Touch:
@@ -26,6 +32,8 @@ class Touch:
         self._bump = BumpWatch()
         self._load = LoadWatch(robot, SIMULATOR)
         self._unseen = 0.0
+        self._speeds = deque([0.0], SPEEDS)  # m/s ahead in the last steps without a fault
+        self._rolled = self._way = 0.0  # s and m since there is one
 
     def configure(self, device: Device) -> None:
         """Words of this device follow."""
@@ -67,6 +75,22 @@ class Touch:
         if self._load.held:
             self._readings.reasons.tell(HELD, self._readings.time)
         return self._load.doubt
+
+    def rolls(self, span: float, left: float, right: float, faulty: bool) -> float:
+        """M^2 that a step of `span` s adds to the doubt about the place, because a motor is at fault.
+
+        It reads 0 where it is blocked, and also where its plug or fuse is open: then the robot rolls on.
+        left, right: rad/s of the wheels, without their offsets.
+        """
+        if not faulty:
+            self._rolled = self._way = 0.0
+            self._speeds.append(abs(self._half_radius * (left + right)))
+            return 0.0
+        seconds = min(span if self._rolled > 0.0 else span + UNNOTICED, ROLLS_OUT - self._rolled)
+        before = self._way
+        self._rolled += seconds
+        self._way += seconds * max(self._speeds)
+        return self._way * self._way - before * before
 
     @property
     def held_way(self) -> float:
