@@ -2,14 +2,26 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from types import FrameType
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from raccoon.robot.robot import Robot
 
 AGAIN = 1.0
 """S until an alarm that was caught comes again."""
+READINGS, ALARMS = 1000, 10
+"""How often a program may catch what tells it that the time is over, in readings and in alarms."""
+NEVER_ENDS = (
+    "raccoon: the program never ends: it catches everything (except BaseException, or a bare except), also "
+    "that the time is over; its process is ended. Write except Exception\n"
+)
 
 
 class MatchOver(BaseException):
@@ -17,17 +29,41 @@ class MatchOver(BaseException):
 
 
 class Alarm:
-    """rang: whether the time is over, also where the program has caught what told it so."""
+    """rang: whether the time is over, also where the program has caught what told it so, `rings` times."""
 
     rang = False
+    rings = 0
+
+
+def end_match(robot: Robot) -> NoReturn:
+    """Raise MatchOver, everything off with the next command; end the process of a program that caught it
+    time and again.
+    """
+    robot.ends += 1
+    if robot.ends > READINGS:
+        end_process(robot.port.close)
+    robot.attachments.switch_off()
+    raise MatchOver(f"the match ended at {robot.deadline:.2f} s")
+
+
+def end_process(close: Callable[[], None]) -> None:
+    """End a program that nothing else ends, with status 1. close: the port, so that nothing moves on."""
+    with suppress(Exception):
+        sys.stdout.flush()
+        os.write(2, NEVER_ENDS.encode())
+    try:
+        close()
+    finally:
+        os._exit(1)
 
 
 @contextmanager
-def real_deadline(seconds: float) -> Iterator[Alarm]:
+def real_deadline(seconds: float, close: Callable[[], None]) -> Iterator[Alarm]:
     """MatchOver after so many real seconds, also in code that never comes back to the robot's loop.
 
-    It comes again every second until the block is left. Only in the main thread, where signals arrive;
-    elsewhere, and where there is no such timer, no limit.
+    It comes again every second until the block is left; to a program that always catches it ten times, then
+    its process is ended (`end_process`). Only in the main thread, where signals arrive; elsewhere, and where
+    there is no such timer, no limit.
     """
     alarm = Alarm()
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
@@ -36,6 +72,9 @@ def real_deadline(seconds: float) -> Iterator[Alarm]:
 
     def ring(_number: int, _frame: FrameType | None) -> None:
         alarm.rang = True
+        alarm.rings += 1
+        if alarm.rings > ALARMS:
+            end_process(close)
         raise MatchOver(f"the match of {seconds:g} s is over")
 
     previous = signal.signal(signal.SIGALRM, ring)

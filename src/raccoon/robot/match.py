@@ -185,7 +185,8 @@ def run_match(
     robot.note(f"match begins: {seconds:g} s")
     result, ended = None, False
     try:
-        with real_deadline(seconds) if _real(robot, alarm) else nullcontext(Alarm()) as bell:
+        real = _real(robot, alarm)
+        with real_deadline(seconds, robot.port.close) if real else nullcontext(Alarm()) as bell:
             result = perform(robot, program)
         ended = True
     except MatchOver:

@@ -18,7 +18,7 @@ from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_kind
-from raccoon.robot.deadline import MatchOver
+from raccoon.robot.deadline import end_match
 from raccoon.robot.instead import instead
 from raccoon.robot.knowledge import Knowledge, numbers
 from raccoon.robot.parts.tophats import Floor
@@ -55,6 +55,8 @@ class Robot(Knowledge):
         """Whether this tick is the first after a pause, in which the program did not let the robot read."""
         self.deadline: float | None = None
         """S, time of a reading after which nothing runs any more: the end of a match."""
+        self.ends = 0
+        """How often the program was told that it is over."""
         self.steps: list[StepTime] = []
         """Every timed step so far."""
         self._background: list[Steps[Any]] = []
@@ -186,7 +188,7 @@ class Robot(Knowledge):
                 "cannot be controlled well; a condition, a background action or other code is slow",
             )
         if self.deadline is not None and inputs.time >= self.deadline:
-            raise MatchOver(f"the match ended at {self.deadline:.2f} s")
+            end_match(self)
         estimate = self.odometry.update(inputs, self._outputs)
         if self.odometry.wiring.turned:
             say(self, miswired(self))

@@ -11,6 +11,7 @@ from types import FrameType
 
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Truth
+from raccoon.robot.deadline import AGAIN, ALARMS, READINGS, end_process
 
 
 class MatchOver(BaseException):
@@ -18,18 +19,25 @@ class MatchOver(BaseException):
 
 
 class WatchedPort:
-    """Wraps a port; remembers time and truth, and raises MatchOver after `seconds` of the port's time."""
+    """Wraps a port; remembers time and truth, and raises MatchOver after `seconds` of the port's time.
+
+    A program that always catches that would go on for ever: after a thousand times its process is ended.
+    """
 
     def __init__(self, port: Port, seconds: float) -> None:
         self._port = port
         self.limit = seconds
         self.time = 0.0
         self.truth: Truth | None = None
+        self._ends = 0
 
     def read(self) -> Inputs:
         inputs = self._port.read()
         self.time, self.truth = inputs.time, inputs.truth
         if inputs.time > self.limit:
+            self._ends += 1
+            if self._ends > READINGS:
+                end_process(self.close)
             raise MatchOver(f"not done after {self.limit:g} s")
         return inputs
 
@@ -44,7 +52,8 @@ class WatchedPort:
 def wall_limit(seconds: float) -> Iterator[None]:
     """MatchOver after so many real seconds.
 
-    A signal brings it to the main thread, also out of a sleep. To other threads (of a Dask worker) it comes
+    A signal brings it to the main thread, also out of a sleep; where the program has caught it ten times, a
+    second apart, its process is ended. To other threads (of a Dask worker) it comes
     between two lines of Python.
     """
     if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
@@ -57,11 +66,17 @@ def wall_limit(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def _alarm(seconds: float) -> Iterator[None]:
+    rings = 0
+
     def ring(_number: int, _frame: FrameType | None) -> None:
+        nonlocal rings
+        rings += 1
+        if rings > ALARMS:
+            end_process(lambda: None)
         raise _too_long(seconds)
 
     previous = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
     try:
         yield
     finally:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import signal
 import time
 from collections.abc import Callable
@@ -206,6 +208,54 @@ def test_an_alarm_that_the_program_catches_is_one_and_comes_again(monkeypatch: p
     assert report.seconds == pytest.approx(0.1)
     assert "stopped by the clock" in report.table()
     assert "remark: the program went on after the end of the match: it catches everything" in report.table()
+
+
+def test_servos_are_off_at_the_end_also_where_the_program_catches_it() -> None:
+    port = Lamp()
+
+    def goes_on(robot: Robot) -> None:
+        robot.run(servo("claw", 1500))
+        with contextlib.suppress(BaseException):
+            robot.run(wait(10.0))
+        assert port.last == STOP
+
+    with open_robot(replace(CONFIG, servos={"claw": ServoConfig(port=2)}), port=port) as robot:
+        assert not run_match(robot, goes_on, seconds=1.5).finished
+
+
+def drives_on(robot: Robot) -> None:
+    robot.run(repeat(straight(0.1)))
+
+
+def computes(_robot: Robot) -> None:
+    signal.pause()
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no interval timer here")
+@pytest.mark.parametrize("step", [drives_on, computes])
+def test_a_program_that_never_ends_is_ended_with_its_process(
+    step: Callable[[Robot], None], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    left: list[int] = []
+    monkeypatch.setattr(os, "_exit", left.append)
+    for name, value in (("AGAIN", 0.01), ("ALARMS", 3), ("READINGS", 3)):
+        monkeypatch.setattr(f"raccoon.robot.deadline.{name}", value)
+    monkeypatch.setattr(Lamp, "close", lambda port: port.event("closed"))
+    port, caught = Lamp(), 0
+
+    def never_ends(robot: Robot) -> None:
+        nonlocal caught
+        while not left:
+            try:
+                step(robot)
+            except:  # noqa: E722
+                caught += 1
+
+    with open_robot(CONFIG, port=port) as robot:
+        run_match(robot, never_ends, seconds=0.1, alarm=step is computes)
+        assert (left, caught) == ([1], 4)
+        assert port.notes.count("closed") == 1
+    assert "raccoon: the program never ends: it catches everything" in capfd.readouterr().err
 
 
 def test_a_robot_has_one_match() -> None:

@@ -1,5 +1,6 @@
 """One match: all of it follows from its seed, and no program gets out of it."""
 
+import os
 import sys
 import threading
 from dataclasses import replace
@@ -24,6 +25,7 @@ from raccoon.sweep.program import Program
 from raccoon.sweep.watch import wall_limit
 from sweep_work import BATTERY, tiny_match
 
+LEFT: list[int] = []
 BIN = World("bin", objects=(Thing((0.6, 0.1), 0.05),))
 
 
@@ -128,6 +130,26 @@ def test_a_program_that_computes_for_ever_is_ended_in_the_main_thread_and_in_oth
     thread.start()
     thread.join()
     assert [row["reason"] for row in rows] == ["computes for more than 0.1 real seconds"] * 2
+
+
+@pytest.mark.parametrize(
+    ("step", "limit"), [("robot.run(wait(1))", 300.0), ("signal.pause()", 0.05)], ids=["drives", "computes"]
+)
+def test_a_program_that_catches_every_end_ends_with_its_process(
+    step: str, limit: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left: list[int] = []
+    monkeypatch.setattr(os, "_exit", left.append)
+    for name, value in (("AGAIN", 0.01), ("ALARMS", 3), ("READINGS", 3)):
+        monkeypatch.setattr(f"raccoon.sweep.watch.{name}", value)
+    monkeypatch.setattr(sys.modules[__name__], "LEFT", left)
+    loop = f"while not LEFT:\n        try: {step}\n        except: pass"
+    played(
+        f"import signal\nfrom {__name__} import LEFT\nfrom raccoon import wait\n"
+        f"def mission(robot):\n    {loop}\n",
+        real_seconds=limit,
+    )
+    assert set(left) == {1}  # a fake of it comes back
 
 
 def test_a_limit_that_is_not_reached_leaves_nothing_behind() -> None:
