@@ -16,7 +16,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError, Stopped
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
-from raccoon.robot.actions.actions import Action, Steps
+from raccoon.robot.actions.actions import Action, Steps, close
 from raccoon.robot.actions.limits import check_kind
 from raccoon.robot.deadline import end_match
 from raccoon.robot.instead import instead
@@ -114,7 +114,7 @@ class Robot(Knowledge):
             raise
         finally:
             self._end()
-            body.close()
+            close(body)
 
     def tick(self) -> Inputs:
         """One cycle with whatever runs in the background and nothing else; the readings of it.
@@ -282,7 +282,7 @@ class Robot(Knowledge):
         bodies, self._background = self._background, []
         with ExitStack() as cleanly:
             for body in bodies:
-                cleanly.callback(body.close)
+                cleanly.callback(close, body)
 
     def require(self) -> None:
         """Raise HardwareError where the robot is closed, RuntimeError where its match is over."""

@@ -12,7 +12,21 @@ from contextlib import contextmanager
 import pytest
 
 from children import heeding
-from raccoon import Action, Robot, Stopped, background, do, drive, open_robot, parallel, run_match, seq, wait
+from raccoon import (
+    Action,
+    Robot,
+    Stopped,
+    after_time,
+    background,
+    do,
+    drive,
+    open_robot,
+    parallel,
+    race,
+    run_match,
+    seq,
+    wait,
+)
 from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import SIMULATOR, STOP, Inputs, Outputs
@@ -310,6 +324,36 @@ def test_what_cleans_up_by_stopping_ends_nothing_else() -> None:
         with pytest.raises(RuntimeError, match="a bug in the program"):
             robot.run(Action("cleans up", steps))
         robot.run(wait(0.1))
+
+
+def holds_on(_robot: Robot) -> Steps[None]:
+    while True:
+        try:
+            yield
+        except:  # noqa: E722
+            pass
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize(
+    "action",
+    [Action("holds on", holds_on), parallel(Action("holds on", holds_on), wait(1.0))],
+    ids=["alone", "beside another"],
+)
+def test_steps_that_catch_their_own_end_are_ended_all_the_same(
+    action: Action[object], caplog: pytest.LogCaptureFixture
+) -> None:
+    port = Bench()
+    with open_robot(RobotConfig(), port=port) as robot:
+        for ended in (
+            action.until(after_time(0.05)),
+            action.timeout_or(0.05, wait(0.0)),
+            race(action, wait(0.05)),
+        ):
+            robot.run(ended)  # type: ignore[arg-type]
+        assert not run_match(robot, action, seconds=0.1).finished
+        assert port.commands[-1] == STOP
+    assert caplog.text.count("steps of an action go on after their end") >= 4
 
 
 def test_a_match_that_is_stopped_is_over() -> None:

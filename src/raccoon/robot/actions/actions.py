@@ -11,7 +11,7 @@ not there is said before the first one moves.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from raccoon.core.errors import MotionTimeout
@@ -25,6 +25,19 @@ T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 U = TypeVar("U")
 Steps = Generator[None, None, T]
+
+
+def close(steps: Steps[Any]) -> None:
+    """End an action's steps. That they catch even that and go on is said, and hides nothing that ended them."""
+    try:
+        steps.close()
+    except RuntimeError as error:
+        if "ignored GeneratorExit" not in str(error):
+            raise
+        import logging
+
+        said = "steps of an action go on after their end: a bare except catches it; write except Exception"
+        logging.getLogger("raccoon").warning(said)
 
 
 class Action(Generic[T_co]):
@@ -68,7 +81,7 @@ class Action(Generic[T_co]):
                     yield
                 return None
             finally:
-                body.close()
+                close(body)
 
         return Action(f"{self.name} until {condition.name}", steps, each_of(self, condition))
 
@@ -88,7 +101,7 @@ class Action(Generic[T_co]):
                         return result
                     yield
             finally:
-                body.close()
+                close(body)
             raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({robot.drive.complaint()})")
 
         return Action(self.name, steps, self.check)
@@ -176,7 +189,10 @@ def parallel(*actions: Action[Any]) -> Action[list[Any]]:
     def steps(robot: Robot) -> Steps[list[Any]]:
         results: list[Any] = [None] * len(actions)
         with ExitStack() as cleanly:
-            running = dict(enumerate(cleanly.enter_context(closing(each.start(robot))) for each in actions))
+            running = {}
+            for index, each in enumerate(actions):
+                running[index] = each.start(robot)
+                cleanly.callback(close, running[index])
             while True:
                 for index, body in list(running.items()):
                     try:
@@ -202,7 +218,10 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
 
     def steps(robot: Robot) -> Steps[tuple[int, Any]]:
         with ExitStack() as cleanly:
-            bodies = [cleanly.enter_context(closing(action.start(robot))) for action in actions]
+            bodies = []
+            for action in actions:
+                bodies.append(action.start(robot))
+                cleanly.callback(close, bodies[-1])
             while True:
                 for index, body in enumerate(bodies):
                     try:
