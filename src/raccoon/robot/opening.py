@@ -40,12 +40,18 @@ def no_robot_opened() -> Iterator[None]:
 
 
 class Opening:
-    """What `open_robot` gives: the robot of a `with` block, opened when the block is entered."""
+    """What `open_robot` gives: the robot of one `with` block, opened when the block is entered."""
 
     def __init__(self, opened: AbstractContextManager[Robot]) -> None:
         self._opened = opened
+        self._entered = False
 
     def __enter__(self) -> Robot:
+        if self._entered:
+            raise RuntimeError(
+                "this robot has been opened already: write `with open_robot(...) as robot:` for each time"
+            )
+        self._entered = True
         return self._opened.__enter__()
 
     def __exit__(

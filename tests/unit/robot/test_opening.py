@@ -89,6 +89,14 @@ def test_a_robot_drives_without_a_recording_where_none_can_be_written(tmp_path: 
         assert robot.pose.x == pytest.approx(0.01, abs=0.003)
 
 
+def test_a_robot_is_opened_anew_for_each_block() -> None:
+    opening = open_robot(RobotConfig(controller=ControllerConfig(port="sim")))
+    with opening as robot:
+        robot.tick()
+    with pytest.raises(RuntimeError, match=r"opened already: write `with open_robot\(\.\.\.\) as robot:`"):
+        opening.__enter__()
+
+
 def test_the_port_is_closed_where_the_robot_cannot_be_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
