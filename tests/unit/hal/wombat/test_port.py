@@ -212,6 +212,21 @@ def test_wheels_that_stood_still_in_a_pause_are_no_fault(bench: Bench) -> None:
     assert all(each.position[0] is not None for each in seen[3:])
 
 
+def test_motors_that_were_stopped_in_a_pause_and_start_again_are_no_fault(bench: Bench) -> None:
+    guard = Watched()
+    bench.port._guard = guard
+    bench.port._hold(bench.port.dialect.hold(FORWARD))
+    bench.run(FORWARD, 200)
+    bench.clock.advance(0.5)
+    bench.emulator.transfer(guard.held[-1])
+    bench.clock.advance(1.0)
+    bench.run(FORWARD, 100)
+    assert Fault.MOTOR_FAULT not in bench.port.fault_counts
+    bench.emulator.faults.blown_fuse = {0}
+    bench.run(FORWARD, 60)
+    assert Fault.MOTOR_FAULT in bench.port.fault_counts
+
+
 @pytest.mark.parametrize("firmware", FIRMWARES)
 @pytest.mark.parametrize("before", [STOP, FORWARD], ids=["from rest", "driving"])
 def test_a_hanging_controller_is_stopped_all_the_same(firmware: Firmware, before: Outputs) -> None:

@@ -151,7 +151,8 @@ class MotorWatch:
     """A motor that is driven and gives no back-EMF: stalled, unplugged, or its fuse or driver has tripped.
 
     The driver reports nothing, so this disagreement is the only sign. A motor that was turning is missed
-    within a few cycles; one that starts is given time, and so is one that is to turn faster.
+    within a few cycles; one that starts is given time, and so is one that is to turn faster. After a pause
+    each of them starts: who stops the motors of a program that is late may have stopped it.
     """
 
     DRIVEN = 0.25
@@ -162,6 +163,8 @@ class MotorWatch:
     SECONDS_FROM_MOTION = 0.02
     SECONDS_FROM_REST = 0.25
     USUAL_BATTERY = 6.6
+    PAUSE = 0.1
+    """s between two cycles."""
 
     def __init__(self) -> None:
         self._signs = [0] * MOTOR_PORTS
@@ -174,6 +177,9 @@ class MotorWatch:
         """True where any motor is at fault. duties: what drove the motors until now."""
         wrong = False
         dt, self._time = time - self._time, time
+        if dt > self.PAUSE:  # what is read now may be a mean over it
+            self._signs, self._lately = [0] * MOTOR_PORTS, list(duties)
+            return False
         share = dt / (self.LATELY + dt) if dt > 0.0 else 0.0
         for port, duty in enumerate(duties):
             self._lately[port] += share * (duty - self._lately[port])
