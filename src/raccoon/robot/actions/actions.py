@@ -28,7 +28,7 @@ Steps = Generator[None, None, T]
 
 
 def close(steps: Steps[Any]) -> None:
-    """End an action's steps. That they catch even that and go on is said, and hides nothing that ended them."""
+    """End an action's steps. Where they catch that and go on, it is said, and hides nothing else."""
     try:
         steps.close()
     except RuntimeError as error:

@@ -21,7 +21,7 @@ from raccoon.robot.actions.limits import (
     check_rate,
     check_speed,
 )
-from raccoon.robot.parts.speeds import Speeds
+from raccoon.robot.parts.speeds import Speeds, Unread
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
@@ -68,7 +68,7 @@ class Drive:
         self._target = REST
         self._open_loop: tuple[float, float] | None = None
         self._given = (0.0, 0.0)
-        self._asked_when_read = (0.0, 0.0)  # rad/s of each wheel, without its sign
+        self._unread = Unread()
         self._claimed = False
         self.cut = False
         """Whether the velocity asked for in this tick is one that would not be read, and was cut."""
@@ -213,8 +213,7 @@ class Drive:
 
         silent: whether the left and the right wheel are not read (`Odometry.silent_wheels`). One of which
         nobody knows how fast it turns gets what its model says, and no correction: to a loop that took it
-        for standing still it would be full power. Nor is it asked for more than when it was last read: a
-        motion believes that the robot stands, and would want to catch up.
+        for standing still it would be full power. Nor is it asked for more than before: see `Unread`.
         """
         if self._open_loop is not None:
             left, right = self._open_loop
@@ -224,7 +223,7 @@ class Drive:
                 self.wheels.hold()
             left_speed = None if silent[0] else estimate.left_speed
             right_speed = None if silent[1] else estimate.right_speed
-            target = self._no_faster(self._target, silent)
+            target = self._unread.slowed(self._target, silent)
             left, right = self.wheels.step(target, left_speed, right_speed, dt, battery_voltage)
         self._given = (left, right)
         self.stop()
@@ -232,26 +231,6 @@ class Drive:
         duty[self._ports[0]] = max(-1.0, min(1.0, self._signs[0] * left))
         duty[self._ports[1]] = max(-1.0, min(1.0, self._signs[1] * right))
         return Outputs(duty=tuple(duty), brake=self._brake)
-
-    def _no_faster(self, target: WheelTarget, silent: tuple[bool, bool]) -> WheelTarget:
-        """The target, both slower by one share where a silent wheel is asked for more than when last read."""
-        asked, share = (abs(target.left), abs(target.right)), 1.0
-        for unread, speed, before in zip(silent, asked, self._asked_when_read, strict=True):
-            if unread and speed > before:
-                share = min(share, before / speed)
-        left_before, right_before = self._asked_when_read
-        self._asked_when_read = (
-            left_before if silent[0] else asked[0],
-            right_before if silent[1] else asked[1],
-        )
-        if share == 1.0:
-            return target
-        return WheelTarget(
-            share * target.left,
-            share * target.right,
-            share * target.left_acceleration,
-            share * target.right_acceleration,
-        )
 
     def current(self, left_speed: float, right_speed: float, battery_voltage: float) -> float:
         """A that the motors draw from the battery under the last command, by their models."""

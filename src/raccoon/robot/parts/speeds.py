@@ -1,4 +1,6 @@
-"""How fast the wheels may be driven: what the weakest battery gives, and what the controller still reads."""
+"""How fast the wheels may be driven: what the weakest battery gives, what the controller still reads, and
+what they did when they were last read.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from collections.abc import Callable
 
 from raccoon.control.feedforward import WheelModel
 from raccoon.control.voltage import SpeedBudget
+from raccoon.control.wheels import WheelTarget
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
 from raccoon.core.sections import MotionConfig
@@ -108,6 +111,35 @@ class Speeds:
         share = self._half_track * self._turn_inertia_share
         speed = self.planned_speed(wanted * self._half_track, acceleration * share)
         return speed / self._half_track
+
+
+class Unread:
+    """Holds wheels that are not read to what they were asked for when they last were: a motion believes that
+    the robot stands, and would want to catch up.
+    """
+
+    def __init__(self) -> None:
+        self._asked_when_read = (0.0, 0.0)  # rad/s of each wheel, without its sign
+
+    def slowed(self, target: WheelTarget, silent: tuple[bool, bool]) -> WheelTarget:
+        """The target, both slower by one share where a silent wheel is asked for more than when last read."""
+        asked, share = (abs(target.left), abs(target.right)), 1.0
+        for unread, speed, before in zip(silent, asked, self._asked_when_read, strict=True):
+            if unread and speed > before:
+                share = min(share, before / speed)
+        left_before, right_before = self._asked_when_read
+        self._asked_when_read = (
+            left_before if silent[0] else asked[0],
+            right_before if silent[1] else asked[1],
+        )
+        if share == 1.0:
+            return target
+        return WheelTarget(
+            share * target.left,
+            share * target.right,
+            share * target.left_acceleration,
+            share * target.right_acceleration,
+        )
 
 
 def _eased(speed_at: Callable[[float], float], wished: float, usual: float) -> tuple[float, float]:
