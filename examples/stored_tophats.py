@@ -15,9 +15,8 @@ def main() -> None:
             found = load_tophats(robot, STORE)
         except CalibrationError as error:
             print(f"{error}: calibrating")
-            calibrate_tophats(robot, distance=1.0, store=STORE)
+            found = calibrate_tophats(robot, distance=1.0, store=STORE)
             robot.run(straight(-1.0))
-            found = load_tophats(robot, STORE)
         print(", ".join(f"{name}: threshold {each.threshold:.0f}" for name, each in found.items()))
 
 

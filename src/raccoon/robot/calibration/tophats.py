@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import tempfile
 from pathlib import Path
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 STANDING = 0.4  # s of standing before a drive, in which a tophat that is unplugged wanders
 SETTLING = 0.2  # s in which a robot comes to stand
+OF_THE_CARD = (errno.EROFS, errno.ENOSPC, errno.EDQUOT, errno.EIO)  # full, worn, or mounted to be read only
 
 
 def calibrate_tophats(
@@ -40,9 +42,9 @@ def calibrate_tophats(
     drives backwards where distance or speed is negative. store: file that they are added to as `set_name`
     (`load_tophats` reads it), where the program was started or, where it is only there, beside the program.
     A sensor whose height changed since the calibration before is said, and so is a store that fails after the
-    drive. Raises ConfigError before anything moves where the store is damaged or
-    cannot be written; CalibrationError where the way was not driven, or naming each tophat whose readings
-    allow no threshold, and why; no calibration is changed then.
+    drive, or for which the card is full or can only be read. Raises ConfigError before anything moves where
+    the store is damaged or otherwise cannot be written; CalibrationError where the way was not driven, or
+    naming each tophat whose readings allow no threshold, and why; no calibration is changed then.
     """
     from raccoon.estimate.tophat import calibrate
     from raccoon.estimate.tophat.quality import restless
@@ -127,9 +129,13 @@ def _there_is(shelf: TophatStore) -> str:
 
 
 def _checked(store: Path, set_name: str) -> dict[str, TophatCalibration]:
-    """The newest calibrations in `store`, by name. Raises ConfigError where it cannot be read or written."""
+    """The newest calibrations in `store`, by name. Raises ConfigError where it cannot be read or written, but
+    for what the card is to blame for: nobody mends that before a match, and the calibration is good all the
+    same.
+    """
     from raccoon.estimate.tophat.store import TophatStore
 
+    found: dict[str, TophatCalibration] = {}
     try:
         found = {each.sensor: each.calibration for each in TophatStore(store).history(set_name=set_name)}
         store.parent.mkdir(parents=True, exist_ok=True)
@@ -138,7 +144,8 @@ def _checked(store: Path, set_name: str) -> dict[str, TophatCalibration]:
         os.close(handle)
         Path(trial).unlink()
     except OSError as error:
-        raise ConfigError(f"store {store}: cannot be used, so nothing was driven: {error}") from error
+        if error.errno not in OF_THE_CARD:
+            raise ConfigError(f"store {store}: cannot be used, so nothing was driven: {error}") from error
     return found
 
 

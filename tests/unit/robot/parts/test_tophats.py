@@ -171,13 +171,16 @@ def test_a_store_that_cannot_keep_it_is_said_before_the_drive(
         assert robot.ticks == 0
 
 
-def test_a_calibration_that_cannot_be_stored_after_the_drive_is_used_and_that_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("before", [False, True], ids=["full after the drive", "before it"])
+def test_a_calibration_that_the_card_does_not_take_is_used_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: bool
 ) -> None:
-    def full(_path: Path, _text: str) -> None:
+    def full(*_given: object, **_more: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("raccoon.estimate.tophat.store.write_atomically", full)
+    if before:
+        monkeypatch.setattr("tempfile.mkstemp", full)
     store = tmp_path / "new" / "tophats.json"
     with open_robot(CONFIG, port=simulated(world=table(tmp_path))) as robot:
         robot.run(wait(0.3))
