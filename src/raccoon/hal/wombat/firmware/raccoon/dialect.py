@@ -21,7 +21,7 @@ RESTART_COUNTS_SECONDS = 250.0
 """Counts x seconds that a counter may hold when a restart is noticed."""
 LONGEST_PAUSE_US = 60_000_000
 """Of the clock between two looks at it: began anew and further on than that, it is that of a restart."""
-SLOWEST_CLOCK, BETWEEN_FRAMES = 0.98, 0.005
+SLOWEST_CLOCK, BETWEEN_FRAMES = 0.95, 0.005
 """Share of real time that an oscillator without a crystal goes at least; s that its clock may be old."""
 MOVING = 60.0
 """Counts; a counter that stands still beside it is stuck."""

@@ -40,4 +40,4 @@ def test_a_clock_that_went_on_for_too_little_began_anew() -> None:
     dialect = RaccoonDialect(17)
     assert dialect.restarted(reply(0.005), reply(0.004), 0.03)  # both shortly after a restart
     assert not dialect.restarted(reply(0.005, 900_000), reply(0.004), 0.03)
-    assert not dialect.restarted(reply(4.49), reply(4.0), 0.5)  # an oscillator that is 2 % slow
+    assert not dialect.restarted(reply(4.48), reply(4.0), 0.5)  # an oscillator that is 4 % slow
