@@ -24,6 +24,7 @@ class Wheels:
     def __init__(self, *, share: float = 1.0, inertia: float = 1.0) -> None:
         self.watch = LoadWatch(CONFIG, replace(SIMULATOR, driven_share=share))
         self.time = self.doubted = 0.0
+        self.battery_reads = 6.5
         self._share, self._inertia = share, inertia * MODEL.drive.inertia_straight.value
         self._speeds = [0.0, 0.0]
 
@@ -37,7 +38,7 @@ class Wheels:
                 for side in (0, 1):
                     means[side] += self._turn(side, volts[side], torque[side]) / CYCLES
                 duty = tuple(volts[port] / 6.5 if port < 2 else 0.0 for port in range(MOTOR_PORTS))
-                read = Inputs(self.time, SIMULATOR, battery=6.5 / SIMULATOR.battery_volts)
+                read = Inputs(self.time, SIMULATOR, battery=self.battery_reads / SIMULATOR.battery_volts)
                 self.watch.drive(read, Outputs(duty) if known else None)
             self.watch.update(CYCLE * CYCLES, *means)
             self.doubted += self.watch.doubt
@@ -132,6 +133,15 @@ def test_a_hard_way_is_no_wall(case: Case, inertia: float, share: float) -> None
 
 def test_a_robot_that_begins_on_heavy_ground_is_not_held() -> None:
     assert Wheels().run(5.0, (5.0, 5.0), (0.4, 0.4)) is None
+
+
+@pytest.mark.parametrize("volts", [0.0, 36.3], ids=["nothing", "full scale"])
+def test_a_battery_that_is_read_no_more_is_no_wall(volts: float) -> None:
+    wheels = Wheels()
+    wheels.run(2.0, (4.0, 4.0), (0.0, 0.0))
+    wheels.battery_reads = volts
+    assert wheels.run(2.0, (4.0, 4.0), (0.0, 0.0)) is None
+    assert wheels.doubted == 0.0
 
 
 def test_nothing_is_said_where_the_command_is_not_known() -> None:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device, Inputs, Outputs
+from raccoon.core.schema import BATTERY_VOLTAGE
 from raccoon.estimate.drive.wheel_track import GAP
 from raccoon.model.bemf import counts_scale
 
@@ -37,8 +38,8 @@ KNOWN_AFTER = 0.3
 """s of rolling before anything is said."""
 LEAST_SPEED, LEAST_VOLTS = 0.5, 0.3
 """rad/s and V, both ahead: slower wheels stick, and brakes are no drive."""
-LEAST_BATTERY = 3.0
-"""V; less is no reading."""
+LEAST_BATTERY, MOST_BATTERY = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
+"""V between which a reading is a battery's, as the filter of its voltage has it."""
 BATTERY_SHARE = 0.1
 """Of a new battery reading that counts."""
 
@@ -119,7 +120,7 @@ class LoadWatch:
         if not 0.0 < dt < GAP:
             return
         reading = inputs.battery_voltage
-        if reading is not None and reading > LEAST_BATTERY:
+        if reading is not None and LEAST_BATTERY < reading < MOST_BATTERY:
             share = BATTERY_SHARE if self._battery else 1.0
             self._battery += share * (reading - self._battery)
         if command is None:
