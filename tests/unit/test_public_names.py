@@ -1,8 +1,14 @@
 """The public names are where they are said to be."""
 
+import re
+from pathlib import Path
+
 import pytest
 
 import raccoon
+from raccoon.robot.knowledge import Knowledge
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_every_public_name_exists() -> None:
@@ -15,6 +21,19 @@ def test_the_lazy_table_and_the_list_agree() -> None:
     assert set(raccoon._HOME_OF) | {"deg"} == set(raccoon.__all__)
 
 
-def test_an_unknown_name_is_an_attribute_error() -> None:
+def test_an_unknown_name_is_an_attribute_error_for_python_and_for_the_type_checker() -> None:
     with pytest.raises(AttributeError, match="drive_staight"):
-        getattr(raccoon, "drive_staight")  # noqa: B009 - the typing mistake is the test
+        raccoon.drive_staight(0.2)  # type: ignore[attr-defined]  # unused, which mypy says, if it took any name
+
+
+def test_every_public_name_stands_on_a_page() -> None:
+    pages = [ROOT / "README.md", *(ROOT / "docs").rglob("*.md")]
+    words = set(re.findall(r"\w+", " ".join(page.read_text("utf-8") for page in pages)))
+    assert not set(raccoon.__all__) - words
+
+
+def test_what_a_program_asks_a_robot_stands_in_the_table_of_the_motions_page() -> None:
+    page = (ROOT / "docs" / "motions.md").read_text("utf-8")
+    table = page.partition("## What a robot knows")[2].partition("\n## ")[0]
+    asked = {name for name in vars(Knowledge) if not name.startswith("_")}
+    assert set(re.findall(r"`robot\.(\w+)", table)) >= asked

@@ -17,7 +17,8 @@ A message says what, where, the value, and what is allowed.
 
 
 class RaccoonError(Exception):
-    """Everything this library raises on purpose."""
+    """What this library raises under names of its own. An argument that is not allowed is a plain ValueError,
+    one of the wrong kind a TypeError, and use at the wrong time a RuntimeError."""
 
 
 class ConfigError(RaccoonError, ValueError):
