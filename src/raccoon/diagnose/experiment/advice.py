@@ -179,8 +179,8 @@ class Plan:
         for id_ in dict.fromkeys(each.partition("@")[0] for each in names):
             asked = [id_] if id_ in names else [each for each in names if each.startswith(f"{id_}@")]
             least = min(map(power, asked))
-            unusual = ", more than is usual" if 0.0 < least < VISIBLE else ""
-            found[id_] = shows_from(effect(id_).parameters[0], least, gate(id_, alone=True)) + unusual
+            size = shows_from(effect(id_).parameters[0], least, gate(id_, alone=True))
+            found[id_] = f"{size}, more than is usual" if size and least < VISIBLE else size
         return found
 
 

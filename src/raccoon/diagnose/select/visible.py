@@ -39,8 +39,9 @@ def visibility(search: Search) -> dict[str, float]:
 def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     """The smallest deviation that would be named in all but one of a hundred recordings, in words.
 
-    Empty where nothing of it shows. A limit higher than was simulated acts in moments of which the evidence
-    knows nothing: it is not promised.
+    Empty where nothing of it shows, or only what is beyond the parameter's bounds, as of a dead band of more
+    than all power. A limit higher than was simulated acts in moments of which the evidence knows nothing: it
+    is not promised.
 
     parameter: the effect's first. power: evidence of one width. gate: log evidence from which it is named.
     With s = u sqrt(power), u widths make a log evidence that is normal with mean (s^2 - log(1 + power)) / 2
@@ -51,9 +52,13 @@ def shows_from(parameter: Parameter, power: float, gate: float) -> str:
     surely = SURELY + math.sqrt(SURELY**2 + 2.0 * gate + math.log1p(power))
     u = surely / math.sqrt(power)
     width = WIDTH_FACTOR * parameter.prior_width
-    if parameter.name == "factor":
-        return f"from about {100.0 * math.expm1(width * u):.2g} % on"
     if parameter.name == "limit":
         return f"below about {min(1.0 / u, HIGHEST_LIMIT):.2g} {parameter.unit}"
-    unit = f" {parameter.unit}" if parameter.unit else ""
-    return f"from about {width * u:.2g}{unit} on"
+    factor = parameter.name == "factor"
+    high = parameter.bounds.high
+    highest = math.log(high) if factor else high - (parameter.neutral or 0.0)
+    if width * u > highest:
+        return ""
+    size = 100.0 * math.expm1(width * u) if factor else width * u
+    unit = " %" if factor else f" {parameter.unit}" if parameter.unit else ""
+    return f"from about {float(f'{size:.2g}'):g}{unit} on"

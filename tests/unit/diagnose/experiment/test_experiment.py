@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -62,12 +64,22 @@ def test_the_checkup_needs_little_room_and_shows_something_of_everything() -> No
     shown = Plan.of(ROBOT, duty).shows()
     assert set(shown) == {each.id for each in drive_causes()}
     assert [id_ for id_, size in shown.items() if not size or "usual" in size] == []
+    page = " ".join((Path(__file__).parents[4] / "docs" / "diagnosis.md").read_text("utf-8").split())
+    for name, id_ in (
+        ("K_E", "motor.back_emf_constant"),
+        ("backlash", "drive.backlash"),
+        ("a late gyro", "imu.latency"),
+        ("the gyro's scale", "imu.gyro_scale"),
+    ):
+        size = shown[id_].removeprefix("from about ").removesuffix(" on").replace("0.0012 s", "1.2 ms")
+        assert f"{name} from {size}" in page
 
 
 def test_what_a_drive_cannot_show_is_said_before_it_is_driven() -> None:
     shown = Plan.of(ROBOT, manoeuvre("straight")).shows()
     assert shown["imu.gyro_scale"] == ""  # it never turns
     assert shown["friction.stiction"].endswith("more than is usual")  # it never creeps
+    assert shown["drive.turn_scrub"] == shown["actuation.deadband"] == ""  # but for rounding, or full power
     assert shown["friction.coulomb"].startswith("from about 0.0")
 
 

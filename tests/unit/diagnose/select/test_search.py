@@ -220,6 +220,15 @@ def test_no_current_limit_is_promised_that_is_higher_than_those_that_were_simula
     assert shows_from(limit, 20.0, gate("motor.current_limit")) == "below about 0.61 A"
 
 
+def test_no_size_is_said_that_no_robot_has() -> None:
+    for id_ in ("actuation.deadband", "friction.coulomb", "imu.gyro_scale", "drive.turn_scrub"):
+        assert shows_from(effect(id_).parameters[0], 1e-20, gate(id_)) == ""  # rounding, not evidence
+    assert shows_from(effect("actuation.deadband").parameters[0], 1e-3, gate("actuation.deadband")) == ""
+    # A width is 20 counts, and it takes 2.33 + (2.33² + 2 · 8 + log 2)^½ = 7.0 of them.
+    counts = effect("bemf.dead_zone").parameters[0]
+    assert shows_from(counts, 1.0, gate("bemf.dead_zone")) == "from about 140 counts on"
+
+
 def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     log = log_from_columns(make(4, seconds=8.0).columns, ROBOT)
     real, _ = problem_of(log, ROBOT, tuple(CAUSES.values()))
