@@ -64,10 +64,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
     given = list(sys.argv[1:] if argv is None else argv)
     name = "raccoon"
-    # `view run -o a.svg RECORDING`: argparse would take the word for the recording, options coming next.
-    spoken = given[:2] == ["view", "run"] and len(given) > 2 and not Path("run").exists()
     try:
-        args, unknown = build_parser().parse_known_args([given[0], *given[2:]] if spoken else given)
+        args, unknown = build_parser().parse_known_args(_without_word(given))
         if unknown:  # in the words and with the usage of the command, not of all of them
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.given = given
@@ -82,6 +80,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
         return 130
+
+
+def _without_word(given: list[str]) -> list[str]:
+    """`view run -o a.svg RECORDING` without `run`, which argparse would take for the recording, options
+    coming next; as it is where there is a recording of that name."""
+    if given[:2] != ["view", "run"] or len(given) == 2:
+        return given
+    from raccoon.trace.record import already_there
+
+    is_recording = Path("run").exists() or already_there("run") is not None
+    return given if is_recording else [given[0], *given[2:]]
 
 
 def _told(error: Exception) -> str:

@@ -121,6 +121,10 @@ def _loaded(path: Path) -> Run:
         return Run(path.name, read_mcap(path))
     if path.suffix == ".mat":
         return Run(path.name, emps.read_emps(path))
+    if path.exists() and not path.is_file():
+        raise TraceError(
+            f"{path}: it is a pipe or a device; a recording is read more than once, so name a file"
+        )
     return _load_csv(path)
 
 

@@ -56,7 +56,11 @@ def _check_form(start: bytes, line: str) -> None:
     """Raise TraceError for what would be a CSV or a trace in another form or by another name."""
     if start.startswith((b"\x1f\x8b", b"PK\x03\x04")):
         raise TraceError("the file is packed: unpack it first, or name it .jsonl.gz where it is a trace")
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")) or start[1:40:2].count(0) > 8:
+    halves = (
+        start[:40:2].count(0),
+        start[1:40:2].count(0),
+    )  # of UTF-16 every second byte is 0, of a program any
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")) or (max(halves) > 8 and min(halves) == 0):
         raise TraceError("the text is UTF-16: save it as UTF-8")
     if start.lstrip().startswith(b"{"):
         raise TraceError("it looks like JSON Lines, not CSV: name it .jsonl")

@@ -12,6 +12,9 @@ from raccoon.cli.view.drawing import _outline
 from raccoon.cli.view.drive import drive_of
 from raccoon.core.config import BodyConfig, ControllerConfig, RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.trace.record import RecordingPort
 
 TABLES = Path(__file__).resolve().parents[3] / "examples" / "tables"
 
@@ -128,6 +131,12 @@ def test_a_recording_may_have_the_name_run(recording: Path, monkeypatch: pytest.
     monkeypatch.chdir(recording.parent)
     recording.rename("run")
     assert main(["view", "run"]) == 0
+    Path("run").unlink()
+    port = RecordingPort(SimPort(Parameters()), "run")
+    for _ in range(3):
+        port.read()
+    port.close()
+    assert main(["view", "run", "-o", "packed.svg"]) == 0
 
 
 def test_a_folder_is_no_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -145,6 +145,8 @@ def test_a_file_that_is_no_recording_is_refused(
         ("t,x\n0,1\n".encode("utf-16"), "UTF-16: save it as UTF-8"),
         ("t,motor.0.bemf,motor.1.bemf\n".encode("utf-16-le"), "UTF-16: save it as UTF-8"),
         (b'{"format":"raccoon trace","version":1}\n', "name it .jsonl"),
+        ("t,motor.0.bemf,motor.1.bemf\n".encode("utf-16-be"), "UTF-16: save it as UTF-8"),
+        (b"\x7fELF\x02\x01\x01" + bytes(9) + b"\x03\0\x3e\0\x01" + bytes(99), "it is no text"),
         (bytes(range(128, 256)), "it is no text"),
         (b"t\0x\n", "it is no text"),
         (b"time;x\n0,5;1\n", "line 1: there is no column t in the header 'time;x'"),

@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import numpy as np
@@ -98,6 +99,13 @@ def test_what_a_file_seems_to_be_that_is_no_recording(
     with pytest.raises(TraceError) as caught:
         load_run(path)
     assert str(caught.value).startswith(f"{path}: {said}")
+
+
+def test_a_pipe_is_read_once_and_no_recording(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path in (tmp_path / "pipe.csv", Path("/dev/null")):
+        with pytest.raises(TraceError, match=f"{path}: it is a pipe or a device; .*, so name a file"):
+            load_run(path)
 
 
 @pytest.mark.parametrize("name", ["run.txt", "run.md", "run"])
