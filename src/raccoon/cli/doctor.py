@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.core.config import RobotConfig, load_robot
-from raccoon.core.errors import HardwareError
+from raccoon.core.errors import ConfigError, HardwareError
 
 if TYPE_CHECKING:
     from raccoon.core.port import Port
@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--no-motion", action="store_true", help="move nothing; otherwise each wheel turns to and fro"
     )
     parser.add_argument(
-        "--firmware", choices=FIRMWARES, default="stock", help="of the emulated controller (--port emulator)"
+        "--firmware", choices=FIRMWARES, help="of the emulated controller (stock; with --port emulator)"
     )
     parser.add_argument("--i2c", default="/dev/i2c-1", metavar="DEVICE", help="I2C bus for added sensors")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
@@ -43,6 +43,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Examine and report. 0: all is well; 1: something is not."""
     config = _config(args)
+    port = config.controller.port
+    if args.firmware is not None and port != "emulator":
+        choice = "only --port emulator has a choice of it"
+        raise ConfigError(f"--firmware {args.firmware}: {choice}, and {port} is examined")
     say = _silent if args.json else _say
     if not args.no_motion:
         say("the robot will move: put it on the floor with 20 cm around it, and keep it still")
@@ -71,7 +75,7 @@ def _report(config: RobotConfig, args: argparse.Namespace, say: Callable[[str], 
 
     report = Report()
     try:
-        port = _port(config, args.firmware)
+        port = _port(config, args.firmware or "stock")
     except HardwareError as error:
         report.add(lost(error))
     else:

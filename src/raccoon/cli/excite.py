@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.core.config import load_robot
     from raccoon.core.errors import ConfigError
     from raccoon.diagnose.experiment.manoeuvres import CHECKUP
-    from raccoon.trace.loading import recording_file
+    from raccoon.trace.record import already_there
 
     check_seed(args.seed)
     robot = load_robot(args.robot)
@@ -59,14 +59,18 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--model {args.model}: only a simulated robot has one; add --simulate")
     if args.rival and args.cause is None:
         raise ConfigError(f"--rival {args.rival[0]}: name the --cause that it is to be told from")
-    if args.manoeuvre is None and args.cause is not None:
+    if args.manoeuvre is not None and args.cause is not None:
+        raise ConfigError(
+            f"--cause {args.cause}: --manoeuvre {args.manoeuvre} is driven whatever the cause; leave one out"
+        )
+    if args.cause is not None:
         chosen = _advised(args, robot)
     else:
         chosen = args.manoeuvre or CHECKUP
         _look_at(robot, chosen, args)
     if args.record is not None:
         _drive(robot, chosen, args)
-        print(f"{recording_file(args.record)}: recorded {chosen!r}")
+        print(f"{already_there(args.record) or args.record}: recorded {chosen!r}")
     else:
         print(f"nothing was driven: --record FILE drives {chosen!r} and records it")
     return 0

@@ -1,5 +1,6 @@
 """`raccoon compare-mitigations` on a few robots."""
 
+import logging
 import signal
 import subprocess
 import sys
@@ -139,6 +140,7 @@ def test_tables_and_picture(ends: dict[str, Ends], tmp_path: Path) -> None:
     [
         (["--condition", "moonlight"], "allowed are battery 6.1-7.0 V, battery sags"),
         (["--robots", "0"], "--robots is 0: it must be 1 or more"),
+        (["--robots", "5", "--quick"], "--robots 5: --quick means 2; leave one of them out"),
         (["--processes", "0"], "--processes is 0: it must be 1 or more"),
         (["--plot", "map.bmp"], "--plot map.bmp: allowed are the endings .svg, .png, .pdf"),
         (["--tape", "1"], "--tape is 1.0 m: allowed are numbers from 0 to 0.1"),
@@ -156,9 +158,13 @@ def test_the_command_prints_and_writes_one_column(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     def known(condition: str, number: int, seed: int, tape_std: float) -> dict[str, Ends]:
         assert (condition, number) == (BATTERY, 0)
+        logging.getLogger("raccoon").warning(
+            "was a motor changed?"
+        )  # of a simulated robot: nobody's business
         return ends
 
     monkeypatch.setattr("raccoon.cli.compare_mitigations.measure.ends_of", known)
@@ -167,6 +173,7 @@ def test_the_command_prints_and_writes_one_column(
     assert main(["compare-mitigations", *column]) == 0
     assert "Robots a column: battery 6.1-7.0 V 1." in out.read_text("utf-8")
     assert "| fresh battery |" in capsys.readouterr().out
+    assert caplog.text == ""
 
 
 def test_work_that_was_stopped_goes_on_where_it_was(tmp_path: Path) -> None:

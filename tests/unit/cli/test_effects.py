@@ -48,5 +48,8 @@ def test_the_page_is_the_one_of_this_catalogue() -> None:
 
 
 def test_the_page_needs_a_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["friction"], ["--json"]):
+        assert main(["effects", *words, "--write", str(tmp_path)]) == 2
+        assert f"it writes the page of all effects; leave out {words[0]}" in capsys.readouterr().err
     assert main(["effects", "--write", str(tmp_path / "nowhere")]) == 2
     assert "no such folder" in capsys.readouterr().err

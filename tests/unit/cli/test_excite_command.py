@@ -65,6 +65,18 @@ def test_another_seed_is_another_drive_of_the_same_robot(robot_toml: Path, tmp_p
     assert main([*command, "--seed", "-1"]) == 2
 
 
+def test_the_file_that_was_written_is_named_and_not_another_that_is_there(
+    robot_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    other = tmp_path / "run.csv"
+    other.write_text("t\n0\n")
+    command = ["excite", "--robot", str(robot_toml), "--manoeuvre", "still", "--simulate"]
+    assert main([*command, "--record", str(other)]) == 0
+    assert capsys.readouterr().out.endswith(f"{other}.jsonl.gz: recorded 'still'\n")
+    assert main([*command, "--cause", "drive.backlash"]) == 2
+    assert "--manoeuvre still is driven whatever the cause; leave one out" in capsys.readouterr().err
+
+
 def test_a_robot_with_tophats_drives_a_model_that_names_none(robot_toml: Path, tmp_path: Path) -> None:
     robot_toml.write_text(ROBOT_TOML + "[tophat.front]\nanalog = 0\n")
     model, run = tmp_path / "model.toml", tmp_path / "run.jsonl.gz"

@@ -206,7 +206,9 @@ def test_a_file_of_a_windows_editor_is_read(tmp_path: Path) -> None:
 def test_a_model_is_no_robot(tmp_path: Path, table: str) -> None:
     path = tmp_path / "model.toml"
     path.write_text(f"{table}\n")
-    with pytest.raises(ConfigError, match=r"it is a model\.toml, which --model takes; name a robot\.toml"):
+    with pytest.raises(
+        ConfigError, match=r"it is a model\.toml, which raccoon diagnose --model takes; name a"
+    ):
         load_robot(path)
 
 

@@ -29,8 +29,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--robots", type=int, help="simulated robots a column (without it the full table, 24 to 200)"
     )
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="of everything random (1)")
+    parser.add_argument("--processes", type=int, default=1, help="processes to use (1)")
     parser.add_argument(
         "--tape", type=float, default=0.001, help="m, standard deviation of the tape that all go by (0.001)"
     )
@@ -107,6 +107,8 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
     """Robots of each column that is wanted. Raises ConfigError."""
     from raccoon.cli.compare_mitigations.measure import full_table
 
+    if args.robots is not None and args.quick:
+        raise ConfigError(f"--robots {args.robots}: --quick means {QUICK}; leave one of them out")
     if args.robots is not None and args.robots < 1:
         raise ConfigError(f"--robots is {args.robots}: it must be 1 or more")
     if args.processes < 1:

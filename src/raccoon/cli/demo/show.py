@@ -42,6 +42,8 @@ def show(folder: Path, seed: int, jobs: int) -> int:
         raise ConfigError(f"--jobs {jobs}: allowed are whole numbers from 1")
     check_seed(seed)
     begin = time.perf_counter()
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"--out {folder}: it is a file; name a folder")
     folder.mkdir(parents=True, exist_ok=True)
     results, claims = _drive_all(folder, seed, jobs)
     good = _print_drives(results, claims)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from raccoon.core.errors import ConfigError
+
 HELP = "list the effects the simulated robot knows, or write their page"
 
 
@@ -25,6 +27,11 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.effects.listing import chosen, json_text, table_text
 
     if args.write is not None:
+        for what, given in ((args.id, args.id is not None), ("--json", args.json)):
+            if given:
+                raise ConfigError(
+                    f"--write {args.write}: it writes the page of all effects; leave out {what}"
+                )
         from raccoon.cli.effects.page import write_page
         from raccoon.cli.outputs import check_pictures
 

@@ -21,7 +21,7 @@ from raccoon.sweep.match import Match, play, seed_of
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import sweep, with_nominal_end
 from raccoon.sweep.workers import dask_crew, process_crew
-from raccoon.trace.loading import recording_file
+from raccoon.trace.record import already_there
 
 
 def sweep_and_print(args: argparse.Namespace) -> int:
@@ -55,8 +55,8 @@ def one(args: argparse.Namespace) -> int:
     print_row(play(match, args.only, seed_of(args.seed, args.only), args.record))
     if args.record is None:
         return 0
-    file = recording_file(args.record)
-    if not file.exists():
+    file = already_there(args.record)
+    if file is None:
         raise ConfigError(f"--record {args.record}: nothing was recorded")
     print(f"recorded: {file}")
     return 0
