@@ -53,8 +53,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=1,
         help="for many recordings: processes (default 1, 0: one for each core)",
     )
-    parser.add_argument("--executor", choices=("processes", "dask"), default="processes")
-    parser.add_argument("--scheduler", help="address of a Dask scheduler (default: one of its own)")
+    parser.add_argument(
+        "--executor",
+        choices=("processes", "dask"),
+        default="processes",
+        help="for many recordings: where the workers run (processes of this computer)",
+    )
+    parser.add_argument("--scheduler", help="with --executor dask: its address (default: one of its own)")
     parser.add_argument("--json", type=Path, help="write the diagnosis as JSON")
     parser.add_argument("--html", type=Path, help="write a report with pictures")
     parser.add_argument(
@@ -102,6 +107,8 @@ def run(args: argparse.Namespace) -> int:
     check_folders(*outputs)
     if args.workers < 0:
         raise ConfigError(f"--workers {args.workers}: allowed are whole numbers from 0")
+    if args.scheduler is not None and args.executor != "dask":
+        raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
     _show_remarks()
     paths = recordings(args.trace)
     if not paths:

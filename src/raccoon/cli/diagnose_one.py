@@ -10,8 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.core.readings import SI_WORDS
+
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
+    from raccoon.core.readings import Device
     from raccoon.diagnose.result import Diagnosis
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.trace.loading import Run
@@ -71,11 +74,16 @@ def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagno
     device = runs[0].recording.device
     for path, each in zip(paths, runs, strict=True):
         if each.recording.device != device:
-            other = each.recording.device.name
-            raise ConfigError(f"--together: {paths[0]} is of {device.name}, {path} of {other}")
+            first, other = _made_by(device), _made_by(each.recording.device)
+            raise ConfigError(f"--together: {paths[0]} is of {first}, {path} of {other}")
     found = _diagnosed(job_of(args, paths[0]), runs, paths, whose[0])
     listed = ", ".join(f"{number} {path.name}" for number, path in enumerate(paths, 1))
     return replace(found, notes=(f"recordings that are fitted together: {listed}", *found.notes))
+
+
+def _made_by(device: Device) -> str:
+    """Whose words a recording holds; a CSV has none and names nobody."""
+    return "a controller that it does not name" if device.name == SI_WORDS.name else device.name
 
 
 _NUMBERED = re.compile(r"recording (\d+)")

@@ -130,6 +130,8 @@ def load_own(path: str | Path) -> tuple[OwnEffect, ...]:
     path = Path(path)
     if not path.is_file():
         raise ConfigError(f"{path}: there is no such file of causes")
+    if path.suffix != ".py":
+        raise ConfigError(f"{path}: causes are a Python file, whose name ends in .py")
     try:
         with no_robot_opened():  # a program that is given by mistake must not drive
             found = runpy.run_path(str(path)).get(NAME)

@@ -1,12 +1,14 @@
 """The demo's claims, on a few of its robots (the command runs them all)."""
 
 import math
+from pathlib import Path
 
 import pytest
 
 from raccoon.cli.demo.mission import DISTANCE, goal
 from raccoon.cli.demo.robots import Trial, closed_loop, measure_claims, measure_times, open_loop
 from raccoon.cli.demo.tophats import tophat_results
+from raccoon.cli.main import main
 from raccoon.model.paper import battery_speed_ratio, extreme_motor_speeds
 
 
@@ -36,6 +38,13 @@ def test_all_eight_light_conditions_are_calibrated() -> None:
     for result in tophat_results(seed=5):
         assert result.calibration.threshold is not None, result.condition
         assert result.wrong <= 0.01, result.condition
+
+
+def test_a_file_is_no_folder_for_its_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_text("")
+    assert main(["demo", "--out", str(file)]) == 2
+    assert capsys.readouterr().err == f"raccoon demo: --out {file}: it is a file; name a folder\n"
 
 
 def test_the_goal_of_the_mission() -> None:

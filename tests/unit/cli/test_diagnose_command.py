@@ -200,6 +200,8 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(
 def test_a_count_of_workers_is_not_negative(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["diagnose", str(tmp_path / "never-read.csv"), "--workers", "-3"]) == 2
     assert "--workers -3: allowed are whole numbers from 0" in capsys.readouterr().err
+    assert main(["diagnose", str(tmp_path / "never-read.csv"), "--scheduler", "tcp://x:1"]) == 2
+    assert "--scheduler tcp://x:1: it belongs to --executor dask" in capsys.readouterr().err
 
 
 def test_an_empty_name_is_not_the_folder_that_the_command_is_in(

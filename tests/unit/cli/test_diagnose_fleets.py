@@ -19,6 +19,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
 from unit.diagnose.axes import motor
+from unit.trace.recordings import record
 
 NOT_SAID = "the recording does not say its robot: compared with"
 
@@ -229,6 +230,10 @@ def test_what_cannot_be_fitted_together_is_said_with_its_name(
     assert refused(one, other) == f"{begin}{other}: it is of tophats; only drives are diagnosed together"
     assert refused(one, same) == f"{begin}{same}: its samples are those of {one}"
     assert refused(one, short).startswith(f"{begin}{short}: the recording has 60 samples over 0.")
+    trace = tmp_path / "trace.jsonl.gz"
+    record(trace)
+    said = f"--together: {one} is of a controller that it does not name, {trace} of simulator"
+    assert refused(one, trace) == f"{begin}{said}"
     for place in ("red", "blue"):
         (tmp_path / place).mkdir()
         (tmp_path / place / "robot.toml").write_text("")

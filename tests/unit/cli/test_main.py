@@ -1,15 +1,17 @@
 """The command line itself: help, version, mistakes, Ctrl-C."""
 
+import argparse
 import os
 import runpy
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from raccoon import __version__
 from raccoon.cli import main
-from raccoon.cli.main import COMMANDS
+from raccoon.cli.main import COMMANDS, build_parser
 
 
 def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -56,6 +58,35 @@ def test_an_interruption_while_the_commands_are_found_is_one_line(
     monkeypatch.setattr("raccoon.cli.init.configure", interrupted)
     assert main(["init"]) == 130
     assert capsys.readouterr().err == "raccoon: interrupted\n"
+
+
+def test_closed_outputs_do_no_harm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`raccoon init - 2>&-`, `raccoon effects >&-`: Python has None for them, which writes nothing."""
+    for name in ("stderr", "stdout"):
+        monkeypatch.setattr(sys, name, None)
+    assert main(["init", "-"]) == 0
+    assert main(["doctor", "--port", "sim", "--robot", str(tmp_path / "no.toml")]) == 2
+    assert capsys.readouterr() == ("", "")
+    for name in ("stderr", "stdout"):
+        getattr(sys, name).close()
+
+
+def _arguments(parser: argparse.ArgumentParser, name: str) -> Iterator[tuple[str, argparse.Action]]:
+    """Every argument of a command and of its sub-commands, with what it is called in the help."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for word, command in action.choices.items():
+                yield from _arguments(command, f"{name} {word}")
+        elif not isinstance(action, argparse._HelpAction):
+            yield f"{name} {' '.join(action.option_strings) or action.dest}", action
+
+
+def test_the_help_tells_what_every_argument_is() -> None:
+    arguments = dict(_arguments(build_parser(), "raccoon"))
+    assert "raccoon calibrate drive --tape" in arguments
+    assert not [name for name, each in arguments.items() if not each.help]
 
 
 def test_init_writes_a_file_that_can_be_read_and_never_overwrites(

@@ -228,6 +228,9 @@ def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:
         run(recorded, "--plot", "out.bmp")
     with pytest.raises(ConfigError, match="--tolerance nan: allowed are numbers from 0 to below 1"):
         run(recorded, "--tolerance", "nan")
+    for words in (["--ignore-commands"], ["--tolerance", "0.1"]):
+        with pytest.raises(ConfigError, match=f"{words[0]}: it is for what a --program commands; name one"):
+            run(recorded, *words)
     with pytest.raises(ConfigError, match="there is no folder"):
         run(recorded, "--json", tmp_path / "missing" / "out.json")
     with pytest.raises(ConfigError, match="--program prints what it finds and writes nothing"):

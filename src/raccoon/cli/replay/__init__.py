@@ -43,6 +43,9 @@ def run(args: argparse.Namespace) -> int:
 
     if not 0.0 <= args.tolerance < 1.0:
         raise ConfigError(f"--tolerance {args.tolerance}: allowed are numbers from 0 to below 1")
+    for name, given in (("ignore-commands", args.ignore_commands), ("tolerance", args.tolerance > 0.0)):
+        if given and args.program is None:
+            raise ConfigError(f"--{name}: it is for what a --program commands; name one")
     _check_outputs(args)
     robot = None if args.robot is None else load_robot(args.robot)
     runs = [run for file in args.file for run in load_runs(file)]

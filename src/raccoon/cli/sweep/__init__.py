@@ -24,9 +24,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _configure_workers(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--executor", choices=("processes", "dask"), default="processes")
+    parser.add_argument(
+        "--executor",
+        choices=("processes", "dask"),
+        default="processes",
+        help="where matches are played (processes of this computer)",
+    )
     parser.add_argument("--workers", type=int, help="processes (one for each core)")
-    parser.add_argument("--scheduler", help="address of a Dask scheduler; without it one is started here")
+    parser.add_argument("--scheduler", help="with --executor dask: its address (default: one of its own)")
 
 
 def _configure_matches(parser: argparse.ArgumentParser) -> None:
@@ -45,7 +50,14 @@ def _configure_matches(parser: argparse.ArgumentParser) -> None:
         help="robot.toml's plain filter and an IMU at 200 Hz, not the RaccoonOS firmware's sensor chain",
     )
     parser.add_argument("--table", type=Path, help="table file; by default the Botball-size table")
-    parser.add_argument("--start", type=float, nargs=3, metavar=("X", "Y", "DEG"), default=(0.0, 0.0, 0.0))
+    parser.add_argument(
+        "--start",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "DEG"),
+        default=(0.0, 0.0, 0.0),
+        help="where on the table matches start, m and degrees (0 0 0)",
+    )
     parser.add_argument("--within", type=float, default=0.05, help="m from the nominal robot's end (0.05)")
     parser.add_argument("--within-angle", type=float, default=10.0, help="deg from it (10)")
     parser.add_argument("--any-end", action="store_true", help="where a match ends does not count")

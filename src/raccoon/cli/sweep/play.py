@@ -120,5 +120,5 @@ def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
     if args.executor == "dask":
         return dask_crew(args.scheduler, args.workers)
     if args.scheduler is not None:
-        raise ConfigError("--scheduler belongs to --executor dask")
+        raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
     return process_crew(args.workers)

@@ -194,6 +194,13 @@ def test_the_example_is_what_the_page_shows() -> None:
     assert all(each in page for each in ids)
 
 
+def test_what_is_no_python_file_is_not_run_as_one(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text("[controller]\n")
+    with pytest.raises(ConfigError, match=r"robot\.toml: causes are a Python file, whose name ends in \.py"):
+        load_own(path)
+
+
 def test_a_program_in_place_of_causes_opens_no_robot(tmp_path: Path) -> None:
     path = tmp_path / "team.py"
     path.write_text("from raccoon import open_robot\nwith open_robot() as robot:\n    pass\n")
