@@ -32,6 +32,8 @@ def without_repeated(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
 FASTER = 0.3
 """Share of the rows of a robot that is driven that are as the row before, where a logger is faster than what
 it reads. Of noise no row is."""
+FEWEST_NEW = 3
+"""Rows of a robot that is driven that are new. With fewer no logger is too fast: nothing changes at all."""
 EARLY = 0.8
 """Part of the usual time between rows that are new, before which one that is not says nothing."""
 
@@ -53,7 +55,10 @@ def without_held(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     same = np.concatenate([[False], np.asarray(same, bool) & known[1:] & known[:-1]])
     if driven.sum() < FEWEST or float(same[driven].mean()) < FASTER:
         return columns, ()
-    usual = float(np.median(np.diff(time[~same & driven])))
+    new = time[~same & driven]
+    if len(new) < FEWEST_NEW:
+        return columns, ()
+    usual = float(np.median(np.diff(new)))
     keep, last = ~same, float("-inf")
     for row in range(len(time)):
         keep[row] |= time[row] - last > EARLY * usual

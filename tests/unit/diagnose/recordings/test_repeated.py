@@ -49,3 +49,10 @@ def test_rows_of_a_drive_are_all_kept(encoders: bool) -> None:
         for each in (columns, filled(columns)):
             assert without_held(each) == (each, ())
     assert without_held({}) == ({}, ())
+
+
+def test_readings_that_never_change_are_left_to_be_told_by_what_they_are() -> None:
+    """All but the first row were left out, and a drive of 10 s was said to have 1 sample."""
+    still = {"motor.0.duty": 0.5, "motor.1.duty": 0.5, "motor.0.bemf": 400.0, "motor.1.bemf": 400.0}
+    columns = {"t": 0.005 * np.arange(2000)} | {name: np.full(2000, value) for name, value in still.items()}
+    assert without_held(columns) == (columns, ())
