@@ -82,7 +82,7 @@ def _calibrate_drive(args: argparse.Namespace) -> int:
 
     _check_lengths(args)
     robot = load_robot(args.robot)
-    runs = [run for path in args.recording for run in load_runs(path)]
+    runs = load_runs(*args.recording)
     for each in runs:
         if mistaken := mistaken_step(usual_step(each.recording["t"])):
             raise TraceError(f"{each.path}: {mistaken}")
@@ -110,7 +110,8 @@ def _straight(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run])
     from raccoon.trace.columns import cycles_of
 
     if len(runs) != 1 or args.tape:
-        raise ConfigError(f"--straight takes one recording and no --tape: there are {len(runs)} recordings")
+        there = f"{len(runs)} recordings" if len(runs) != 1 else f"--tape {args.tape[0]}"
+        raise ConfigError(f"--straight takes one recording and no --tape: given are {there}")
     cycles = list(cycles_of(runs[0].recording))
     inputs = [each for each, _ in cycles]
     # What was commanded in a cycle is in force when the next one is read.

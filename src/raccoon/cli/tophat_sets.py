@@ -63,7 +63,7 @@ def calibrate_recordings(
     robot = load_robot(robot_file)
     if not robot.tophats:
         raise ConfigError(f"{robot_file}: it has no [tophat.NAME]")
-    runs = [run for path in recordings for run in load_runs(path)]
+    runs = load_runs(*recordings)
     readings, voltage = _readings(runs, {sensor.analog for sensor in robot.tophats.values()})
     now = datetime.now(UTC).isoformat(timespec="seconds")
     layout = Layout.of(robot.tophats, [set_name])

@@ -38,19 +38,21 @@ class Run:
     whose: str = ""
 
 
-def load_runs(path: str | Path) -> list[Run]:
+def load_runs(*paths: str | Path) -> list[Run]:
     """The runs in a trace, a CSV, MCAP or EMPS file, an OptiOdom run or session, or a folder of any of these.
 
+    Of several paths each file once: a run that counts twice would make what it gives surer than it is.
     Doubtful values are blank and listed in `Recording.problems`. Raises TraceError where there is nothing
     that can be read, FileNotFoundError where there is no such path.
     """
-    path = Path(path)
-    if not path.is_dir():
-        return [load_run(path)]
-    runs = [load_run(file) for file in recordings_in(path)]
-    if not runs:
-        raise TraceError(f"{path}: there is no recording in this folder")
-    return runs
+    files: dict[str, Path] = {}
+    for path in map(Path, paths):
+        found = recordings_in(path) if path.is_dir() else [recording_file(path)]
+        if not found:
+            raise TraceError(f"{path}: there is no recording in this folder")
+        for file in found:
+            files.setdefault(os.path.realpath(file), file)
+    return [load_run(file) for file in files.values()]
 
 
 def recording_file(path: str | Path) -> Path:
@@ -82,7 +84,7 @@ def _is_recording(path: Path) -> bool:
     """By its name: the table of a sweep and what describes the recordings beside it are none."""
     if path.name == optiodom.METADATA or path.with_name(path.name + SWEEP).exists():
         return False
-    return path.name.endswith((*TRACE_ENDINGS, ".csv", ".mcap", ".mat"))
+    return path.name.endswith(TRACE_ENDINGS) or path.suffix.lower() in (".csv", ".mcap", ".mat")
 
 
 def load_run(path: str | Path) -> Run:
@@ -115,11 +117,11 @@ def _loaded(path: Path) -> Run:
     if path.name.endswith(TRACE_ENDINGS):
         trace = read_trace(path)
         return Run(path.name, recording_of(trace), trace.header.config, trace)
-    if path.suffix == ".mcap":
+    if path.suffix.lower() == ".mcap":
         from raccoon.trace.mcap import read_mcap
 
         return Run(path.name, read_mcap(path))
-    if path.suffix == ".mat":
+    if path.suffix.lower() == ".mat":
         return Run(path.name, emps.read_emps(path))
     if path.exists() and not path.is_file():
         raise TraceError(

@@ -123,7 +123,7 @@ def test_one_turning_direction_is_refused_with_the_manoeuvre_that_would_do(
     ("extra", "reason"),
     [
         (["--tape", "1:2"], "BEGIN:END:METRES"),
-        (["--straight", "0.6", "--tape", "1:2:0.6"], "one recording"),
+        (["--straight", "0.6", "--tape", "1:2:0.6"], "one recording and no --tape: given are --tape 1:2:0.6"),
         (["--tape-std", "0", "--straight", "0.6"], "--tape-std 0: allowed are numbers above 0 (m)"),
         (["--tape-std", "nan", "--tape", "1:2:0.6"], "--tape-std nan: allowed are numbers above 0 (m)"),
         (["--tape-std", "0.4", "--straight", "0.6"], "it must be below half of --straight 0.6"),

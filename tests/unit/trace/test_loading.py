@@ -137,6 +137,10 @@ def test_other_folders_of_a_folder_do_not_matter(tmp_path: Path) -> None:
     found = [tmp_path / name / "run.csv" for name in ("a9", "a10", "b")]
     assert recordings_in(tmp_path) == recordings([tmp_path]) == found
     assert len(load_runs(tmp_path)) == 3
+    (tmp_path / "link.csv").symlink_to(found[0])
+    assert [run.path for run in load_runs(found[1], tmp_path, *found)] == [found[1], found[0], found[2]]
+    (tmp_path / "link.csv").rename(tmp_path / "b" / "OLD.CSV")
+    assert recordings_in(tmp_path / "b") == [tmp_path / "b" / "OLD.CSV", found[2]]
     assert recordings_in(tmp_path / ".venv") == [tmp_path / ".venv" / "run.csv"]
 
 

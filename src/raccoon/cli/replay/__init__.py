@@ -48,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigError(f"--{name}: it is for what a --program commands; name one")
     _check_outputs(args)
     robot = None if args.robot is None else load_robot(args.robot)
-    runs = [run for file in args.file for run in load_runs(file)]
+    runs = load_runs(*args.file)
     if args.program is not None:
         from raccoon.cli.replay.program import replay_program
 
