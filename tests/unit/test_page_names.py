@@ -8,6 +8,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from raccoon.cli.main import build_parser
+from raccoon.core.config import is_model, load_robot, parse_toml
+from raccoon.sim.effects.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -103,6 +105,18 @@ def not_there(text: str) -> list[str]:
 
 def test_what_stands_on_the_pages_as_code_is_there() -> None:
     assert not_there("\n".join(map(text_of, PAGES))) == []
+
+
+def test_what_the_pages_write_as_toml_is_a_robot_or_a_model(tmp_path: Path) -> None:
+    blocks = re.findall(r"^```toml\n(.*?)^```", "\n".join(map(text_of, PAGES)), re.MULTILINE | re.DOTALL)
+    assert blocks
+    for block in blocks:
+        path = tmp_path / "block.toml"
+        path.write_text(block, encoding="utf-8")
+        if is_model(parse_toml(path.read_bytes())):
+            assert load_model(path).effects or "[[effect]]" not in block
+        else:
+            load_robot(path)
 
 
 def test_what_is_not_there_is_found() -> None:
