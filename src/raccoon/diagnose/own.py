@@ -137,7 +137,7 @@ def load_own(path: str | Path) -> tuple[OwnEffect, ...]:
             found = runpy.run_path(str(path)).get(NAME)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise ConfigError(f"{path}: {type(error).__name__}: {error}") from error
     if not isinstance(found, list | tuple) or not all(isinstance(each, OwnEffect) for each in found):
         raise ConfigError(f"{path}: it must have a list {NAME} of OwnEffect")

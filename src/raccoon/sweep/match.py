@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import ConfigError
+from raccoon.core.errors import ConfigError, RaccoonError
 from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
@@ -171,7 +171,9 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     except MatchOver as over:
         reason = str(over)
     except (Exception, SystemExit) as error:
-        reason = f"{type(error).__name__}: {error}"
+        # What the library raises on purpose says what to do; a mistake of the program says hardly where.
+        line = None if isinstance(error, RaccoonError) else match.program.line_of(error)
+        reason = f"{type(error).__name__}: {error}" + ("" if line is None else f" (line {line})")
     return _row(match, port, reason[:MAX_REASON])
 
 

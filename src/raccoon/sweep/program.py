@@ -8,6 +8,7 @@ import tokenize
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from traceback import extract_tb
 from types import ModuleType
 from typing import Any
 
@@ -47,6 +48,16 @@ class Program:
         """Changes with every letter of the program."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
+    @property
+    def file(self) -> str:
+        """What tracebacks call it."""
+        return str(Path(self.folder) / self.name)
+
+    def line_of(self, error: BaseException) -> int | None:
+        """The last line of the program that an error passed through; None where it was none."""
+        lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == self.file]
+        return lines[-1] if lines else None
+
     def mission(self) -> Mission:
         """Run the program's text and give its `mission(robot)`, or a function that runs its action `mission`.
 
@@ -54,10 +65,10 @@ class Program:
         own `mission`, which `from raccoon import *` brings along, is none.
         """
         module = ModuleType(self.name.removesuffix(".py"))
-        module.__file__ = str(Path(self.folder) / self.name)
+        module.__file__ = self.file
         if self.folder not in sys.path:
             sys.path.insert(0, self.folder)
-        exec(compile(self.text, module.__file__, "exec"), module.__dict__)
+        exec(compile(self.text, self.file, "exec"), module.__dict__)
         mission = getattr(module, "mission", None)
         if isinstance(mission, Action):
             return lambda robot: robot.run(mission)

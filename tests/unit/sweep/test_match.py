@@ -100,9 +100,9 @@ def test_a_program_of_no_known_encoding_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("body", "reason"),
     [
-        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("1 / 0", "ZeroDivisionError: division by zero (line 4)"),
         ("return False", "mission returned False"),
-        ("raise SystemExit(3)", "SystemExit: 3"),
+        ("raise SystemExit(3)", "SystemExit: 3 (line 4)"),
         ("robot.run(wait(60))", "not done after 3 s"),
         (
             "\n    while True:\n        try: robot.run(wait(1))\n        except Exception: pass",

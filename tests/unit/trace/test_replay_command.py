@@ -204,6 +204,7 @@ def test_an_action_is_a_program_too(recorded: Path, tmp_path: Path) -> None:
     [
         ("x = 1 / 0\n", r"team\.py, line 1: ZeroDivisionError: division by zero"),
         ("\ndef mission(robot):\n    1 / 0\n", r"team\.py, line 3: ZeroDivisionError: division by zero"),
+        ("import sys\ndef mission(robot):\n    sys.exit()\n", r"team\.py, line 3: SystemExit"),
         ("def mission(\n", r"team\.py: SyntaxError: '\(' was never closed \(team\.py, line 1\)"),
         ("\0", r"team\.py: .*null bytes"),
     ],

@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from traceback import extract_tb
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
@@ -19,14 +18,15 @@ from raccoon.trace.loading import Run
 
 def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig | None) -> int:
     """Replay a program on traces. Exit status 1 where it diverges from one of them."""
-    with _told(args.program), no_robot_opened():
-        mission = load_mission(args.program)
+    program = read_program(args.program)
+    with _told(program), no_robot_opened():
+        mission = program.mission()
     diverged = 0
     for run in runs:
         if run.trace is None:
             raise ConfigError(f"{run.name}: a program needs a trace with its commands (.jsonl.gz)")
         try:
-            with _told(args.program), no_robot_opened():
+            with _told(program), no_robot_opened():
                 ran = _replay(run, mission, args, robot)
             print(f"{run.name}: {_verdict(ran, len(run.trace.ticks), compared=not args.ignore_commands)}")
         except ReplayDiverged as difference:
@@ -61,25 +61,23 @@ def _verdict(ran: int, recorded: int, *, compared: bool) -> str:
     return f"the same in the first {ran} of {recorded} cycles, and ended; nothing moves in the others"
 
 
-def load_mission(path: Path) -> Mission:
-    """The function `mission` of a program file, or one that runs the action of that name.
-
-    Raises ConfigError where there is none, and whatever the file raises.
-    """
+def read_program(path: Path) -> Program:
+    """The program of a file. Raises ConfigError where there is none."""
+    if path.is_dir():
+        raise ConfigError(f"--program {path}: it is a folder; name a file")
     if not path.is_file():
         raise ConfigError(f"--program {path}: there is no such file")
-    return Program.read(path).mission()
+    return Program.read(path)
 
 
 @contextmanager
-def _told(program: Path) -> Iterator[None]:
+def _told(program: Program) -> Iterator[None]:
     """What goes wrong in a team's program as a ConfigError, with the line of it."""
     try:
         yield
     except (RaccoonError, EOFError):
         raise
-    except Exception as error:
-        own = str(program.resolve())
-        lines = [each.lineno for each in extract_tb(error.__traceback__) if each.filename == own]
-        place = f", line {lines[-1]}" if lines else ""
-        raise ConfigError(f"--program {program}{place}: {type(error).__name__}: {error}") from error
+    except (Exception, SystemExit) as error:
+        line = program.line_of(error)
+        place = f"{program.name}" if line is None else f"{program.name}, line {line}"
+        raise ConfigError(f"--program {place}: {type(error).__name__}: {error}") from error

@@ -171,6 +171,7 @@ def test_a_mistake_in_an_effect_is_named(readings: Callable[..., Any], message: 
         ("CAUSES = [1]\n", "it must have a list CAUSES of OwnEffect"),
         ("1 / 0\n", "ZeroDivisionError"),
         ("def (:\n", "SyntaxError"),
+        ("raise SystemExit(3)\n", "SystemExit: 3"),
         (EXAMPLE.read_text() + "\nCAUSES = CAUSES + CAUSES[:1]\n", "team.motor_hum is there twice"),
     ],
 )
