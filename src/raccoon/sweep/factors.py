@@ -7,9 +7,11 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import ConfigError
+from raccoon.core.readings import SIMULATOR
 from raccoon.core.schema import Bounds
+from raccoon.model.bemf import counts_scale
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sweep.faults import KINDS
@@ -105,15 +107,17 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
 
     Battery 6.1 to 7.0 V and the spread of motors and tophats: the measured tables of the variability paper.
     Offsets, dead zone, gyro and dead time: what RaccoonOS robots show. Floor and wear: widths of the effect
-    catalogue.
+    catalogue. What robot.toml has calibrated differs by what it says that it does not know: the program goes
+    by those numbers, and a robot that they are not of would miss as after its motors were replaced.
     """
+    track = robot.model.drive.track_width
     factors = [
         Factor("battery.open_circuit_voltage", "voltage", 6.1, 7.0),
         Factor("battery.internal_resistance", "resistance", 0.05, 0.15),
         Factor("drive.turn_scrub", "torque", 0.0, 0.03),
         Factor("actuation.latency", "seconds", 0.0, 0.01),
         Factor("bemf.dead_zone", "counts", 0.0, 25.0),
-        _normal("drive.track_width", "factor", 1.0, 0.01),
+        _normal("drive.track_width", "factor", 1.0, 0.01 if track.date is None else track.std / track.value),
         _normal("drive.slope", "along_x", 0.0, 0.005),
         _normal("drive.slope", "along_y", 0.0, 0.005),
         _normal("imu.gyro_bias", "rate", 0.0, 0.002),
@@ -121,14 +125,59 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
     ]
     for side in _SIDES:
         factors += [
-            _normal("motor.back_emf_constant", "factor", 1.0, 0.03, side),
+            _normal("motor.back_emf_constant", "factor", *_known_ticks(robot, side, 0.03), side),
             _normal("motor.armature_resistance", "factor", 1.0, 0.09, side),
             Factor("friction.coulomb", "torque", 0.16, 0.26, where=side),
-            _normal("drive.wheel_radius", "factor", 1.0, 0.005, side),
+            # A calibration knows K_E and radius only as their product, which is K_E's here.
+            _normal("drive.wheel_radius", "factor", 1.0, 0.0 if _calibrated(robot, side) else 0.005, side),
             Factor("drive.backlash", "angle", 0.0, 0.05, where=side),
-            _normal("bemf.offset", "counts", 0.0, 30.0, side),
+            _normal("bemf.offset", "counts", *_known_offset(robot, side, 30.0), side),
         ]
     return (*factors, *_tophat_factors(robot))
+
+
+def _motor(robot: RobotConfig, side: str) -> MotorConfig:
+    return robot.motor(getattr(robot.drive, side))
+
+
+def _calibrated(robot: RobotConfig, side: str) -> bool:
+    """Whether robot.toml has calibrated ticks of the wheel. Those of another firmware, of which one may be
+    250 times as much, are no calibration of a simulated robot."""
+    known = _motor(robot, side).radians_per_tick is not None
+    return known and 0.5 < calibrated_factor(robot, side) < 2.0
+
+
+def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, float]:
+    """Mean and standard deviation of a motor's K_E over that of `[model]`; usual: without a calibration."""
+    ticks = _motor(robot, side).radians_per_tick
+    if ticks is None or not _calibrated(robot, side):
+        return 1.0, usual
+    mean = calibrated_factor(robot, side)
+    return mean, mean * ticks.std / ticks.value
+
+
+def _known_offset(robot: RobotConfig, side: str, usual: float) -> tuple[float, float]:
+    """Mean and standard deviation of a motor's reading at rest, counts."""
+    offset = _motor(robot, side).bemf_offset
+    return (0.0, usual) if offset is None else (offset.value, offset.std)
+
+
+def calibrated_factor(robot: RobotConfig, side: str) -> float:
+    """K_E by the calibrated ticks of a side's motor, over that of `[model]`; 1 where it is not calibrated."""
+    model = getattr(robot.model, side).back_emf_constant.value
+    return float(SIMULATOR.bemf_volts / counts_scale(robot, side, SIMULATOR) / model)
+
+
+def nominal_values(robot: RobotConfig, factors: tuple[Factor, ...]) -> dict[str, float]:
+    """What the robot that robot.toml describes has of these factors: the motors that it calibrated. Of all
+    others it has the model's."""
+    return {
+        each.name: calibrated_factor(robot, each.where)
+        for each in factors
+        if each.effect == "motor.back_emf_constant"
+        and each.where in _SIDES
+        and _calibrated(robot, each.where)
+    }
 
 
 def fault_factors(share: float) -> tuple[Factor, ...]:

@@ -17,7 +17,7 @@ from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world.table import World
-from raccoon.sweep.factors import LIGHT, Factor, refuse_twice, robot_with
+from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_twice, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
 from raccoon.sweep.watch import MatchOver, WatchedPort, wall_limit
@@ -136,7 +136,9 @@ def nominal_end(match: Match) -> tuple[float, float, float]:
 
     Raises ConfigError where it fails even there, as a sweep of it would say nothing.
     """
-    row = _play(replace(match, factors=(), end=None), {}, seed=0, record=None)
+    values = nominal_values(match.robot, match.factors)
+    factors = tuple(each for each in match.factors if each.name in values)
+    row = _play(replace(match, factors=factors, end=None), values, seed=0, record=None)
     if row["status"] != OK:
         raise ConfigError(f"{match.program.name} fails on the nominal robot already: {row['reason']}")
     return row["x"], row["y"], row["heading"]

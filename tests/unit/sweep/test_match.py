@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from raccoon.core.config import RobotConfig, TophatConfig
+from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import SIMULATOR, Inputs, Outputs
+from raccoon.model.bemf import counts_scale
 from raccoon.robot.opening import open_robot
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -22,6 +23,7 @@ from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.match import Match, columns, crashed, nominal_end, play
 from raccoon.sweep.program import Program
+from raccoon.sweep.runs import with_nominal_end
 from raccoon.sweep.watch import wall_limit
 from sweep_work import BATTERY, tiny_match
 
@@ -272,6 +274,29 @@ def test_everything_that_varies_by_default_can_be_simulated() -> None:
     assert row["status"] == "ok"
     assert row["light.ambient"] > 0.0
     assert all(row[kind] == 1.0 for kind in KINDS)
+
+
+def test_a_calibrated_robot_differs_by_what_its_calibration_does_not_know() -> None:
+    """It failed in 18 of 30 matches where the same robot without a calibration failed in none."""
+    plain = RobotConfig()
+    ticks = counts_scale(plain, "left", SIMULATOR)
+    motor = MotorConfig(
+        radians_per_tick=Measured(1.04 * ticks, std=0.001 * ticks), bemf_offset=Measured(5.0, std=0.5)
+    )
+    robot = replace(plain, motors={0: motor, 1: motor})
+    found = {each.name: each for each in default_factors(robot)}
+    usual = {each.name: each for each in default_factors(plain)}
+    assert list(found) == list(usual)
+    worth = found["motor.back_emf_constant.factor@left"]
+    assert (worth.low, worth.high) == pytest.approx(((1 - 0.001 / 1.04) / 1.04, (1 + 0.001 / 1.04) / 1.04))
+    radius, offset = found["drive.wheel_radius.factor@left"], found["bemf.offset.counts@left"]
+    assert (radius.low, radius.high, offset.low, offset.high) == (1.0, 1.0, 4.5, 5.5)
+    wheels = tuple(each for each in found.values() if each.where in ("left", "right"))
+    text = "from raccoon import *\nmission = seq(wait(0.5), straight(0.3))\n"
+    match = with_nominal_end(Match(Program("p.py", text, "/"), robot, wheels, within=0.01))
+    row = play(match, 0, 5)
+    assert row["status"] == "ok"
+    assert row["x"] == pytest.approx(0.3, abs=0.004)
 
 
 def faulty(kind: str) -> list[Inputs]:
