@@ -184,6 +184,8 @@ def _add_tophats(kinds: Any) -> None:
 def _calibrate_tophats(args: argparse.Namespace) -> int:
     from raccoon.cli.tophat_sets import calibrate_recordings, show_store
 
+    if not args.set.strip():  # a variable of a script, say, that is empty: no program would find the set
+        raise ConfigError("--set: the name of the set is empty")
     if args.recording:
         return calibrate_recordings(args.recording, args.robot, args.store, args.set, write=args.write)
     if not args.show:

@@ -84,3 +84,5 @@ def test_what_is_missing_is_named(folder: Path, capsys: pytest.CaptureFixture[st
     assert "--show" in capsys.readouterr().err
     assert command(folder, str(folder / "drive.csv")) == 2
     assert "robot.toml" in capsys.readouterr().err
+    assert command(folder, "--show", "--set", "") == 2
+    assert "--set: the name of the set is empty" in capsys.readouterr().err
