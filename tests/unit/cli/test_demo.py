@@ -10,6 +10,7 @@ from raccoon.cli.demo.robots import Trial, closed_loop, measure_claims, measure_
 from raccoon.cli.demo.tophats import tophat_results
 from raccoon.cli.main import main
 from raccoon.model.paper import battery_speed_ratio, extreme_motor_speeds
+from unit.trace.recordings import record
 
 
 def test_the_simulator_shows_what_the_paper_claims() -> None:
@@ -45,6 +46,15 @@ def test_a_file_is_no_folder_for_its_results(tmp_path: Path, capsys: pytest.Capt
     file.write_text("")
     assert main(["demo", "--out", str(file)]) == 2
     assert capsys.readouterr().err == f"raccoon demo: --out {file}: it is a file; name a folder\n"
+
+
+def test_a_recording_of_others_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    match = record(tmp_path / "mission")
+    before = match.read_bytes()
+    assert main(["demo", "--out", str(tmp_path)]) == 2
+    said = f"raccoon demo: {match}: it is there, and no recording of a demo; name another --out\n"
+    assert capsys.readouterr().err == said
+    assert match.read_bytes() == before
 
 
 def test_the_goal_of_the_mission() -> None:

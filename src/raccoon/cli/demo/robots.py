@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.sim.port import SimPort
 
+NAME = "demo"  # of the robot: its recordings are known by it
 BATTERIES = (6.1, 6.6, 7.0)
 # As measured on another fleet; two motors at 0.2 A then lose the 0.05 V of the paper's worked example.
 BATTERY_RESISTANCE = 0.12
@@ -58,7 +59,7 @@ class Outcome:
 def configuration() -> RobotConfig:
     """The robot as its team believes it to be: nominal motors and battery, before any calibration."""
     model = NominalModel(battery=BatteryModel(internal_resistance=Measured(BATTERY_RESISTANCE, 0.03)))
-    return RobotConfig(name="demo", model=model)
+    return RobotConfig(name=NAME, model=model)
 
 
 def simulated(trial: Trial, run: int) -> SimPort:

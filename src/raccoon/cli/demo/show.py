@@ -12,6 +12,7 @@ from raccoon import replay
 from raccoon.cli.demo.mission import DISTANCE
 from raccoon.cli.demo.robots import (
     BATTERIES,
+    NAME,
     Claims,
     Outcome,
     Trial,
@@ -23,11 +24,12 @@ from raccoon.cli.demo.robots import (
 )
 from raccoon.cli.demo.tophats import REFUSED_CONTRAST, TophatResult, tophat_results
 from raccoon.cli.numbers import check_seed
-from raccoon.core.errors import ConfigError
+from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.extras import install
 from raccoon.model.paper import MOTORS, battery_speed_ratio, extreme_motor_speeds
 from raccoon.sweep.workers import process_crew
 from raccoon.trace.format import read_trace
+from raccoon.trace.record import already_there, recording_paths
 
 END_LIMIT = 0.01 * DISTANCE
 HEADING_LIMIT = math.radians(1.0)
@@ -44,6 +46,7 @@ def show(folder: Path, seed: int, jobs: int) -> int:
     begin = time.perf_counter()
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"--out {folder}: it is a file; name a folder")
+    _check_trace(folder / TRACE)
     folder.mkdir(parents=True, exist_ok=True)
     results, claims = _drive_all(folder, seed, jobs)
     good = _print_drives(results, claims)
@@ -54,9 +57,23 @@ def show(folder: Path, seed: int, jobs: int) -> int:
     return 0 if good else 1
 
 
+def _check_trace(trace: Path) -> None:
+    """Raise ConfigError where the recording that would be replaced is none of a demo, but somebody's match."""
+    there = already_there(trace)
+    if there is None:
+        return
+    try:
+        robot = read_trace(there).header.config
+    except TraceError:
+        robot = None
+    if robot is None or robot.name != NAME:
+        raise ConfigError(f"{there}: it is there, and no recording of a demo; name another --out")
+
+
 def _drive_all(folder: Path, seed: int, jobs: int) -> tuple[Results, Claims]:
     record = folder / TRACE
-    record.unlink(missing_ok=True)
+    for each in recording_paths(record):
+        each.unlink(missing_ok=True)
     every = trials(seed)
     if jobs == 1:
         times = measure_times(seed)
