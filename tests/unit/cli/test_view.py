@@ -107,6 +107,7 @@ def test_a_recording_without_poses_is_refused(tmp_path: Path) -> None:
         (["--start", "nan", "0", "0"], "--start nan 0 0: allowed are X and Y"),
         (["--start", "1e300", "0", "0"], "--start 1e+300 0 0: allowed are X and Y"),
         (["-o", "nowhere/drive.svg"], "there is no folder nowhere"),
+        (["--table", "t.toml", "--no-table"], "--table t.toml: --no-table draws none; leave one of them out"),
         (["other.csv"], "other.csv: one recording is drawn at a time"),
     ],
 )

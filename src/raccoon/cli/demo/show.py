@@ -58,7 +58,7 @@ def show(folder: Path, seed: int, jobs: int) -> int:
 
 
 def _check_trace(trace: Path) -> None:
-    """Raise ConfigError where the recording that would be replaced is none of a demo, but somebody's match."""
+    """Raise ConfigError where the recording that would be replaced is of no demo, but somebody's match."""
     there = already_there(trace)
     if there is None:
         return

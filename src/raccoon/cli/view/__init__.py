@@ -44,6 +44,8 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--speed is {args.speed}: allowed are numbers from {SLOWEST:g} to {FASTEST:g}")
     if args.start is not None:
         check_start(args.start)
+    if args.table is not None and args.no_table:
+        raise ConfigError(f"--table {args.table}: --no-table draws none; leave one of them out")
     check_folders(target)
     check_pictures()
     world = World.empty() if args.no_table else World.from_file(args.table) if args.table else World.default()
