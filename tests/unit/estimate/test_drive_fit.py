@@ -14,7 +14,8 @@ from drive_traces import RADIUS, TRACK, Errors, Segment, drive
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.errors import CalibrationError
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre, TapedWay, manoeuvre
-from raccoon.estimate.drive_calibration.fit import calibrate_drive, path
+from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.estimate.drive_calibration.paths import path
 from shared_data import data_path
 
 LEFT_SQUARE: list[Segment] = [(3.0, 0.2, 0.0), (0.7, 0.0, 0.0), (1.0, 0.0, 1.6), (0.7, 0.0, 0.0)] * 4

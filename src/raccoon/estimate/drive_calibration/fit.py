@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,8 @@ from raccoon.core.config import DriveModel, Measured, MotorConfig, NominalModel,
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
+from raccoon.estimate.drive_calibration.deviations import left_out
+from raccoon.estimate.drive_calibration.paths import residuals
 from raccoon.model.bemf import counts_scale
 
 LEAST_TURN = math.radians(90.0)
@@ -33,10 +34,6 @@ LEAST_SHARE = 0.2
 LEAST_WAY = 0.3
 MOST_DEVIATION = 0.05
 """A factor whose relative deviation is larger is not determined."""
-PLACE_STD, HEADING_STD = 0.01, math.radians(1.0)
-"""m and rad, what an integrated path is expected to be off by: weights of the fit."""
-STRETCH = 1.5
-"""s of a stretch whose turn is compared with the gyro's."""
 BOTH_WAYS = (
     "drive a square of about 0.6 m once to the left and once to the right, or eight quarter turns each way, "
     "with one side measured by tape"
@@ -104,7 +101,7 @@ def calibrate_drive(
     _check_lengths(robot, manoeuvres)
     _check_turns(manoeuvres)
     factors, before, after = _fitted(robot, manoeuvres)
-    deviations = _left_out(robot, manoeuvres, factors)
+    deviations = left_out(robot, manoeuvres, factors)
     for name, deviation in zip(("left wheel", "right wheel", "track width"), deviations, strict=True):
         if not deviation <= MOST_DEVIATION:
             raise CalibrationError(
@@ -192,116 +189,16 @@ def _smooth(heading: Array) -> Array:
     return np.array(kept)
 
 
-def path(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """x, y, heading (n, 3) that the wheels of a manoeuvre make, from 0."""
-    drive = robot.model.drive
-    left = factors[0] * drive.wheel_radius.value * np.diff(each.left)
-    right = factors[1] * drive.wheel_radius.value * np.diff(each.right)
-    turn = (right - left) / (factors[2] * drive.track_width.value)
-    heading = np.concatenate([[0.0], np.cumsum(turn)])
-    middle = heading[:-1] + 0.5 * turn
-    way = 0.5 * (left + right)
-    x = np.concatenate([[0.0], np.cumsum(way * np.cos(middle))])
-    y = np.concatenate([[0.0], np.cumsum(way * np.sin(middle))])
-    return np.column_stack([x, y, heading])
-
-
-def _residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    parts = []
-    if each.truth is not None:
-        errors = off_truth(factors, robot, each) / (PLACE_STD, PLACE_STD, HEADING_STD)
-        parts.append(errors[1:].ravel() / math.sqrt(max(len(errors), 1)))
-    elif each.gyro is not None:
-        parts.append(_gyro_residuals(factors, robot, each, each.gyro))
-    driven = path(factors, robot, each)
-    for taped in each.taped:
-        begin, end = np.searchsorted(each.t, [taped.begin, taped.end]).clip(0, len(each.t) - 1)
-        chord = math.dist(driven[begin, :2], driven[end, :2])
-        parts.append(np.array([(chord - abs(taped.distance)) / taped.std]))
-    return np.concatenate(parts)
-
-
-def off_truth(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """Path minus truth, x, y, heading, in its known rows (k, 3); the first of them is where it starts.
-
-    Raises CalibrationError for a manoeuvre without truth.
-    """
-    if each.truth is None:
-        raise CalibrationError("a recording has no truth.x, truth.y and truth.heading")
-    truth, driven = each.truth[each.known], path(factors, robot, each)[each.known]
-    if not len(truth):
-        return truth
-    turned, moved = truth[0, 2] - driven[0, 2], driven - driven[0]
-    c, s = math.cos(turned), math.sin(turned)
-    x = truth[0, 0] + c * moved[:, 0] - s * moved[:, 1]
-    y = truth[0, 1] + s * moved[:, 0] + c * moved[:, 1]
-    return np.column_stack([x, y, truth[0, 2] + moved[:, 2]]) - truth
-
-
-def _gyro_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre, gyro: Array) -> Array:
-    """Turn by the wheels minus turn by the gyro, stretch by stretch."""
-    times = np.arange(each.t[0], each.t[-1], STRETCH)
-    ends = np.append(np.searchsorted(each.t, times), len(each.t) - 1)
-    heading = path(factors, robot, each)[:, 2]
-    turns: Array = (np.diff(heading[ends]) - np.diff(gyro[ends])) / HEADING_STD
-    return turns
-
-
 def _fitted(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre]) -> tuple[Array, float, float]:
     """Factors (3,) and the weighted error before and after."""
     from scipy.optimize import least_squares
 
-    def residuals(factors: Array) -> Array:
-        return np.concatenate([_residuals(factors, robot, each) for each in manoeuvres])
+    def off(factors: Array) -> Array:
+        return np.concatenate([residuals(factors, robot, each) for each in manoeuvres])
 
     start = np.ones(3)
-    solution: Any = least_squares(residuals, start, bounds=(0.2, 5.0), x_scale=0.01, loss="soft_l1")
-    before = float(np.sqrt(np.mean(residuals(start) ** 2)))
-    after = float(np.sqrt(np.mean(residuals(solution.x) ** 2)))
+    solution: Any = least_squares(off, start, bounds=(0.2, 5.0), x_scale=0.01, loss="soft_l1")
+    before = float(np.sqrt(np.mean(off(start) ** 2)))
+    after = float(np.sqrt(np.mean(off(solution.x) ** 2)))
     factors: Array = solution.x
     return factors, before, after
-
-
-def _left_out(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
-    """Relative deviations (3,) by the jackknife: how far the fit moves when one recording is left out.
-
-    Each refit is one Gauss-Newton step from the whole fit, which is as good as a refit this near.
-    """
-    parts, kept = _parts(manoeuvres)
-    normal = [_normal_equations(robot, part, factors) for part in parts]
-    always = [_normal_equations(robot, part, factors) for part in kept]
-    whole_A = np.sum([A for A, _ in normal + always], axis=0)
-    whole_b = np.sum([b for _, b in normal + always], axis=0)
-    moved = []
-    for A, b in normal:
-        rest = whole_A - A
-        if np.linalg.cond(rest) > 1e10:
-            return np.full(3, math.inf)
-        moved.append(-np.linalg.solve(rest, whole_b - b))
-    spread = np.array(moved) - np.mean(moved, axis=0)
-    count = len(normal)
-    common = np.zeros(3)  # what is wrong with all parts alike: the tape, and for the track the gyro's scale
-    if not any(each.truth is not None for each in manoeuvres):
-        tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
-        scale = robot.model.imu.gyro_scale
-        common += min(tape) / math.sqrt(len(tape))
-        common[2] = math.hypot(common[2], scale.std / scale.value)
-    deviations: Array = np.sqrt((count - 1) / count * (spread**2).sum(axis=0) + common**2)
-    return deviations
-
-
-def _normal_equations(robot: RobotConfig, part: Manoeuvre, factors: Array) -> tuple[Array, Array]:
-    """J'J (3, 3) and J'r (3,) of a manoeuvre at these factors."""
-    here, step = _residuals(factors, robot, part), 1e-5
-    J = np.column_stack([(_residuals(factors + step * row, robot, part) - here) / step for row in np.eye(3)])
-    return J.T @ J, J.T @ here
-
-
-def _parts(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
-    """What is left out in turn, a recording or a fifth of a single one, and what never is: its tape."""
-    if len(manoeuvres) > 1:
-        return list(manoeuvres), []
-    whole = manoeuvres[0]
-    edges = np.linspace(0, len(whole.t), 6).astype(int)
-    pieces = [whole.piece(begin, end) for begin, end in pairwise(edges)]
-    return pieces, [replace(whole, gyro=None, truth=None)] if whole.taped else []

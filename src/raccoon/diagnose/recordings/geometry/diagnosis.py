@@ -37,7 +37,8 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
-from raccoon.estimate.drive_calibration.fit import calibrate_drive, off_truth
+from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.estimate.drive_calibration.paths import off_truth
 from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]

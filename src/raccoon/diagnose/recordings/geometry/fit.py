@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import cause_name
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
-from raccoon.estimate.drive_calibration.fit import off_truth
+from raccoon.estimate.drive_calibration.paths import off_truth
 
 Array = NDArray[np.float64]
 
