@@ -11,15 +11,39 @@ import numpy as np
 
 from raccoon.core.config import RobotConfig
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
-from raccoon.estimate.drive_calibration.paths import residuals
+from raccoon.estimate.drive_calibration.paths import by_start, residuals
+
+PARTS = 8
+"""Of fewer that are left out in turn, some agree by chance, and promise a tenth of the deviation there is."""
 
 
 def left_out(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
-    """Relative deviations (3,) by the jackknife: how far the fit moves when one recording is left out.
+    """Relative deviations (3,) by the jackknife: how far the fit moves when one part is left out.
 
-    Each refit is one Gauss-Newton step from the whole fit, which is as good as a refit this near.
+    Each refit is one Gauss-Newton step from the whole fit, which is as good as a refit this near. What is
+    learnt from so few parts is widened to what Student's t spreads.
     """
     parts, kept = _parts(manoeuvres)
+    square = _jackknife(robot, parts, kept, factors) * (len(parts) - 1) / (len(parts) - 3)
+    if len(manoeuvres) > 1:  # recordings may differ in what is the same all through one, as another wheel
+        square = np.maximum(square, _jackknife(robot, manoeuvres, [], factors))
+    if not np.isfinite(square).all():
+        return np.full(3, math.inf)
+    common = np.zeros(3)  # what is wrong with all parts alike: the tape, and for the track the gyro's scale
+    if not any(each.truth is not None for each in manoeuvres):
+        tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
+        scale = robot.model.imu.gyro_scale
+        common += min(tape) / math.sqrt(len(tape))
+        common[2] = math.hypot(common[2], scale.std / scale.value)
+    deviations: Array = np.sqrt(square + _by_starts(robot, manoeuvres, factors) + common**2)
+    return deviations
+
+
+def _jackknife(
+    robot: RobotConfig, parts: Sequence[Manoeuvre], kept: Sequence[Manoeuvre], factors: Array
+) -> Array:
+    """Squares (3,) of the deviations by how far the fit moves without each part; infinite where it cannot do
+    without one."""
     normal = [_normal_equations(robot, part, factors) for part in parts]
     always = [_normal_equations(robot, part, factors) for part in kept]
     whole_A = np.sum([A for A, _ in normal + always], axis=0)
@@ -31,29 +55,45 @@ def left_out(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array
             return np.full(3, math.inf)
         moved.append(-np.linalg.solve(rest, whole_b - b))
     spread = np.array(moved) - np.mean(moved, axis=0)
-    count = len(normal)
-    common = np.zeros(3)  # what is wrong with all parts alike: the tape, and for the track the gyro's scale
-    if not any(each.truth is not None for each in manoeuvres):
-        tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
-        scale = robot.model.imu.gyro_scale
-        common += min(tape) / math.sqrt(len(tape))
-        common[2] = math.hypot(common[2], scale.std / scale.value)
-    deviations: Array = np.sqrt((count - 1) / count * (spread**2).sum(axis=0) + common**2)
-    return deviations
+    squares: Array = (len(parts) - 1) / len(parts) * (spread**2).sum(axis=0)
+    return squares
+
+
+def _by_starts(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
+    """Squares (3,) of how far the fit moves as the start of each path may be off, which turns all of it, and
+    a short piece of it less."""
+    whole, each_start = np.zeros((3, 3)), []
+    for each in manoeuvres:
+        J = _slopes(robot, each, factors)
+        whole += J.T @ J
+        if each.truth is not None and not each.taped:
+            each_start.append(by_start(factors, robot, each) @ J)
+    moved = np.linalg.solve(whole, np.concatenate([np.zeros((0, 3)), *each_start]).T)
+    squares: Array = (moved**2).sum(axis=1)
+    return squares
 
 
 def _normal_equations(robot: RobotConfig, part: Manoeuvre, factors: Array) -> tuple[Array, Array]:
     """J'J (3, 3) and J'r (3,) of a manoeuvre at these factors."""
+    J = _slopes(robot, part, factors)
+    return J.T @ J, J.T @ residuals(factors, robot, part)
+
+
+def _slopes(robot: RobotConfig, part: Manoeuvre, factors: Array) -> Array:
+    """Slopes (n, 3) of its residuals over the factors."""
     here, step = residuals(factors, robot, part), 1e-5
-    J = np.column_stack([(residuals(factors + step * row, robot, part) - here) / step for row in np.eye(3)])
-    return J.T @ J, J.T @ here
+    return np.column_stack(
+        [(residuals(factors + step * row, robot, part) - here) / step for row in np.eye(3)]
+    )
 
 
 def _parts(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
-    """What is left out in turn, a recording or a fifth of a single one, and what never is: its tape."""
-    if len(manoeuvres) > 1:
+    """What is left out in turn, recordings or pieces of them, and what never is: the tape."""
+    each_in = math.ceil(PARTS / len(manoeuvres))
+    if each_in == 1:
         return list(manoeuvres), []
-    whole = manoeuvres[0]
-    edges = np.linspace(0, len(whole.t), 6).astype(int)
-    pieces = [whole.piece(begin, end) for begin, end in pairwise(edges)]
-    return pieces, [replace(whole, gyro=None, truth=None)] if whole.taped else []
+    pieces = []
+    for whole in manoeuvres:
+        edges = np.linspace(0, len(whole.t), each_in + 1).astype(int)
+        pieces += [whole.piece(begin, end) for begin, end in pairwise(edges)]
+    return pieces, [replace(each, gyro=None, truth=None) for each in manoeuvres if each.taped]

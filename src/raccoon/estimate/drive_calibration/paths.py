@@ -14,6 +14,10 @@ PLACE_STD, HEADING_STD = 0.01, math.radians(1.0)
 """m and rad, what an integrated path is expected to be off by: weights of the fit."""
 STRETCH = 1.5
 """s of a stretch whose turn is compared with the gyro's."""
+START = 0.5
+"""s of which a reference says together in which pose a path starts."""
+FEWEST_AT_START = 4
+"""Rows there whose scatter says how well."""
 
 
 def path(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
@@ -35,7 +39,7 @@ def residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
     parts = []
     if each.truth is not None:
         errors = off_truth(factors, robot, each) / (PLACE_STD, PLACE_STD, HEADING_STD)
-        parts.append(errors[1:].ravel() / math.sqrt(max(len(errors), 1)))
+        parts.append(errors.ravel() / math.sqrt(max(len(errors), 1)))
     elif each.gyro is not None:
         parts.append(_gyro_residuals(factors, robot, each, each.gyro))
     driven = path(factors, robot, each)
@@ -47,20 +51,61 @@ def residuals(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
 
 
 def off_truth(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
-    """Path minus truth, x, y, heading, in its known rows (k, 3); the first of them is where it starts.
+    """Path minus truth, x, y, heading, in its known rows (k, 3), from the pose in which it starts.
 
-    Raises CalibrationError for a manoeuvre without truth.
+    That is the mean of what the first half second says: of one row, a reference that is sure of a heading to
+    0.3 degrees turns the whole path by as much. Raises CalibrationError for a manoeuvre without truth.
     """
     if each.truth is None:
         raise CalibrationError("a recording has no truth.x, truth.y and truth.heading")
-    truth, driven = each.truth[each.known], path(factors, robot, each)[each.known]
+    known = each.known
+    truth, driven = each.truth[known], path(factors, robot, each)[known]
     if not len(truth):
         return truth
-    turned, moved = truth[0, 2] - driven[0, 2], driven - driven[0]
+    first = each.t[known] <= each.t[known[0]] + START
+    turned = float(np.mean(truth[first, 2] - driven[first, 2]))
     c, s = math.cos(turned), math.sin(turned)
-    x = truth[0, 0] + c * moved[:, 0] - s * moved[:, 1]
-    y = truth[0, 1] + s * moved[:, 0] + c * moved[:, 1]
-    return np.column_stack([x, y, truth[0, 2] + moved[:, 2]]) - truth
+    x, y = c * driven[:, 0] - s * driven[:, 1], s * driven[:, 0] + c * driven[:, 1]
+    off = np.column_stack([x, y, driven[:, 2] + turned]) - truth
+    off[:, :2] -= off[first, :2].mean(axis=0)
+    return off
+
+
+def off_shape(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+    """Path minus truth as `off_truth`, from that pose in which the whole path fits best.
+
+    Raises CalibrationError for a manoeuvre without truth.
+    """
+    off = off_truth(factors, robot, each)
+    if not len(off):
+        return off
+    weights = np.array([PLACE_STD, PLACE_STD, HEADING_STD])
+    columns = (_moved(each) / weights).reshape(3, -1).T
+    pose, *_ = np.linalg.lstsq(columns, (off / weights).ravel(), rcond=None)
+    left: Array = off - np.tensordot(pose, _moved(each), axes=1)
+    return left
+
+
+def by_start(factors: Array, robot: RobotConfig, each: Manoeuvre) -> Array:
+    """What the residuals (3, n) of a manoeuvre with truth change by as its start may be off, in x, y and
+    heading: by the scatter of the rows that say it. Empty where too few say it."""
+    off = off_truth(factors, robot, each)
+    first = each.t[each.known] <= each.t[each.known[0]] + START if len(off) else np.zeros(0, bool)
+    if first.sum() < FEWEST_AT_START:
+        return np.zeros((0, 3 * len(off)))
+    stds = off[first].std(axis=0, ddof=1) / math.sqrt(float(first.sum()))
+    weights = np.array([PLACE_STD, PLACE_STD, HEADING_STD]) * math.sqrt(len(off))
+    changes: Array = (stds[:, None, None] * _moved(each) / weights).reshape(3, -1)
+    return changes
+
+
+def _moved(each: Manoeuvre) -> Array:
+    """Change (3, k, 3) of x, y, heading in the known rows by a start further along x, along y, and turned."""
+    if each.truth is None:
+        return np.zeros((3, 0, 3))
+    x, y = (each.truth[each.known, :2] - each.truth[each.known[0], :2]).T
+    zero, one = np.zeros(len(x)), np.ones(len(x))
+    return np.array([[one, zero, zero], [zero, one, zero], [-y, x, one]]).transpose(0, 2, 1)
 
 
 def _gyro_residuals(factors: Array, robot: RobotConfig, each: Manoeuvre, gyro: Array) -> Array:

@@ -24,7 +24,9 @@ ROBOT = parse_robot(
 )  # fmt: skip
 
 
-def driven(seed: int, radius: float = 1.0, track: float = 1.0, both_ways: bool = True) -> Columns:
+def driven(
+    seed: int, radius: float = 1.0, track: float = 1.0, both_ways: bool = True, heading_noise: float = 1e-6
+) -> Columns:
     """A drive of straights and quarter turns at 20 Hz, seen by a reference with 0.5 mm of noise."""
     rng = np.random.default_rng(seed)
     forward, turn = [], []
@@ -47,7 +49,7 @@ def driven(seed: int, radius: float = 1.0, track: float = 1.0, both_ways: bool =
         **columns,
         "truth.x": x + noise[0],
         "truth.y": y + noise[1],
-        "truth.heading": heading + 0.002 * noise[2],
+        "truth.heading": heading + heading_noise / 5e-4 * noise[2],
     }
 
 
@@ -61,6 +63,21 @@ def test_radius_and_track_are_found_on_runs_that_were_not_fitted() -> None:
     assert found.model is not None
     assert found.model.value("drive.track_width", "factor") == factors["drive.track_width"]
     assert "not identifiable" in next(each.reason for each in found.rejected if each.id == "friction.*")
+
+
+@pytest.mark.parametrize("seed", range(0, 6, 2))
+def test_a_reference_that_is_sure_of_a_heading_to_some_tenths_of_a_degree_makes_no_wheel(seed: int) -> None:
+    runs = [driven(seed + other, heading_noise=0.006) for other in (0, 1)]
+    found = diagnose_geometry(runs, ROBOT)
+    assert (found.verdict, found.causes) == (Verdict.ADEQUATE, ())
+    off = [abs(each.value - each.nominal) / each.std for each in found.identified.values()]
+    assert max(off) < 3.0
+
+
+def test_runs_that_differ_make_the_number_less_sure() -> None:
+    alike, other = ([driven(1), driven(2), driven(3, radius=radius)] for radius in (1.0, 1.02))
+    stds = [diagnose_geometry(each, ROBOT).identified["wheel_radius@left"].std for each in (alike, other)]
+    assert stds[1] > 0.008 * 0.04 > 5.0 * stds[0]
 
 
 def test_a_reference_that_is_blank_in_most_rows_and_lost_for_a_while_tells_the_same() -> None:

@@ -137,7 +137,8 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         else:
             causes.append((without, each))
     causes.sort(key=lambda pair: -pair[0].position)
-    floor = replace(fit, unseen=fit.fitted).errors(fit.factors)
+    in_sample = replace(fit, unseen=fit.fitted)
+    floor = in_sample.errors(fit.factors)
     results = tuple(
         geometry_cause(*pair, (before, after, floor), rank + 1, fit.robot.model.drive)
         for rank, pair in enumerate(causes)
@@ -147,7 +148,12 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         for each in parts
         if each in useless or not each.sure
     ]
-    far = after.position > FAR * floor.position
+    # A start that is a little off turns a whole path, and is no path that leaves its wheels.
+    shapes = [
+        each.errors(factors, from_start=False)
+        for each, factors in ((fit, after_factors), (in_sample, fit.factors))
+    ]
+    far = shapes[0].position > FAR * shapes[1].position
     return Diagnosis(
         _verdict(bool(results), far),
         _channels(before, after, floor),

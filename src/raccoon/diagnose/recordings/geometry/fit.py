@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import cause_name
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
-from raccoon.estimate.drive_calibration.paths import off_truth
+from raccoon.estimate.drive_calibration.paths import off_shape, off_truth
 
 Array = NDArray[np.float64]
 
@@ -40,9 +40,10 @@ class Fitted:
     fitted: Sequence[Manoeuvre]
     unseen: Sequence[Manoeuvre]
 
-    def errors(self, factors: Array) -> Errors:
-        """Over the unseen runs; each starts at the reference's pose."""
-        parts = [off_truth(factors, self.robot, each) for each in self.unseen]
+    def errors(self, factors: Array, from_start: bool = True) -> Errors:
+        """Over the unseen runs; each starts at the reference's pose, or in the pose that fits best."""
+        off = off_truth if from_start else off_shape
+        parts = [off(factors, self.robot, each) for each in self.unseen]
         whole = np.concatenate(parts)
         return Errors(
             float(np.sqrt((whole[:, :2] ** 2).sum(axis=1).mean())), float(np.sqrt((whole[:, 2] ** 2).mean()))
