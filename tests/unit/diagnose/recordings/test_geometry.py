@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -217,3 +218,47 @@ def test_lengths_that_no_robot_has_are_no_cause(columns: tuple[str, ...], factor
     assert found.verdict is Verdict.NOT_IDENTIFIABLE
     assert not found.causes
     assert any("times as large as in robot.toml, or more" in each for each in found.notes)
+
+
+ROW = 200
+"""Of `damaged`."""
+
+
+def damaged(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Columns:
+    """A drive of which one column is not as it was driven."""
+    columns = driven(1)
+    return {**columns, name: change(columns[name])}
+
+
+def from_row(by: float) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda values: values + np.where(np.arange(len(values)) >= ROW, by, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("motor.0.position", lambda values: 0.0 * values, "motor.0 never turns although the robot does"),
+        ("motor.1.position", lambda values: -values, "motor.1 turns against what the reference says"),
+        ("motor.0.position", from_row(-20000.0), "motor.0.position jumps by -"),
+        ("motor.0.position", lambda values: 1e290 * values, "motor.0.position reaches"),
+        ("truth.y", from_row(0.6), "truth.y jumps by 0.6"),
+    ],
+)
+def test_columns_that_no_robot_drives_are_said_by_name(
+    name: str, change: Callable[[np.ndarray], np.ndarray], said: str
+) -> None:
+    """A wheel without a counter was "told to inf % only", counters of 1e294 were a ValueError."""
+    found = diagnose_recording(damaged(name, change), ROBOT)
+    assert (found.verdict, found.unexplained.share) == (Verdict.NOT_IDENTIFIABLE, 0.0)
+    assert found.rejected[0].reason.startswith(f"not identifiable: {said}")
+
+
+@pytest.mark.parametrize("name", ["motor.0.position", "truth.x"])
+def test_single_wild_values_are_left_out(name: str) -> None:
+    """One of 1e300 was a ValueError."""
+    wild = damaged(name, lambda values: np.where(np.isin(np.arange(len(values)), (ROW, 300)), 1e300, values))
+    found = diagnose_recording(wild, ROBOT)
+    assert (found.verdict, found.unexplained.share) == (Verdict.ADEQUATE, 0.0)
+    (fault,) = found.sensor_faults
+    assert (fault.channel, fault.fault) == (name, "impossible")
+    assert "2 impossible values such as 1e+300" in fault.text

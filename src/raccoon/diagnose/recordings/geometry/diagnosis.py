@@ -16,6 +16,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.recordings.broken import OTHER_ROBOT
+from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (
     Errors,
     Fitted,
@@ -33,6 +34,7 @@ from raccoon.diagnose.result import (
     Diagnosis,
     ParameterResult,
     Rejected,
+    SensorFault,
     Unexplained,
     Verdict,
 )
@@ -67,19 +69,21 @@ def diagnose_geometry(
     """Compare dead reckoning with the reference, over one or many runs of the same robot.
 
     holdout: runs to judge on; without them every second run, or the last 30 % of a single one. What one
-    turning direction cannot tell is `not_identifiable`. Raises CalibrationError naming a column that is not
-    usable, and TraceError for a time or a reference in other units.
+    turning direction cannot tell is `not_identifiable`, and so is what a column hides that is not usable.
+    Raises TraceError for a time or a reference in other units.
     """
     begin = time.perf_counter()
-    for each in (*runs, *holdout):
-        moments = np.unique(np.asarray(each["t"], float))  # a sample that was written twice does no harm here
-        check_time(moments[np.isfinite(moments)], SLOWEST)
-        check_reference(each, robot, device)
-    fitted, unseen = _shared(runs, holdout, robot, device)
+    try:
+        ready = [usable(each, robot, device) for each in runs]
+        others = [usable(each, robot, device) for each in holdout]
+    except CalibrationError as error:
+        return _cannot_tell(str(error), [], robot, begin)
+    fitted, unseen = _shared([each for each, _ in ready], [each for each, _ in others])
+    faults = tuple(fault for _, each in ready for fault in each)
     try:
         found = calibrate_drive(robot, fitted, device=device)
     except CalibrationError as error:
-        return _cannot_tell(str(error), fitted, robot, begin)
+        return replace(_cannot_tell(str(error), fitted, robot, begin), sensor_faults=faults)
     radius, track = robot.model.drive.wheel_radius.value, robot.model.drive.track_width.value
     pairs = ((found.left_radius, radius), (found.right_radius, radius), (found.track_width, track))
     whole = np.array([number.value / nominal for number, nominal in pairs])
@@ -87,7 +91,24 @@ def diagnose_geometry(
     strange = strange_factor(whole)
     if strange:
         return _cannot_tell(strange, fitted, robot, begin)
-    return _judged(Fitted(robot, whole, stds, fitted, unseen), begin)
+    return replace(_judged(Fitted(robot, whole, stds, fitted, unseen), begin), sensor_faults=faults)
+
+
+def usable(
+    columns: Columns, robot: RobotConfig, device: Device = SI_WORDS
+) -> tuple[Manoeuvre, tuple[SensorFault, ...]]:
+    """A recording as it can be fitted, and what is said of single values that were left out.
+
+    Raises CalibrationError naming a column that is not usable, and TraceError for a time or a reference in
+    other units.
+    """
+    moments = np.unique(np.asarray(columns["t"], float))  # a sample that was written twice does no harm here
+    check_time(moments[np.isfinite(moments)], SLOWEST)
+    columns, faults = without_spikes(columns, robot, device)
+    check_reference(columns, robot, device)
+    made = manoeuvre(columns, robot, device=device)
+    check_wheels(made, robot)
+    return made, faults
 
 
 def strange_factor(factors: Array) -> str:
@@ -108,12 +129,9 @@ def strange_factor(factors: Array) -> str:
     )
 
 
-def _shared(
-    runs: Sequence[Columns], holdout: Sequence[Columns], robot: RobotConfig, device: Device
-) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
-    made = [manoeuvre(each, robot, device=device) for each in runs]
-    if holdout:
-        return made, [manoeuvre(each, robot, device=device) for each in holdout]
+def _shared(made: list[Manoeuvre], others: list[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
+    if others:
+        return made, others
     if len(made) > 1:
         return made[::2], made[1::2]
     count = len(made[0].t)
@@ -159,7 +177,7 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         _channels(before, after, floor),
         results,
         (*rejected, *_without_commands()),
-        Unexplained(float(np.clip(after.position**2 / max(before.position**2, 1e-300), 0.0, 1.0))),
+        _unexplained(before, after, far),
         (),
         time.perf_counter() - begin,
         with_causes(Parameters.from_robot(fit.robot), results),
@@ -168,6 +186,14 @@ def _judged(fit: Fitted, begin: float) -> Diagnosis:
         (),
         _curves(fit, nominal, after_factors),
     )
+
+
+def _unexplained(before: Errors, after: Errors, far: bool) -> Unexplained:
+    """What is left where that is more than wheels make of it; what chance makes is no part of it."""
+    if not far:
+        return Unexplained(0.0)
+    share = after.position**2 / max(before.position**2, 1e-300)
+    return Unexplained(float(np.clip(share, 0.0, 1.0)), ("time",))
 
 
 def _verdict(causes: bool, far: bool) -> Verdict:
@@ -243,7 +269,7 @@ def _cannot_tell(reason: str, runs: Sequence[Manoeuvre], robot: RobotConfig, beg
         for each in ("drive.wheel_radius", "drive.track_width", "imu.gyro_scale")
     )
     channels: tuple[ChannelResult, ...] = ()
-    if all(each.truth is not None for each in runs):
+    if runs and all(each.truth is not None for each in runs):
         nominal = Fitted(robot, np.ones(3), np.zeros(3), runs, runs).errors(np.ones(3))
         channels = _channels(nominal, nominal, nominal)
     return Diagnosis(
@@ -251,7 +277,7 @@ def _cannot_tell(reason: str, runs: Sequence[Manoeuvre], robot: RobotConfig, beg
         channels,
         (),
         (*rejected, *_without_commands()),
-        Unexplained(1.0),
+        Unexplained(0.0),
         (MANOEUVRES["turns"],),
         time.perf_counter() - begin,
         None,

@@ -1,0 +1,133 @@
+"""Whether wheels and reference of a recording are of a robot: none jumps, stands still or turns back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import Device
+from raccoon.diagnose.result import SensorFault
+from raccoon.estimate.drive_calibration.columns import Manoeuvre
+from raccoon.model.bemf import counts_scale
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+JUMP, USUAL = 20.0, 0.98
+"""Times the usual largest rate, that of this share of the rows, from which a column jumps."""
+FASTEST = 5.0
+"""m/s that it must jump by as well: no small robot is as fast."""
+FARTHEST = 1e6
+"""m that nothing says."""
+SPIKE = 3
+"""Rows that may be off in a row; more is another zero, as of a counter that was reset."""
+LEAST_ROWS = 50
+WINDOW = 0.5
+"""S over which the turns of the wheels are compared with those of the reference."""
+LEAST_TURN = 0.5
+"""Rad that a robot must turn for that."""
+BACKWARDS = -0.4
+"""Factor on a wheel's way from which it counts the other way round."""
+MOST_ALIKE = 10.0
+"""Condition number of both wheels' ways: on the spot they turn as one, and nothing tells which is wrong."""
+
+
+def without_spikes(
+    columns: Columns, robot: RobotConfig, device: Device
+) -> tuple[Columns, tuple[SensorFault, ...]]:
+    """The columns without single values that jump there and back, and what is said of them.
+
+    Raises CalibrationError for a counter or a reference that goes on from elsewhere after a jump, or that
+    reaches what no robot does.
+    """
+    found, faults = dict(columns), []
+    metres = {"truth.x": 1.0, "truth.y": 1.0}
+    for side, port in (("left", robot.drive.left), ("right", robot.drive.right)):
+        tick = counts_scale(robot, side, device) * device.position_counts_seconds
+        metres[f"motor.{port}.position"] = tick * robot.model.drive.wheel_radius.value
+    for name in (each for each in metres if each in columns):
+        values, wild = _smooth(np.asarray(columns["t"], float), columns[name], name, metres[name])
+        if wild:
+            text = f"{name} has {len(wild)} impossible values such as {wild[0]:.3g}: left out"
+            faults.append(SensorFault(name, "impossible", text))
+        if float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) * metres[name] > FARTHEST:
+            raise CalibrationError(f"{name} reaches {np.nanmax(np.abs(values)):.3g}, as no robot's does")
+        found[name] = values
+    return found, tuple(faults)
+
+
+def _smooth(time: Array, values: Array, name: str, metre: float) -> tuple[Array, list[float]]:
+    """Values without spikes, and the spikes. metre: m that 1 is."""
+    rows = np.flatnonzero(np.isfinite(values) & np.isfinite(time))
+    wild: list[float] = []
+    while len(rows) >= LEAST_ROWS:
+        with np.errstate(over="ignore"):
+            steps = np.diff(values[rows])
+            rates = np.abs(steps) / np.maximum(np.diff(time[rows]), 1e-6)
+        usual = float(np.quantile(rates, USUAL))
+        jumps = np.flatnonzero((rates > JUMP * usual) & (rates * metre > FASTEST))
+        if usual == 0.0 or not len(jumps):
+            break
+        off = _spike(jumps, len(rows))
+        if off is None:
+            raise CalibrationError(_jump_text(name, float(steps[jumps[0]]), float(time[rows[jumps[0] + 1]])))
+        wild += values[rows[off]].tolist()
+        rows = np.delete(rows, off)
+    kept = np.full(len(values), np.nan)
+    kept[rows] = values[rows]
+    return kept, wild
+
+
+def _spike(jumps: NDArray[np.intp], count: int) -> slice | None:
+    """The few rows of so many that are off where the first jump is; None where all that follow are."""
+    first = int(jumps[0])
+    if len(jumps) > 1 and jumps[1] - first <= SPIKE:
+        return slice(first + 1, int(jumps[1]) + 1)
+    if first < SPIKE:
+        return slice(0, first + 1)
+    return slice(first + 1, count) if count - 1 - first <= SPIKE else None
+
+
+def _jump_text(name: str, step: float, when: float) -> str:
+    if name.startswith("truth"):
+        return (
+            f"{name} jumps by {step:.3g} m at {when:.4g} s: the reference was moved or took something else "
+            "for the robot; use the part before or after it"
+        )
+    return (
+        f"{name} jumps by {step:.3g} at {when:.4g} s: it was reset or wraps, as a counter of 16 bits does; "
+        "record one that counts on, or use the part before or after it"
+    )
+
+
+def check_wheels(each: Manoeuvre, robot: RobotConfig) -> None:
+    """Raise CalibrationError where a wheel never turns although the robot does, or counts backwards."""
+    if each.truth is None or not len(each.known):
+        return
+    known = each.known
+    time = each.t[known]
+    ends = known[np.unique(np.searchsorted(time, np.arange(time[0], time[-1], WINDOW)))]
+    turns = np.diff(each.truth[ends, 2])
+    ways = np.column_stack([-np.diff(each.left[ends]), np.diff(each.right[ends])])
+    if float(np.abs(turns).sum()) < LEAST_TURN:
+        return
+    names = [f"motor.{port}" for port in (robot.drive.left, robot.drive.right)]
+    still = [name for name, way in zip(names, ways.T, strict=True) if not way.any()]
+    if len(still) == 1:
+        raise CalibrationError(
+            f"{still[0]} never turns although the robot does: check its encoder and its plug"
+        )
+    if still or np.linalg.cond(ways) > MOST_ALIKE:
+        return
+    scale = robot.model.drive.wheel_radius.value / robot.model.drive.track_width.value
+    factors, *_ = np.linalg.lstsq(scale * ways, turns, rcond=None)
+    for name, factor, other in zip(names, factors, factors[::-1], strict=True):
+        if factor < BACKWARDS and other > -BACKWARDS:
+            raise CalibrationError(
+                f"{name} turns against what the reference says: set inverted for it in robot.toml, or write "
+                "its counter with the other sign"
+            )
