@@ -162,6 +162,27 @@ def counts(darkness: Number, generation: str, height: float, ambient: Number | f
     return fit(generation).at(height).counts(darkness, ambient)
 
 
+def height_doubt(height: float) -> float:
+    """m by which the height that two readings tell may be off, since the law between and beyond the two
+    measured heights is nobody's knowledge.
+
+    A power of the height and an exponential go through both, and differ by up to 340 counts: of two laws, one
+    as likely as the other, the deviation is their difference over the square root of 2.
+    """
+    exponential = NEAR + (FAR - NEAR) * math.log(height / NEAR) / math.log(FAR / NEAR)
+    return abs(exponential - height) / math.sqrt(2.0)
+
+
+def black_doubt(generation: str, height: float) -> float:
+    """Counts by which black may be off at a height that white tells: what cross-talk and tape send back there
+    goes with the light over white only as far as the two measured heights say. The difference to a power of
+    the height that black has for itself."""
+    near, far, here = (fit(generation).at(each) for each in (NEAR, FAR, height))
+    share = math.log(height / NEAR) / math.log(FAR / NEAR)
+    own = near.light(1.0) * (far.light(1.0) / near.light(1.0)) ** share
+    return float(abs(FULL_SCALE / (1.0 + own) - here.counts(1.0)))
+
+
 def residuals() -> list[tuple[TophatReading, float, float]]:
     """(condition, model - paper over white, the same over black), counts, for the paper's conditions."""
     rows = []

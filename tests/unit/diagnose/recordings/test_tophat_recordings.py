@@ -229,3 +229,60 @@ def test_a_pause_breaks_nothing_where_no_reference_tells_the_surface(pause: floa
     later = columns["t"] + pause * (columns["t"] > 9.0)
     found = diagnose_recording({**columns, "t": later}, ROBOT)
     assert found.verdict is Verdict.ADEQUATE
+
+
+def between(height: float, seed: int) -> Columns:
+    """A drive over lines at a height (m) between the paper's, of a sensor whose light over white and over
+    black falls by an exponential each."""
+    columns = lines(seed)
+    share, found = (height - 0.007) / 0.016, {}
+    for black in (False, True):
+        near, far = (4095.0 / level(at, black) - 1.0 for at in (0.007, 0.023))
+        found[black] = 4095.0 / (1.0 + near * (far / near) ** share)
+    return read(columns, np.where(columns["truth.surface.2"] > 0.5, found[True], found[False]), seed)
+
+
+@pytest.mark.parametrize("height", [0.010, 0.013, 0.018])
+def test_a_height_between_the_measured_ones_is_as_sure_as_the_law_between_them(height: float) -> None:
+    """12 mm by another law were said to be 10.13 +- 0.09 mm, and a gain of 0.994 beside."""
+    found = diagnose_recording(between(height, 3), ROBOT)
+    (cause,) = found.causes
+    number = cause.parameters["height"]
+    assert cause.id == "tophat.height"
+    assert 0.0008 < number.std < 0.002
+    assert abs(number.value - height) < 2.0 * number.std
+    assert "about" in cause.explanation
+
+
+def test_how_sure_the_noise_is_comes_of_how_much_was_read() -> None:
+    """It was 2 % of however few readings."""
+    off = []
+    for seed in range(8):
+        columns = {name: each[:400] for name, each in lines(seed, noise=30.0).items()}
+        (cause,) = diagnose_recording(columns, ROBOT).causes
+        off.append((cause.parameters["sd"].value - 30.0) / cause.parameters["sd"].std)
+    assert np.sqrt(np.mean(np.square(off))) < 1.6
+
+
+def test_what_chance_leaves_is_not_unexplained() -> None:
+    """A sensor as assumed left all of it, where a drive as assumed leaves nothing."""
+    assert diagnose_recording(lines(3), ROBOT).unexplained.share == 0.0
+    assert diagnose_recording(lines(3, drift=400.0), ROBOT).unexplained.share > 0.0
+    unseen = {name: each for name, each in lines(3).items() if name != "analog.2"}
+    assert diagnose_recording({**unseen, "analog.2": 0.0 * unseen["t"]}, ROBOT).unexplained.share == 0.0
+
+
+def blank(columns: Columns, keep: np.ndarray) -> Columns:
+    surface = np.where(keep, columns["truth.surface.2"], np.nan)
+    return {**columns, "truth.surface.2": surface}
+
+
+def test_rows_without_a_label_are_not_white() -> None:
+    """A reference that was never written, or written when it changed, said that all is white."""
+    columns = lines(3, offset=150.0)
+    surface, rows = columns["truth.surface.2"], np.arange(len(columns["t"]))
+    changes = np.append(True, np.diff(surface) != 0.0)
+    for keep in (rows < 0, changes, rows % 4 == 0, (rows % 4 == 0) & (rows < 1400)):
+        found = diagnose_recording(blank(columns, keep), ROBOT)
+        (cause,) = found.causes
+        assert cause.parameters["offset"].value == pytest.approx(150.0, abs=6.0)

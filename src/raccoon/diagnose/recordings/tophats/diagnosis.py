@@ -91,7 +91,8 @@ def diagnose_tophats(
         ranked,
         tuple(rejected for each in parts for rejected in each.rejected),
         Unexplained(
-            float(np.mean([each.rest for each in parts])) if parts else 1.0,
+            # What chance makes, of levels that are as assumed or explained, is no part of it.
+            float(np.mean([each.rest if each.unknown else 0.0 for each in parts])) if parts else 0.0,
             tuple(dict.fromkeys(name for each in parts for name in each.unknown)),
         ),
         tuple(dict.fromkeys(text for each in parts for text in each.advice)),

@@ -16,7 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT
-from raccoon.model.reflectance import FULL_SCALE, LEAST_HEIGHT, MOST_HEIGHT, counts
+from raccoon.model.reflectance import (
+    FULL_SCALE,
+    LEAST_HEIGHT,
+    MOST_HEIGHT,
+    black_doubt,
+    counts,
+    height_doubt,
+)
 from raccoon.sim.tophats import GENERATION
 
 Array = NDArray[np.float64]
@@ -28,6 +35,8 @@ LIGHT = "light"
 OLDER = "old"
 PENALTY = 6.0
 """What a number more costs, and the other make of sensor."""
+NEAREST = 0.005
+"""m below which what is not known of black grows no more: it would explain any level."""
 ROUNDS = 40
 FITS = 9.0
 """Misfit up to which levels count as explained."""
@@ -61,7 +70,7 @@ class Nominal:
         generation: str = GENERATION,
     ) -> float:
         """The same before the converter cuts it off. light: share of direct sun."""
-        at = float(np.clip(self.height + height, LEAST_HEIGHT, MOST_HEIGHT))
+        at = _inside(self.height + height)
         return self.factor * factor * counts(float(black), generation, at, light) + self.offset + offset
 
 
@@ -91,6 +100,11 @@ class LevelFit:
         return self.light == 0.0 and self.generation == GENERATION
 
 
+def _inside(height: float) -> float:
+    """m at which the reflectance model still holds."""
+    return float(np.clip(height, LEAST_HEIGHT, MOST_HEIGHT))
+
+
 def level_fits(table: Array, nominal: Nominal, cut: tuple[int, int] = (0, 0)) -> list[LevelFit]:
     """No cause, each alone, and several; each must earn its place.
 
@@ -114,6 +128,23 @@ def _fit(
     generation: str = GENERATION,
 ) -> LevelFit:
     """Gauss-Newton on the levels with usual deviations as priors."""
+    u, misfit, std = _levelled(table, nominal, free, cut, generation)
+    if HEIGHT in free and cut == (0, 0):  # again with what is not known of black at that height
+        at = max(_inside(nominal.height + _moved(free, u)[HEIGHT]), NEAREST)
+        off = np.where(table[:, 0] > 0.5, black_doubt(generation, at), 0.0)
+        wider = np.column_stack([table[:, :2], np.hypot(table[:, 2], off)])
+        u, misfit, std = _levelled(wider, nominal, free, cut, generation)
+    # Large deviations are rare but happen: their cost grows as a logarithm.
+    usual = 2.0 * float(np.log1p(u**2).sum())
+    numbers = len(free) + (generation != GENERATION)
+    cost = misfit + usual + PENALTY * numbers
+    return _in_contract(nominal, free, u, std, misfit, cost, numbers, generation)
+
+
+def _levelled(
+    table: Array, nominal: Nominal, free: tuple[str, ...], cut: tuple[int, int], generation: str
+) -> tuple[Array, float, Array]:
+    """Coordinates of the causes, the misfit of the levels, and the deviations of the coordinates."""
     black, level, weight = table[:, 0], table[:, 1], 1.0 / table[:, 2]
 
     def residual(u: Array) -> Array:
@@ -133,16 +164,11 @@ def _fit(
         if np.abs(step).max() < 1e-6:
             break
     r = residual(u)
-    misfit = float(r @ r)
-    # Large deviations are rare but happen: their cost grows as a logarithm.
-    usual = 2.0 * float(np.log1p(u**2).sum())
-    numbers = len(free) + (generation != GENERATION)
-    cost = misfit + usual + PENALTY * numbers
     std = np.zeros(0)
     if free:
         J = slopes(u, r)
         std = np.sqrt(np.diag(np.linalg.inv(J.T @ J + np.eye(len(free)))))
-    return _in_contract(nominal, free, u, std, misfit, cost, numbers, generation)
+    return u, float(r @ r), std
 
 
 def _moved(free: Sequence[str], u: Array) -> dict[str, float]:
@@ -170,6 +196,9 @@ def _in_contract(
         if each != LIGHT
     }  # fmt: skip
     height, light = moved.get(HEIGHT, 0.0), moved.get(LIGHT, 0.0)
+    if HEIGHT in found:
+        doubt = height_doubt(_inside(nominal.height + height))
+        found[HEIGHT] = height, math.hypot(found[HEIGHT][1], doubt)
     dark = [nominal.uncut(side, 0.0, 1.0, height, 0.0, generation) for side in (0.0, 1.0)]
     if generation != GENERATION:
         usual = np.array([nominal.uncut(side, 0.0, 1.0, height) for side in (0.0, 1.0)])

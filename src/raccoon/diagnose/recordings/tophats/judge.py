@@ -20,6 +20,7 @@ from raccoon.diagnose.recordings.tophats.fit import (
 )
 from raccoon.diagnose.recordings.tophats.levels import Levels, levels_of
 from raccoon.diagnose.recordings.tophats.over_time import at_a_step, move
+from raccoon.diagnose.recordings.tophats.sorting import labelled
 from raccoon.diagnose.recordings.tophats.words import (
     ADVICE,
     AMBIENT,
@@ -78,7 +79,7 @@ def judge_tophat(
 ) -> SensorResult:
     """Judge the tophat at `port`. surface: 1 black, 0 white where a reference says so."""
     counts, faults = possible(counts, port)
-    found = _judged(time, counts, surface, port, nominal)
+    found = _judged(*labelled(time, counts, surface), port, nominal)
     return replace(found, faults=(*faults, *found.faults))
 
 
@@ -202,7 +203,7 @@ def _result(
     if not told:
         notes = (*notes, unsure_note(port, levels.usual))
     if levels.noise > np.hypot(nominal.sd + 2.0 * USUAL_NOISE, levels.pattern):
-        causes = [*causes, noise_cause(port, levels.noise, nominal.sd, spread / floor)]
+        causes = [*causes, noise_cause(port, levels.noise_number(nominal.sd), spread / floor)]
     named = {each.id for each in causes}
     rivals_of_named = {name for each in causes for name in each.confounded_with}
     return SensorResult(

@@ -16,6 +16,7 @@ from raccoon.diagnose.recordings.tophats.sorting import (
     threshold,
     visits,
 )
+from raccoon.diagnose.result import ParameterResult
 from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
@@ -58,6 +59,13 @@ class Levels:
     def whole(self) -> int:
         """How many of the two levels were read as they are."""
         return self.cut.count(0)
+
+    def noise_number(self, assumed: float) -> ParameterResult:
+        """The noise with its deviation: n steps between neighbours, each two of which have a reading in
+        common, tell it to sqrt(3 / n) / 2 of itself."""
+        fewest = float(min(self.black.sum(), (~self.black).sum()))
+        std = float(max(0.5 * np.sqrt(3.0 / max(fewest, 1.0)), 0.02)) * self.noise
+        return ParameterResult(self.noise, max(std, 0.5), "counts", assumed)
 
     def part(self, keep: Flags) -> Levels | None:
         """The levels of a part of the time; None where it did not see enough of both."""

@@ -11,12 +11,35 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LEAST_CONTRAST = 12.0
+MOST_BLANKS = 3.0
+"""Times the usual distance of two labels beyond which the surface between them may have been another."""
 CLEAR = 5.0
 """Noise deviations that the two levels must lie apart to be two."""
 EDGE = 0.2
 """Share of the contrast around a level; readings outside lie on an edge."""
 EDGE_SECONDS = 0.03
 """S: a spot of 5 mm is over an edge for so long, before its middle and after, at 0.08 m/s."""
+
+
+def labelled(time: Array, counts: Array, surface: Array | None) -> tuple[Array, Array, Array | None]:
+    """The readings of which a reference says the surface; all, and None, where none says it.
+
+    Labels that are each another one than the last are written when they change, and hold till the next. Of a
+    reference that is slower than the readings the blanks between two alike labels are as these.
+    """
+    known = np.flatnonzero([] if surface is None else np.isfinite(surface))
+    if surface is None or not len(known):
+        return time, counts, None
+    labels, held = surface[known] > 0.5, np.searchsorted(known, np.arange(len(surface)), side="right") - 1
+    label = labels[np.maximum(held, 0)]
+    told = held >= 0
+    if not (labels[1:] != labels[:-1]).all():
+        after = np.minimum(held + 1, len(known) - 1)
+        gap = np.append(np.diff(known), 1)
+        between = (labels[after] == label) & (gap[np.maximum(held, 0)] <= MOST_BLANKS * np.median(gap))
+        told &= between & (np.arange(len(surface)) <= known[-1])
+        told[known] = True
+    return time[told], counts[told], label[told].astype(float)
 
 
 def visits(black: Flags) -> int:

@@ -25,7 +25,8 @@ def tophat_cause(
         GAIN: f"Tophat {port} reads {abs(value / max(base, 1e-9) - 1.0) * 100:.0f} % "
         f"{'more' if value > base else 'less'} than assumed: {_in_millivolts(value)}calibrate it on white "
         "and black.",
-        HEIGHT: f"Tophat {port} sits {1000 * value:.1f} mm above the floor instead of {1000 * base:.1f} mm: "
+        HEIGHT: f"Tophat {port} sits about {two_digits(1000 * value)} mm above the floor instead of "
+        f"{two_digits(1000 * base)} mm: "
         "mount it where it was meant to be, or calibrate it there.",
     }[id_]
     return CauseResult(id_, str(port), 1, {NAMES[id_]: number}, gain, probability, rivals, sentence)
@@ -94,13 +95,12 @@ def cut_text(port: int, cut: tuple[int, int], causes: tuple[str, ...]) -> str:
     return f"analog.{port} is saturated: {side} reads {end}, so how far it is beyond is not known{told}"
 
 
-def noise_cause(port: int, noise: float, assumed: float, error: float) -> CauseResult:
+def noise_cause(port: int, number: ParameterResult, error: float) -> CauseResult:
     """Too much noise. error: of the readings over the floor; naming the noise does not lower it."""
     sentence = (
-        f"Tophat {port} is noisy: {noise:.0f} counts from reading to reading where {USUAL_NOISE:.0f} are "
-        "usual: check its plug and wires, keep it from flickering lamps, and average."
+        f"Tophat {port} is noisy: {number.value:.0f} counts from reading to reading where {USUAL_NOISE:.0f} "
+        "are usual: check its plug and wires, keep it from flickering lamps, and average."
     )
-    number = ParameterResult(noise, max(0.02 * noise, 0.5), "counts", assumed)
     return CauseResult(NOISE, str(port), 1, {"sd": number}, Gain(error, error, 0.0), 0.99, (), sentence)
 
 
