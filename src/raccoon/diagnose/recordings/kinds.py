@@ -37,6 +37,7 @@ from raccoon.diagnose.recordings.partial import (
     with_columns_named,
     without_battery,
 )
+from raccoon.diagnose.recordings.problems import said_once
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.repeated import without_held, without_repeated
@@ -170,7 +171,7 @@ def diagnose_recording(
         more = [without_held(without_repeated(each)[0])[0] for each in more]
         found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
-    notes = dict.fromkeys((*found.notes, *problems, *repeated, *filter(None, (unused,))))
+    notes = dict.fromkeys((*found.notes, *said_once(problems), *repeated, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
 
 

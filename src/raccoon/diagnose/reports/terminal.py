@@ -25,8 +25,8 @@ FAR_OFF = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
 MADE_UP = 1.05
 """Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
-UNKNOWABLE = "not "
-"""How the reason of a cause begins that this recording cannot show at all."""
+UNKNOWABLE, CANNOT = "not ", "not identifiable: "
+"""How the reason of a cause begins that this recording cannot show at all, and how most of them do."""
 NO_GAIN = 1.005
 """Times the error with a cause, up to which data that was kept for judging does not show it."""
 NOT_IN_THE_REST = (
@@ -78,9 +78,15 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
     yield ""
     for text in advice(diagnosis):
         yield f"To learn more: {text}."
-    for text in diagnosis.notes:
+    for text in news(diagnosis):
         yield f"Note: {text}" if text.endswith("?") else f"Note: {text}."
     yield f"({diagnosis.seconds:.1f} s)"
+
+
+def news(diagnosis: Diagnosis) -> list[str]:
+    """The notes that are not said as what the recording cannot show already."""
+    said = {each.removeprefix(CANNOT) for each in reasons(diagnosis) if each.startswith(UNKNOWABLE)}
+    return [each for each in diagnosis.notes if each.removeprefix(CANNOT) not in said]
 
 
 def left_text(unexplained: Unexplained) -> str:

@@ -286,3 +286,13 @@ def test_rows_without_a_label_are_not_white() -> None:
         found = diagnose_recording(blank(columns, keep), ROBOT)
         (cause,) = found.causes
         assert cause.parameters["offset"].value == pytest.approx(150.0, abs=6.0)
+
+
+def test_what_a_reader_left_out_in_many_lines_is_said_once() -> None:
+    """A column of half labels filled a report with 493 lines."""
+    problems = [
+        f"line {each}, column truth.surface.2: '0.5': allowed are black and white" for each in range(9)
+    ]
+    other = "line 3, column analog.2: 'x': allowed are finite numbers and blank"
+    found = diagnose_recording(lines(3), ROBOT, problems=[*problems, other, problems[0]])
+    assert found.notes == (f"{problems[0]}; so are 9 more", other)

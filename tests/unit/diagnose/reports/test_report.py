@@ -98,6 +98,21 @@ def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
     )
 
 
+@pytest.mark.usefixtures("words_only")
+def test_what_a_recording_cannot_show_is_said_once() -> None:
+    """A tophat that saw one surface, and geometry without turns, said why twice."""
+    reason = "not identifiable: analog.0: only one surface was seen"
+    notes = (reason, "only one way", "another thing")
+    rejected = (
+        Rejected("tophat.gain@0", reason),
+        Rejected("drive.track_width", "not identifiable: only one way"),
+    )
+    lost = replace(FOUND, notes=notes, rejected=rejected)
+    for said in (terminal_report(lost), page(lost, "run").partition("As text")[0]):
+        assert [said.count(each) for each in ("only one surface was seen", "only one way")] == [1, 1]
+        assert "another thing" in said
+
+
 @pytest.mark.parametrize(("share", "said"), [(0.12, "12 % of"), (0.001, "What is left depends on: heading")])
 def test_a_share_of_nothing_is_not_said_to_be_left(share: float, said: str) -> None:
     assert said in terminal_report(replace(FOUND, unexplained=Unexplained(share, ("heading",))))

@@ -1,0 +1,23 @@
+"""What a reader had to leave out of a file, each kind of it said once."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Sequence
+
+_LINE = re.compile(r"\bline \d+")
+_VALUE = re.compile(r"'[^']*'")
+
+
+def said_once(problems: Sequence[str]) -> list[str]:
+    """Of problems that differ in line and value alone the first, with how many more there are."""
+    alike: dict[str, list[str]] = defaultdict(list)
+    for each in problems:
+        alike[_VALUE.sub("''", _LINE.sub("line", each))].append(each)
+    return [
+        each[0]
+        if len(each) == 1
+        else f"{each[0]}; so {'is' if len(each) == 2 else 'are'} {len(each) - 1} more"
+        for each in alike.values()
+    ]
