@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,50 +35,63 @@ def _lost(jobs: Sequence[Job], number: int) -> Answer | str:
 
 
 def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
-    """One diagnosis over runs that are all geometry of one robot; None where they are not, or where one
-    cannot be read. Raises ConfigError for a --robot that is none."""
+    """One diagnosis over runs that are all geometry of one robot, without those that cannot be used, which
+    its notes say; None where they are not, or where fewer than two are left.
+
+    Raises ConfigError for a --robot that is none.
+    """
+    from raccoon.cli.diagnose_files import short_names
     from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError
-    from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
+    from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, usable
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
     from raccoon.trace.loading import load_run
 
+    if args.truth_free:
+        return None
     if args.robot is not None:
         load_robot(args.robot)  # what is wrong with it is wrong with all
-    runs, robots, files = [], [], set()
-    for path in paths:
+    runs, robots, files, notes = [], [], set(), []
+    for path, name in zip(paths, short_names(paths), strict=True):
         try:
             each = load_run(path)
             own, file, _ = robot_of(each, args.robot)
             kind = kind_of(each.recording.columns, own)
-        except (RaccoonError, OSError):  # said with the others' results
-            return None
-        if args.truth_free or kind is not Kind.GEOMETRY:
+            if kind is Kind.GEOMETRY:
+                usable(each.recording.columns, own, each.recording.device)
+        except (RaccoonError, OSError) as error:
+            notes.append(f"{name} is left out: {str(error).removeprefix(f'{path}: ')}")
+            continue
+        if kind is not Kind.GEOMETRY:
             return None
         runs.append(each)
         robots.append(own)
         files.add(file)
-    if len(files) > 1:  # of as many robots: no one track width is theirs
+    if len(files) > 1 or len(runs) < 2:  # of as many robots: no one track width is theirs
         return None
     robot = robots[0]
     columns = [each.recording.columns for each in runs]
     others = [_geometry(path, columns[0], robot) for path in args.holdout]
-    return diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
+    found = diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
+    return replace(found, notes=(*notes, *found.notes))
 
 
 def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
-    """What pooled runs are to be judged on. Raises TraceError for a recording of another kind."""
-    from raccoon.core.errors import TraceError
+    """What pooled runs are to be judged on. Raises TraceError for a recording of another kind, or one that
+    cannot be used."""
+    from raccoon.core.errors import CalibrationError, TraceError
+    from raccoon.diagnose.recordings.geometry.diagnosis import usable
     from raccoon.diagnose.recordings.judged_on import not_judged_on
     from raccoon.diagnose.recordings.kinds import Kind, kind_of
     from raccoon.trace.loading import load_run
 
-    other = load_run(path).recording.columns
+    other = load_run(path).recording
     try:
-        not_judged_on(columns, other, Kind.GEOMETRY, kind_of(other, robot))
-    except TraceError as error:
+        not_judged_on(columns, other.columns, Kind.GEOMETRY, kind_of(other.columns, robot))
+        usable(other.columns, robot, other.device)
+    except (CalibrationError, TraceError) as error:
         raise TraceError(f"--holdout {path}: {error}") from None
-    return other
+    return other.columns
 
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:

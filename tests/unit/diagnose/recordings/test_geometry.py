@@ -262,3 +262,26 @@ def test_single_wild_values_are_left_out(name: str) -> None:
     (fault,) = found.sensor_faults
     assert (fault.channel, fault.fault) == (name, "impossible")
     assert "2 impossible values such as 1e+300" in fault.text
+
+
+def test_a_run_that_cannot_be_used_does_not_stop_the_pool(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One empty file among twenty left each of the others by itself, one in degrees stopped all without its
+    name."""
+    for seed in range(4):
+        run = driven(seed, radius=0.98)
+        if seed == 3:
+            run["truth.heading"] = np.degrees(run["truth.heading"])
+        written(tmp_path / f"run{seed}.csv", run)
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "robot.toml").write_text(
+        "[motor.0]\nradians_per_tick = 0.002\n[motor.1]\nradians_per_tick = 0.002\n"
+        "[model.drive]\nwheel_radius = 0.04\ntrack_width = 0.2\n"
+    )
+    assert main(["diagnose", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "2 runs fitted, 1 other to judge on" in said
+    assert "2.00 % smaller" in said
+    assert "Note: empty.csv is left out: the file is empty." in said
+    assert "Note: run3.csv is left out: truth.heading turns " in said
