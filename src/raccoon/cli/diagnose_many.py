@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     Columns = Mapping[str, Column]
 
 
+INTERRUPTED = 130
+"""Exit status after Ctrl-C."""
+
+
 def _numbered(jobs: Sequence[Job], number: int) -> Answer | str:
     return diagnose_or_reason(jobs[number])
 
@@ -102,20 +106,23 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     from raccoon.diagnose.reports.fleet_text import fleet_report
 
     jobs = {name: job_of(args, path) for name, path in zip(short_names(paths), paths, strict=True)}
-    found = dict(zip(jobs, _all(args, list(jobs.values())), strict=True))
+    work = Work(args)
+    found = dict(zip(jobs, work(list(jobs.values())), strict=True))
     answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
     failed = {
         name: each.removeprefix(f"{path}: ")
         for (name, each), path in zip(found.items(), paths, strict=True)
         if isinstance(each, str)
     }
+    if work.stopped and not answers:
+        raise KeyboardInterrupt
     robots = robot_names([(each.robot, each.file) for each in answers.values()])
     fleet = fleet_of(
         {name: each.diagnosis for name, each in answers.items()}, dict(zip(answers, robots, strict=True))
     )
     common = None
     if args.save_model is not None and answers:
-        common = common_of(fleet, jobs, partial(_all, args))
+        common = common_of(fleet, jobs, work)
     seen = {} if common is None else common.foreseen
     try:  # files first: see the report of one recording
         if answers:
@@ -129,6 +136,8 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
             print(fleet_report(fleet, seen))
     if common is not None and common.model is None:
         print(f"{args.save_model}: not written: {common.reason}")
+    if work.stopped:
+        return INTERRUPTED
     return 0 if answers else 2
 
 
@@ -148,24 +157,39 @@ def _save(
         save_fleet_html(fleet, args.html, failed, seen)
 
 
-def _all(args: argparse.Namespace, jobs: list[Job]) -> list[Answer | str]:
-    """In their order, on the workers of the sweep where more than one is asked for."""
-    progress = Progress(len(jobs))
-    done: dict[int, Answer | str] = {}
-    if args.workers == 1 and args.executor == "processes":
-        for number, job in enumerate(jobs):
-            done[number] = diagnose_or_reason(job)
-            progress.show(done.values())
-    else:
+class Work:
+    """Diagnoses jobs, on the workers of the sweep where more than one is asked for. stopped: whether Ctrl-C
+    ended that: what is done by then is worth its report."""
+
+    def __init__(self, args: argparse.Namespace) -> None:
+        self._args = args
+        self.stopped = False
+
+    def __call__(self, jobs: list[Job]) -> list[Answer | str]:
+        """The answers, or why there is none, in the order of the jobs."""
+        done: dict[int, Answer | str] = {}
+        try:
+            self._do(jobs, done)
+        except KeyboardInterrupt:
+            self.stopped = True
+            print("\ninterrupted: only what is done is reported", file=sys.stderr)
+        return [done.get(number, "interrupted before it was done") for number in range(len(jobs))]
+
+    def _do(self, jobs: list[Job], done: dict[int, Answer | str]) -> None:
+        progress = Progress(len(jobs))
+        if self._args.workers == 1 and self._args.executor == "processes":
+            for number, job in enumerate(jobs):
+                done[number] = diagnose_or_reason(job)
+                progress.show(done.values())
+            return
         from raccoon.sweep.execute import run_all
 
-        with _crew(args) as crew:
+        with _crew(self._args) as crew:
             for number, each in run_all(
                 partial(_numbered, jobs), range(len(jobs)), crew, partial(_lost, jobs)
             ):
                 done[number] = each
                 progress.show(done.values())
-    return [done[number] for number in range(len(jobs))]
 
 
 class Progress:

@@ -239,3 +239,36 @@ def test_what_cannot_be_fitted_together_is_said_with_its_name(
         (tmp_path / place / "robot.toml").write_text("")
     two = [written(tmp_path / place / "run.csv", drive) for place in ("red", "blue")]
     assert refused(*two) == f"{begin}--together: the recordings are of 2 robots, red, blue"
+
+
+def test_what_is_done_when_it_is_interrupted_is_reported(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After an hour of twenty recordings Ctrl-C lost nineteen."""
+    for number in range(3):
+        written(tmp_path / f"run{number}.csv", tophat(number, held=True, seconds=4.0))
+
+    def until_the_last(job: Job) -> Answer | str:
+        if job.path.name == "run2.csv":
+            raise KeyboardInterrupt
+        return diagnose_job(job)
+
+    monkeypatch.setattr("raccoon.cli.diagnose_many.diagnose_or_reason", until_the_last)
+    out = tmp_path / "out.json"
+    assert main(["diagnose", str(tmp_path), "--json", str(out)]) == 130
+    found = json.loads(out.read_text())
+    assert set(found["recordings"]) == {"run0.csv", "run1.csv"}
+    assert found["failed"] == {"run2.csv": "interrupted before it was done"}
+    assert "run2.csv: no diagnosis: interrupted" in capsys.readouterr().out
+
+
+def test_nothing_is_reported_where_nothing_was_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number in range(2):
+        written(tmp_path / f"run{number}.csv", tophat(number, held=True, seconds=4.0))
+
+    def interrupted(job: Job) -> Answer | str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("raccoon.cli.diagnose_many.diagnose_or_reason", interrupted)
+    assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 130
+    assert not (tmp_path / "out.json").exists()
