@@ -121,11 +121,12 @@ def _note_line(notes: Mapping[str, str], count: int) -> str:
     text = next(iter(notes.values()))
     same = [name for name, note in notes.items() if note == text]
     others = [name for name in notes if name not in same]
-    where = "all" if len(same) == count else _shortened(same)
-    return f"{text} ({where}{f'; with other numbers: {_shortened(others)}' if others else ''})"
+    where = "all" if len(same) == count else shortened(same)
+    return f"{text} ({where}{f'; with other numbers: {shortened(others)}' if others else ''})"
 
 
-def _shortened(names: Sequence[str]) -> str:
+def shortened(names: Sequence[str]) -> str:
+    """The first of many, and how many more there are: the JSON has all."""
     more = f" and {len(names) - NAMES_SAID} more" if len(names) > NAMES_SAID else ""
     return ", ".join(names[:NAMES_SAID]) + more
 
@@ -187,9 +188,9 @@ def kind_text(each: FleetCause, fleet: Fleet) -> str:
         return "common" if each.of_robots < 2 else f"common to {len(each.robots)} of {each.of_robots} robots"
     apart = len(fleet.names) > 1 and 0 < len(each.robots) < len(each.recordings)
     if apart and all(fleet.robots[name] in each.robots for name in each.recordings):
-        return f"only robot {each.robots[0]}" if len(each.robots) == 1 else f"robots {', '.join(each.robots)}"
+        return f"only robot {each.robots[0]}" if len(each.robots) == 1 else f"robots {shortened(each.robots)}"
     few = len(each.recordings) <= max(1, len(fleet.results) // 5)
-    return ("only " if few else "some: ") + ", ".join(each.recordings)
+    return ("only " if few else "some: ") + shortened(each.recordings)
 
 
 def _number_line(each: FleetNumber, count: int) -> str:
@@ -201,7 +202,7 @@ def _number_line(each: FleetNumber, count: int) -> str:
 
 def far_text(each: FleetCause | FleetNumber) -> str:
     """The recordings and robots whose number is far from the others'."""
-    return ", ".join(each.series.outliers)
+    return shortened(each.series.outliers)
 
 
 def usual_text(each: FleetNumber) -> str:

@@ -12,9 +12,10 @@ import numpy as np
 
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.fleet.model import Foreseen
-from raccoon.diagnose.fleet.summary import Fleet
+from raccoon.diagnose.fleet.summary import Fleet, FleetCause
 from raccoon.diagnose.reports.fleet_text import (
     change_lines,
+    far_text,
     in_words,
     kind_text,
     note_lines,
@@ -27,6 +28,8 @@ from raccoon.diagnose.reports.pictures import AFTER, BEFORE, png
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_PANELS = 8
+FEW = 2
+"""Names of recordings that a headline has room for."""
 OWN_SAID = 3
 """Causes that are not common of which the headline says whose they are."""
 
@@ -41,8 +44,10 @@ def save_fleet_html(
     model of the others. Raises ConfigError where jinja2 or matplotlib is not installed."""
     page = template("fleet.html").render(
         results={f"{name}{whose(fleet, name)}": _row(each) for name, each in fleet.results.items()},
-        causes=[(each, kind_text(each, fleet), in_words(each, fleet)) for each in fleet.causes],
-        numbers=[(each, usual_text(each)) for each in fleet.numbers],
+        causes=[
+            (each, kind_text(each, fleet), in_words(each, fleet), far_text(each)) for each in fleet.causes
+        ],
+        numbers=[(each, usual_text(each), far_text(each)) for each in fleet.numbers],
         notes=note_lines(fleet.results),
         changes=change_lines(fleet),
         headline=_headline(fleet),
@@ -74,13 +79,20 @@ def _headline(fleet: Fleet) -> str:
     parts = [
         f"Common to most {whom}: {', '.join(common)}." if common else f"No cause is common to most {whom}."
     ]
-    parts += [f"{each.name}: {kind_text(each, fleet)}." for each in own[:OWN_SAID]]
+    parts += [f"{each.name}: {_whom(each, fleet)}." for each in own[:OWN_SAID]]
     if len(own) > OWN_SAID:
         parts.append(f"{len(own) - OWN_SAID} more in some {whom} only.")
     broken = sum(bool(each.sensor_faults) for each in fleet.results.values())
     if broken:
         parts.append(f"{broken} with a faulty sensor.")
     return " ".join(parts)
+
+
+def _whom(each: FleetCause, fleet: Fleet) -> str:
+    """Who has a cause that is not common; of many recordings how many, as their names are in the table."""
+    told = kind_text(each, fleet)
+    many = len(each.recordings) > FEW and not told.startswith(("only robot", "robots"))
+    return f"{len(each.recordings)} of {each.telling} recordings" if many else told
 
 
 def fleet_figure(fleet: Fleet) -> Any:

@@ -13,6 +13,7 @@ from blind.tophats import tophat
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.reports import html_fleet
 from raccoon.diagnose.reports.fleet_text import fleet_report, note_lines
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.result import Diagnosis, Verdict
@@ -105,3 +106,18 @@ def test_a_note_of_many_recordings_is_said_once(drive: Diagnosis) -> None:
     ]
     many = {"one": replace(drive, notes=tuple(f"note {chr(97 + i)}" for i in range(12)))}
     assert "and 4 notes more: --json writes them all" in fleet_report(fleet_of(many))
+
+
+def test_many_recordings_are_not_all_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of sixty with long names the headline alone was three pages."""
+    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    sound, faulty = of_tophat(1), of_tophat(2, factor=0.9)
+    names = [f"the-afternoon-in-the-gym-with-the-new-battery-run-{row}.csv" for row in range(30)]
+    fleet = fleet_of({name: faulty if row % 2 else sound for row, name in enumerate(names)})
+    save_fleet_html(fleet, tmp_path / "fleet.html")
+    page = (tmp_path / "fleet.html").read_text()
+    assert "tophat.gain@2: 15 of 30 recordings." in page
+    said = fleet_report(fleet)
+    assert "run-7.csv and 11 more), " in said
+    assert max(map(len, said.splitlines())) < 600
+    assert max(map(len, page.splitlines())) < 3000
