@@ -128,4 +128,6 @@ def fleet_figure(fleet: Fleet) -> Any:
 
 
 def _label(name: str) -> str:
-    return name if len(name) <= 24 else "..." + name[-21:]
+    """The name of a recording under its point; a $ in it is no formula."""
+    short = name if len(name) <= 24 else "..." + name[-21:]
+    return short.replace("$", r"\$")
