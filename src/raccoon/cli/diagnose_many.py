@@ -48,7 +48,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, usable
-    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.diagnose.recordings.kinds import NO_MODEL, Kind, kind_of
     from raccoon.trace.loading import load_run
 
     if args.truth_free:
@@ -77,6 +77,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     columns = [each.recording.columns for each in runs]
     others = [_geometry(path, columns[0], robot) for path in args.holdout]
     found = diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
+    notes += [] if args.model is None else [NO_MODEL]
     return replace(found, notes=(*notes, *found.notes))
 
 

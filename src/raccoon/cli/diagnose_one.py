@@ -101,6 +101,8 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
     own = () if job.causes is None else load_own(job.causes)
     holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
     robot, file, told = whose
+    if start is not None and job.robot is not None:  # wheels and sensors are where robot.toml has them now
+        start = replace(start, robot=_wired_as(robot, start))
     first, *others = (each.recording for each in runs)
     problems = list(first.problems) if not others else [
         f"{path}: {each}" for path, run in zip(paths, runs, strict=True) for each in run.recording.problems
@@ -124,6 +126,18 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
         if others and _NUMBERED.search(str(error)):
             raise TraceError(_NUMBERED.sub(lambda it: str(paths[int(it[1]) - 1]), str(error))) from None
         raise TraceError(f"{job.path}: {error}" if not others else f"--together: {error}") from None
+
+
+def _wired_as(robot: RobotConfig, model: Parameters) -> RobotConfig:
+    """The robot with the model's numbers, and those of its tophats that the model knows something of."""
+    ports = {each.analog for each in robot.tophats.values()}
+    known = {where for _, where in model.effects}
+    more = {
+        name: each
+        for name, each in model.robot.tophats.items()
+        if each.analog not in ports and name not in robot.tophats and str(each.analog) in known
+    }
+    return replace(robot, model=model.robot.model, tophats={**robot.tophats, **more})
 
 
 def robot_of(run: Run, named: Path | None) -> Whose:

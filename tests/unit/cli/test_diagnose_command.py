@@ -16,10 +16,11 @@ import pytest
 
 import raccoon
 from blind.generator import make
+from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose_files import recordings
 from raccoon.cli.main import main
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.reports.html import template
 from raccoon.sim.effects.model_file import save_model
 from raccoon.sim.effects.parameters import Parameters
@@ -57,6 +58,27 @@ def test_the_model_says_what_it_was_made_from(drive: Columns, tmp_path: Path) ->
     assert date.fromisoformat(table["provenance"]["date"])
     assert all(each["std"].keys() <= each["parameters"].keys() and each["std"] for each in table["effect"])
     assert main(["diagnose", str(path), "--model", str(model)]) == 0
+
+
+def test_a_model_leaves_wiring_and_sensors_to_robot_toml(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A tophat that robot.toml got after the model was written was not known."""
+    columns = tophat(3, held=True, seconds=4.0, factor=0.9)
+    path = written(tmp_path / "run.csv", {**columns, "analog.5": columns["analog.2"]})
+    model, robot, out = (tmp_path / each for each in ("model.toml", "robot.toml", "out.json"))
+    of_one = Parameters.from_robot(parse_robot({"tophat": {"front": {"analog": 2}}}))
+    save_model(of_one.with_effect("tophat.gain", "2", factor=0.9), model)
+    robot.write_text('name = "drumbot"\n[tophat.back]\nanalog = 5\n')
+    command = ["diagnose", str(path), "--model", str(model), "--json", str(out)]
+    assert main([*command, "--robot", str(robot), "--save-model", str(tmp_path / "new.toml")]) == 0
+    found = json.loads(out.read_text())
+    assert [each["name"] for each in found["channels"]] == ["analog.5", "analog.2"]
+    assert [(each["id"], each["where"]) for each in found["causes"]] == [("tophat.gain", "5")]
+    assert tomllib.loads((tmp_path / "new.toml").read_text())["name"] == "drumbot"
+    motors = written(tmp_path / "motor.csv", motor(5, 0.008))
+    assert main(["diagnose", str(motors), "--model", str(model)]) == 0
+    assert "Note: the effects of --model were not used" in capsys.readouterr().out
 
 
 class ClosedPipe(io.StringIO):

@@ -60,6 +60,9 @@ _WITH_MORE = {
 """The verdict of a drive whose tophats have causes too."""
 
 
+NO_MODEL = "the effects of --model were not used: only drives and tophats are simulated with them"
+
+
 class Kind(StrEnum):
     """What a recording is of."""
 
@@ -171,6 +174,8 @@ def diagnose_recording(
         more = [without_held(without_repeated(each)[0])[0] for each in more]
         found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
+    if model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS):
+        problems = (*problems, NO_MODEL)
     notes = dict.fromkeys((*found.notes, *said_once(problems), *repeated, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
 
