@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
 
@@ -11,8 +12,10 @@ from raccoon.diagnose.fleet.course import Piece
 from raccoon.diagnose.fleet.series import FEWEST_FOR_OUTLIERS, Course, Series, series_of
 from raccoon.diagnose.fleet.telling import is_silent
 from raccoon.diagnose.result import Diagnosis, ParameterResult
+from raccoon.model.reflectance import LEAST_HEIGHT, height_doubt
 
 COMMON_SHARE = 0.6
+HEIGHT = "tophat.height"
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +120,7 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
         tuple(each.std for each in alike.values()),
         first.nominal,
         first.unit,
-        series_of(alike, robots, silent | (found.keys() - alike.keys())),
+        series_of(_beside_each_other(name, alike), robots, silent | (found.keys() - alike.keys())),
         _rivals(name, results),
         len(able),
         tuple(
@@ -125,6 +128,19 @@ def _cause(name: str, results: Mapping[str, Diagnosis], robots: Mapping[str, str
         ),
         len(set(able)),
     )
+
+
+def _beside_each_other(name: str, found: Mapping[str, ParameterResult]) -> Mapping[str, ParameterResult]:
+    """Numbers with what they may be off from each other: the law of a tophat's light is the same in all, so
+    what is not known of it moves no height against another."""
+    if name.partition("@")[0] != HEIGHT:
+        return found
+
+    def own(number: ParameterResult) -> float:
+        doubt = height_doubt(max(number.value, LEAST_HEIGHT))
+        return math.sqrt(max(number.std**2 - doubt**2, 0.0))
+
+    return {key: replace(each, std=own(each)) for key, each in found.items()}
 
 
 def _of_usual_unit(found: Mapping[str, ParameterResult]) -> dict[str, ParameterResult]:

@@ -22,6 +22,8 @@ CREPT: Mapping[str, str] = {
     "friction.coulomb": "bearings, gears or the floor",
     "drive.wheel_radius": "its tyre wears",
     "drive.backlash": "gears wear",
+    "tophat.gain": "dirt gathers on it",
+    "tophat.height": "its mount comes loose",
 }
 """What is behind a number that creeps, by cause."""
 JUMPED: Mapping[str, str] = {
@@ -32,6 +34,10 @@ JUMPED: Mapping[str, str] = {
     "friction.coulomb": "bearings, gears or the floor",
     "drive.wheel_radius": "a wheel was replaced",
     "drive.backlash": "gears were replaced",
+    "tophat.ambient_light": "another room, or other lamps",
+    "tophat.gain": "another sensor, or dirt on it",
+    "tophat.height": "its mount slipped",
+    "tophat.noise": "its plug came loose",
 }
 """The same of one that jumps."""
 CHANGED = "What changed, in the order of the recordings above"

@@ -46,6 +46,19 @@ def test_a_tophat_that_changed_is_said_with_when(changed: dict[str, Diagnosis]) 
     assert "in the order of the recordings above" in text
 
 
+def test_a_mount_that_came_loose_is_said_with_when() -> None:
+    """What is not known of the law of its light is the same in every recording."""
+    heights = [0.012] * 4 + [0.015] * 4
+    found = [
+        diagnose_recording(tophat(300 + row, height=height, seconds=10.0), ROBOT)
+        for row, height in enumerate(heights)
+    ]
+    said = fleet_report(fleet_of({f"t{row}.csv": each for row, each in enumerate(found)}))
+    assert re.search(
+        r"tophat.height@2 \(m\) jumps from 0.012\d* to 0.01[45]\d* with t4.csv \(its mount slipped\?\)", said
+    )
+
+
 def test_a_number_that_jumped_is_not_said_to_be_between(changed: dict[str, Diagnosis]) -> None:
     """1206 +- 94 counts were measured in no recording: 1270 before, 1143 after, a few counts each."""
     fleet = fleet_of(changed)
