@@ -74,16 +74,16 @@ def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagno
     device = runs[0].recording.device
     for path, each in zip(paths, runs, strict=True):
         if each.recording.device != device:
-            first, other = _made_by(device), _made_by(each.recording.device)
-            raise ConfigError(f"--together: {paths[0]} is of {first}, {path} of {other}")
+            one, other = made_by(device), made_by(each.recording.device)
+            raise ConfigError(f"--together: {paths[0]} is of {one}, {path} of {other}")
     found = _diagnosed(job_of(args, paths[0]), runs, paths, whose[0])
     listed = ", ".join(f"{number} {path.name}" for number, path in enumerate(paths, 1))
     return replace(found, notes=(f"recordings that are fitted together: {listed}", *found.notes))
 
 
-def _made_by(device: Device) -> str:
-    """Whose words a recording holds; a CSV has none and names nobody."""
-    return "a controller that it does not name" if device.name == SI_WORDS.name else device.name
+def made_by(device: Device) -> str:
+    """The controller of a recording, where it says one."""
+    return "no controller that it names" if device == SI_WORDS else f"the controller {device.name}"
 
 
 _NUMBERED = re.compile(r"recording (\d+)")
