@@ -51,14 +51,15 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ChannelResult:
-    """Root mean square errors of one sensor, in its unit, on held-out data."""
+    """Root mean square errors of one sensor, in its unit, on held-out data. whiteness_p: how probable it is
+    that what is left is white; NaN where nobody asked."""
 
     name: str
     unit: str
     rmse_before: float
     rmse_after: float
     noise_floor: float
-    whiteness_p: float
+    whiteness_p: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)

@@ -57,7 +57,7 @@ def judge_supply(time: Array, voltage: Array, power: Array, assumed: float) -> S
     resistance = ParameterResult(float(found[1]), spread, "ohm", assumed)
     least, deviations = (LITTLE_GAIN, CLEARLY) if found[1] > CLEARLY * spread else (LEAST_GAIN, 3.0)
     helps = with_sag < (1.0 - least) * plain and found[1] > deviations * spread
-    channel = ChannelResult("battery.voltage", "V", plain, with_sag if helps else plain, noise, 0.0)
+    channel = ChannelResult("battery.voltage", "V", plain, with_sag if helps else plain, noise)
     rejected = [_branch(1.0 - branch / with_sag)] if branch > (1.0 - LEAST_GAIN) * with_sag else []
     if not helps:
         rejected.append(Rejected(ID, "the voltage does not follow the current on data that was not fitted"))

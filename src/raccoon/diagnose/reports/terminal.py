@@ -101,6 +101,8 @@ def rest_text(diagnosis: Diagnosis, channel: ChannelResult) -> str:
     """What is left of a channel's error, in a few words; nothing where it has no time course."""
     if _course(diagnosis, channel) is None:
         return ""
+    if math.isnan(channel.whiteness_p):
+        return _when(diagnosis, channel).removeprefix(", ")
     white = "white" if channel.whiteness_p > NOT_WHITE else "not white"
     return f"{white} (p {channel.whiteness_p:.2g}){_when(diagnosis, channel)}"
 

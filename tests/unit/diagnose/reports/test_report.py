@@ -86,6 +86,11 @@ def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white
     assert "not white (p 1e-05), furthest off around 1.8 s" in page(found, "run")
     assert "furthest off" not in terminal_report(FOUND)  # noise is not worth a word
     assert "white (p 0.4)" in page(FOUND, "run")
+    # Of a tophat it was never asked, and said to be 0.
+    found = replace(found, channels=(replace(channel, whiteness_p=np.nan),))
+    assert "white (p" not in page(found, "run").partition("As text")[0]
+    assert ">furthest off around 1.8 s" in page(found, "run")
+    assert found.to_dict()["channels"][0]["whiteness_p"] is None
 
 
 def test_what_no_cause_describes_has_a_size_and_a_place() -> None:

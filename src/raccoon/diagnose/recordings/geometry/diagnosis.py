@@ -224,8 +224,8 @@ def _shared_how(fit: Fitted) -> str:
 
 def _channels(before: Errors, after: Errors, floor: Errors) -> tuple[ChannelResult, ...]:
     return (
-        ChannelResult(POSITION, "m", before.position, after.position, floor.position, 0.0),
-        ChannelResult(HEADING, "rad", before.heading, after.heading, floor.heading, 0.0),
+        ChannelResult(POSITION, "m", before.position, after.position, floor.position),
+        ChannelResult(HEADING, "rad", before.heading, after.heading, floor.heading),
     )
 
 

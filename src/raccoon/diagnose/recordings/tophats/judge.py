@@ -207,7 +207,7 @@ def _result(
     named = {each.id for each in causes}
     rivals_of_named = {name for each in causes for name in each.confounded_with}
     return SensorResult(
-        ChannelResult(f"analog.{port}", "counts", before, after, floor, 0.0),
+        ChannelResult(f"analog.{port}", "counts", before, after, floor),
         tuple(causes),
         tuple(
             Rejected(f"{id_}@{port}", why_not(id_ in rivals_of_named))
