@@ -264,6 +264,19 @@ def test_single_wild_values_are_left_out(name: str) -> None:
     assert "2 impossible values such as 1e+300" in fault.text
 
 
+@pytest.mark.parametrize("value", [30000.0, 1e300])
+def test_a_wild_back_emf_is_left_out_as_well(value: float) -> None:
+    """One of 30000 counts made wheels and track of another size."""
+    columns = driven(1)
+    for port in (0, 1):
+        ticks = columns.pop(f"motor.{port}.position")
+        columns[f"motor.{port}.bemf"] = np.gradient(ticks, columns["t"])
+    columns["motor.0.bemf"][ROW] = value
+    found = diagnose_recording(columns, ROBOT)
+    assert [(each.channel, each.fault) for each in found.sensor_faults] == [("motor.0.bemf", "impossible")]
+    assert np.abs([each.value / each.nominal - 1.0 for each in found.identified.values()]).max() < 0.02
+
+
 def test_a_run_that_cannot_be_used_does_not_stop_the_pool(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ JUMP, USUAL = 20.0, 0.98
 """Times the usual largest rate, that of this share of the rows, from which a column jumps."""
 FASTEST = 5.0
 """m/s that it must jump by as well: no small robot is as fast."""
+FAR_ABOVE, FAST = 5.0, 1.0
+"""The same of a back-EMF: times the usual largest, and m/s that it means."""
 FARTHEST = 1e6
 """m that nothing says."""
 SPIKE = 3
@@ -44,20 +46,42 @@ def without_spikes(
     Raises CalibrationError for a counter or a reference that goes on from elsewhere after a jump, or that
     reaches what no robot does.
     """
-    found, faults = dict(columns), []
+    found = dict(columns)
+    faults: list[SensorFault] = []
     metres = {"truth.x": 1.0, "truth.y": 1.0}
     for side, port in (("left", robot.drive.left), ("right", robot.drive.right)):
         tick = counts_scale(robot, side, device) * device.position_counts_seconds
         metres[f"motor.{port}.position"] = tick * robot.model.drive.wheel_radius.value
+        name = f"motor.{port}.bemf"
+        if name in columns:
+            speed = counts_scale(robot, side, device) * robot.model.drive.wheel_radius.value
+            found[name], wild = _below(columns[name], speed)
+            faults += _told(name, wild)
     for name in (each for each in metres if each in columns):
         values, wild = _smooth(np.asarray(columns["t"], float), columns[name], name, metres[name])
-        if wild:
-            text = f"{name} has {len(wild)} impossible values such as {wild[0]:.3g}: left out"
-            faults.append(SensorFault(name, "impossible", text))
+        faults += _told(name, wild)
         if float(np.abs(values[np.isfinite(values)]).max(initial=0.0)) * metres[name] > FARTHEST:
             raise CalibrationError(f"{name} reaches {np.nanmax(np.abs(values)):.3g}, as no robot's does")
         found[name] = values
     return found, tuple(faults)
+
+
+def _told(name: str, wild: Sequence[float]) -> list[SensorFault]:
+    """What is said of values that were left out."""
+    if not len(wild):
+        return []
+    text = f"{name} has {len(wild)} impossible values such as {wild[0]:.3g}: left out"
+    return [SensorFault(name, "impossible", text)]
+
+
+def _below(counts: Array, speed: float) -> tuple[Array, list[float]]:
+    """Back-EMF without readings of a wheel that is faster by far than it ever is, and these. speed: m/s of a
+    count."""
+    size = np.abs(np.nan_to_num(counts))
+    wild = (size > FAR_ABOVE * np.quantile(size, USUAL)) & (size * speed > FAST)
+    if wild.mean() > 1.0 - USUAL:
+        return counts, []
+    return np.where(wild, np.nan, counts), counts[wild].tolist()
 
 
 def _smooth(time: Array, values: Array, name: str, metre: float) -> tuple[Array, list[float]]:
