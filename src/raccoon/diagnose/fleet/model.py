@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.schema import Measured
 from raccoon.diagnose.fleet.series import SPREAD
-from raccoon.diagnose.fleet.summary import COMMON_SHARE, Fleet, FleetCause
+from raccoon.diagnose.fleet.summary import COMMON_SHARE, HEIGHT, Fleet, FleetCause
 from raccoon.diagnose.fleet.telling import is_silent
 from raccoon.diagnose.hypotheses.coordinates import places
 from raccoon.diagnose.result import Diagnosis
@@ -98,6 +98,8 @@ class _Pool:
             values[each.name], stds[each.name] = _middle(found, own)
             if creeps and number == 0 and len(having) > 1:
                 values[each.name], stds[each.name] = self._on_line(each, having, found, own)
+            if key[0] == HEIGHT:  # what is not known of the law of its light is the same in all of them
+                stds[each.name] = max(stds[each.name], float(np.median(own)))
         std = {name: each for name, each in stds.items() if each > 0.0}
         return common.with_effect(key[0], key[1], **values).with_origin(*key, replace(origin, std=std))
 

@@ -10,7 +10,8 @@ import pytest
 
 from blind.generator import make
 from blind.tophats import tophat
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, parse_robot
+from raccoon.diagnose.fleet.model import common_model
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports import html_fleet
@@ -48,15 +49,20 @@ def test_a_tophat_that_changed_is_said_with_when(changed: dict[str, Diagnosis]) 
 
 def test_a_mount_that_came_loose_is_said_with_when() -> None:
     """What is not known of the law of its light is the same in every recording."""
-    heights = [0.012] * 4 + [0.015] * 4
+    heights, robot = [0.012] * 4 + [0.015] * 4, parse_robot({"tophat": {"front": {"analog": 2}}})
     found = [
-        diagnose_recording(tophat(300 + row, height=height, seconds=10.0), ROBOT)
+        diagnose_recording(tophat(300 + row, height=height, seconds=10.0), robot)
         for row, height in enumerate(heights)
     ]
-    said = fleet_report(fleet_of({f"t{row}.csv": each for row, each in enumerate(found)}))
+    fleet = fleet_of({f"t{row}.csv": each for row, each in enumerate(found)})
+    said = fleet_report(fleet)
     assert re.search(
         r"tophat.height@2 \(m\) jumps from 0.012\d* to 0.01[45]\d* with t4.csv \(its mount slipped\?\)", said
     )
+    common = common_model(fleet)
+    assert common is not None
+    assert common.value("tophat.height", "height", "2") == pytest.approx(0.0148, abs=0.0005)
+    assert common.origins["tophat.height", "2"].std["height"] > 0.0014  # four of them know it no better
 
 
 def test_a_number_that_jumped_is_not_said_to_be_between(changed: dict[str, Diagnosis]) -> None:
