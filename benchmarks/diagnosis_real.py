@@ -109,7 +109,7 @@ def motors(pages: Pages) -> None:
     low, high = min(sag), max(sag)
     text = f"{middle:.3f} ({low:.2f} .. {high:.2f}, {len(sag)} robots)"
     line("fleet: battery resistance, median, ohm", "0.09 .. 0.15", text, 0.09 <= middle <= 0.15)
-    branch = sum(any("RC" in r.id for r in each.rejected) for each in found.values())
+    branch = sum(any("RC" in r.reason for r in each.rejected) for each in found.values())
     added = sum(any("RC" in c.id for c in each.causes) for each in found.values())
     line(
         "fleet: RC branch added / refused by name",

@@ -66,8 +66,9 @@ def judge_supply(time: Array, voltage: Array, power: Array, assumed: float) -> S
 
 def _branch(gain: float) -> Rejected:
     return Rejected(
-        "battery: a second, slower branch (RC)",
-        f"it saves {max(100.0 * gain, 0.0):.0f} % of the error on unseen data: not worth a term (10 % is)",
+        "battery.*",
+        f"a second, slower branch (RC) saves {max(100.0 * gain, 0.0):.0f} % of the error on unseen data: not "
+        "worth a term (10 % is)",
     )
 
 

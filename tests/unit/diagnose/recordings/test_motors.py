@@ -157,6 +157,8 @@ def test_a_small_resistance_is_named_where_it_is_certain() -> None:
     assert found is not None
     assert found.cause is not None
     assert found.channel.rmse_after > 0.9 * found.channel.rmse_before
+    assert [each.id for each in found.rejected] == ["battery.*"]  # a program that reads it knows that name
+    assert found.rejected[0].reason.startswith("a second, slower branch (RC) saves 0 %")
     assert found.resistance.value == pytest.approx(0.03, abs=4.0 * found.resistance.std)
 
 
