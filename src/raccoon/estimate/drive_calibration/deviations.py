@@ -17,13 +17,16 @@ PARTS = 8
 """Of fewer that are left out in turn, some agree by chance, and promise a tenth of the deviation there is."""
 
 
-def left_out(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
+def left_out(
+    robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array, fitted: Sequence[Manoeuvre]
+) -> Array:
     """Relative deviations (3,) by the jackknife: how far the fit moves when one part is left out.
 
-    Each refit is one Gauss-Newton step from the whole fit, which is as good as a refit this near. What is
-    learnt from so few parts is widened to what Student's t spreads.
+    fitted: what the factors were fitted to, recordings or their pieces. Each refit is a Gauss-Newton step
+    from the whole fit, which is as good as a refit this near. What is learnt from so few parts is widened to
+    what Student's t spreads.
     """
-    parts, kept = _parts(manoeuvres)
+    parts, kept = parts_of(manoeuvres)
     square = _jackknife(robot, parts, kept, factors) * (len(parts) - 1) / (len(parts) - 3)
     if len(manoeuvres) > 1:  # recordings may differ in what is the same all through one, as another wheel
         square = np.maximum(square, _jackknife(robot, manoeuvres, [], factors))
@@ -35,7 +38,7 @@ def left_out(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array
         scale = robot.model.imu.gyro_scale
         common += min(tape) / math.sqrt(len(tape))
         common[2] = math.hypot(common[2], scale.std / scale.value)
-    deviations: Array = np.sqrt(square + _by_starts(robot, manoeuvres, factors) + common**2)
+    deviations: Array = np.sqrt(square + _by_starts(robot, fitted, factors) + common**2)
     return deviations
 
 
@@ -87,7 +90,7 @@ def _slopes(robot: RobotConfig, part: Manoeuvre, factors: Array) -> Array:
     )
 
 
-def _parts(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
+def parts_of(manoeuvres: Sequence[Manoeuvre]) -> tuple[list[Manoeuvre], list[Manoeuvre]]:
     """What is left out in turn, recordings or pieces of them, and what never is: the tape."""
     each_in = math.ceil(PARTS / len(manoeuvres))
     if each_in == 1:
