@@ -74,14 +74,14 @@ def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagno
     device = runs[0].recording.device
     for path, each in zip(paths, runs, strict=True):
         if each.recording.device != device:
-            one, other = made_by(device), made_by(each.recording.device)
+            one, other = _made_by(device), _made_by(each.recording.device)
             raise ConfigError(f"--together: {paths[0]} is of {one}, {path} of {other}")
     found = _diagnosed(job_of(args, paths[0]), runs, paths, whose[0])
     listed = ", ".join(f"{number} {path.name}" for number, path in enumerate(paths, 1))
     return replace(found, notes=(f"recordings that are fitted together: {listed}", *found.notes))
 
 
-def made_by(device: Device) -> str:
+def _made_by(device: Device) -> str:
     """The controller of a recording, where it says one."""
     return "no controller that it names" if device == SI_WORDS else f"the controller {device.name}"
 

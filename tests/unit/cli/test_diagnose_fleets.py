@@ -13,10 +13,9 @@ from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
 from raccoon.cli.diagnose_files import recordings, robot_names, short_names
-from raccoon.cli.diagnose_one import Answer, Job, diagnose_job, made_by, robot_of
+from raccoon.cli.diagnose_one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import SI_WORDS, SIMULATOR
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
 from unit.diagnose.axes import motor
@@ -233,17 +232,13 @@ def test_what_cannot_be_fitted_together_is_said_with_its_name(
     assert refused(one, short).startswith(f"{begin}{short}: the recording has 60 samples over 0.")
     trace = tmp_path / "trace.jsonl.gz"
     record(trace)
-    said = f"--together: {one} is of a controller that it does not name, {trace} of simulator"
+    said = f"--together: {one} is of no controller that it names, {trace} of the controller simulator"
     assert refused(one, trace) == f"{begin}{said}"
     for place in ("red", "blue"):
         (tmp_path / place).mkdir()
         (tmp_path / place / "robot.toml").write_text("")
     two = [written(tmp_path / place / "run.csv", drive) for place in ("red", "blue")]
     assert refused(*two) == f"{begin}--together: the recordings are of 2 robots, red, blue"
-    assert [made_by(each) for each in (SI_WORDS, SIMULATOR)] == [  # "one.csv is of si" told nobody anything
-        "no controller that it names",
-        f"the controller {SIMULATOR.name}",
-    ]
 
 
 def test_what_is_done_when_it_is_interrupted_is_reported(
