@@ -62,7 +62,7 @@ def joined(logs: Sequence[Log]) -> Log:
         np.concatenate([each.duty for each in parts]),
         tuple(_one([_channel(each, role) for each in parts]) for role in roles),
         tuple(dict.fromkeys(_lacking(logs, roles))),
-        (_begun(parts), *_told(logs)),
+        (_begun(parts), *_dropped(logs, roles), *_told(logs)),
         tuple(sorted((*(span for each in parts for span in each.lost), *gaps))),
         tuple(span for each in parts for span in each.held),
         brake=_brakes(parts),
@@ -85,6 +85,17 @@ def _told(logs: Sequence[Log]) -> list[str]:
         for note in log.notes:
             numbers.setdefault(note, []).append(str(number))
     return [f"recording{'s' * (len(of) > 1)} {', '.join(of)}: {note}" for note, of in numbers.items()]
+
+
+def _dropped(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
+    """What some have and others lack, by the numbers of those: one of five must not cost the gyro unseen."""
+    names = {each.role: each.name for log in logs for each in log.channels if each.role not in roles}
+    told = []
+    for role, name in names.items():
+        without = [str(number) for number, log in enumerate(logs, 1) if log.channel(role) is None]
+        which = f"recording{'s' * (len(without) > 1)} {', '.join(without)}"
+        told.append(f"{which} lack{'s' * (len(without) == 1)} {name}, which is left out of all therefore")
+    return told
 
 
 def _lacking(logs: Sequence[Log], roles: Sequence[str]) -> list[str]:
