@@ -187,8 +187,8 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
-    bursts = bursting(features.roles, features.measured, rest, regimes, play=bool(play))
-    depends_on += (DEPENDS_ON,) if bursts else ()
+    bursts = bursting(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
+    depends_on += (DEPENDS_ON,) if bursts.lasting else ()
     left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
     resistance = search.problem.settings(search.fit.point)[RESISTANCE]
@@ -205,7 +205,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         (
             *log.notes,
             *loads_told(log, resistance),
-            *bursts,
+            *bursts.told,
             *notes_of(habits, causes, spread),
             *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
             *unmeasured_note(search),

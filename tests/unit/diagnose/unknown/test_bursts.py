@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fit.noise import CHANGING, STANDING, STEADY
 from raccoon.diagnose.result import Verdict
-from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
+from raccoon.diagnose.unknown.bursts import DEPENDS_ON, Bursts, bursting
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout
 
+Array = NDArray[np.float64]
 ROLES = ("bemf_left", "gyro", "battery")
 REGIMES = np.repeat([STEADY, CHANGING], 100)
 
@@ -24,8 +26,14 @@ def said_of(gyro: tuple[float, float], wheel: tuple[float, float] = (2.0, 10.0))
     """Of errors in steady driving and where speeds change."""
     random = np.random.default_rng(1)
     sizes = np.repeat([[wheel[0], gyro[0], 0.1], [wheel[1], gyro[1], 9.0]], 100, axis=0)
-    measured = np.full((200, 3), 1500.0)
-    return bursting(ROLES, measured, sizes * random.standard_normal((200, 3)), REGIMES)
+    return told_of(ROLES, sizes * random.standard_normal((200, 3)), REGIMES)
+
+
+def told_of(roles: tuple[str, ...], left: Array, regimes: Array, play: bool = False) -> tuple[str, ...]:
+    """Of what is left of a drive whose bins come one a quarter of a second; nothing in it comes only once."""
+    found = bursting(roles, np.full(left.shape, 1500.0), left, 0.25 * np.arange(len(left)), regimes, play)
+    assert found.lasting is bool(found.told)
+    return found.told
 
 
 def test_what_is_only_larger_where_speeds_change_is_noise() -> None:
@@ -50,7 +58,7 @@ def beside_wheels(pushes: float, body: float, gyro: float = 0.008, play: bool = 
     pushed = changes * pushes * random.standard_normal((600, 2))
     turned = 6.6e-4 * (pushed[:, 1] - pushed[:, 0]) + changes[:, 0] * body * random.standard_normal(600)
     left = np.column_stack([np.roll(pushed, 1, axis=0), turned + gyro * random.standard_normal(600)])
-    return bursting(("bemf_left", "bemf_right", "gyro"), np.full((600, 3), 1500.0), left, regimes, play)
+    return told_of(("bemf_left", "bemf_right", "gyro"), left, regimes, play)
 
 
 def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
@@ -63,7 +71,24 @@ def test_a_body_that_turns_as_no_wheel_does_is_told() -> None:
 
 def test_too_little_of_a_drive_says_nothing() -> None:
     zeros = np.zeros((30, 3))
-    assert bursting(ROLES, zeros, zeros + 1.0, np.repeat([STEADY, CHANGING], [20, 10])) == ()
+    regimes = np.repeat([STEADY, CHANGING], [20, 10])
+    assert bursting(ROLES, zeros, zeros + 1.0, np.arange(30.0), regimes) == Bursts()
+
+
+def test_what_comes_in_two_moments_only_has_happened_and_is_no_fault() -> None:
+    """A wheel that slips on a pipe for 0.4 s turns the robot by 0.6 rad/s that no wheel reads."""
+    random = np.random.default_rng(2)
+    time = 0.02 * np.arange(2000)
+    regimes = np.tile(np.repeat([STANDING, STEADY, CHANGING], [10, 20, 20]), 40)
+    left = np.array([4.0, 4.0, 0.004]) * random.standard_normal((2000, 3))
+    for start in (520, 1280):
+        left[start : start + 20, 2] += 0.6
+    found = bursting(("bemf_left", "bemf_right", "gyro"), np.full((2000, 3), 1500.0), left, time, regimes)
+    assert not found.lasting
+    (told,) = found.told
+    first, second = (float(each) for each in told.split(" s ")[0].removeprefix("around ").split(" and "))
+    assert 10.4 <= first <= 10.8
+    assert 25.6 <= second <= 26.0
 
 
 @pytest.mark.parametrize(("size", "seconds"), [(0.0, 10.0), (1.0, 20.0)])
