@@ -27,6 +27,10 @@ MOVES = 0.02
 KEPT = 0.35
 """Part of what friction should take, up to which next to nothing of it shows; of a hundred drives by duty the
 least was 0.55, but for three that were held by walls."""
+BATTERY, NOTHING = (0.9, 1.04), 0.1
+"""Part of the battery's voltage that a command of 1 keeps of a motor under a duty; and part of what friction
+should take, above which such commands are one: of a robot that has less friction than this robot.toml, as a
+robot.toml of another robot makes it look (0.31)."""
 EXACT, ALIKE = 0.05, 0.03
 """V, root mean square, to which the speeds of a loop go by its commands; and the part by which two wheels'
 differ at most."""
@@ -66,6 +70,11 @@ def speed_loop(log: Log, robot: RobotConfig) -> SpeedLoop | None:
         return None
     if any(abs(c) > KEPT * most for c, most in zip((left_c, right_c), usual, strict=True)):
         return None
+    least, most = BATTERY
+    if least < min(left, right) and max(left, right) < most:
+        shares = [abs(c) / each for c, each in zip((left_c, right_c), usual, strict=True)]
+        if min(shares) > NOTHING:
+            return None
     counts = 0.5 * (left + right) * float(np.median(volts)) / BEMF_VOLTS_PER_COUNT
     return SpeedLoop(counts, 0.5 * (left_c + right_c), 0.5 * sum(usual))
 

@@ -57,6 +57,15 @@ def test_a_loop_takes_friction_from_no_speed() -> None:
         assert speed_loop(log_from_columns(other, ROBOT), ROBOT) is None
 
 
+def test_a_duty_of_a_robot_that_rubs_less_is_no_speed() -> None:
+    """robot.toml of another robot: a command of 1 was the battery's voltage, and friction a third."""
+    less = driven(0.09, per_duty=6.65)
+    assert speed_loop(log_from_columns(less, ROBOT), ROBOT) is None
+    assert speed_loop(log_from_columns(driven(0.01, per_duty=6.65), ROBOT), ROBOT) is not None
+    found = with_doubts(diagnosis(cause(RESISTANCE, 0.3)), less, ROBOT)
+    assert "is it this robot's?" in found.causes[0].explanation
+
+
 @pytest.mark.parametrize("id_", [RESISTANCE, "drive.inertia"])
 def test_commands_that_are_speeds_are_no_winding_of_a_fifth(id_: str) -> None:
     """It was "explained", by a winding resistance 82 % lower than assumed."""
