@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.loads import loads_told
 from raccoon.diagnose.drives.log import WHEELS, Log
+from raccoon.diagnose.drives.moments import happened, without_moments
 from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
 from raccoon.diagnose.findings.bent import bent_notes
@@ -54,6 +55,7 @@ from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
 from raccoon.diagnose.unknown.probes import PREFIX
 from raccoon.diagnose.unknown.shapes import shapes_of
+from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
@@ -103,7 +105,12 @@ def diagnose(
         tried = tried_of_several(tried) if log.runs else tried
 
         def judged(part: Log, other: Log | None) -> Diagnosis:
-            return _searched(part, other, robot, tried, model, firmware, begin)
+            found, moments = _searched(part, other, robot, tried, model, firmware, begin)
+            freely = without_moments(part, moments)
+            if freely is part:
+                return found
+            tell("searching again without what happened in a moment")
+            return _searched(freely, other, robot, tried, model, firmware, begin)[0]
 
         other = None
         if holdout is not None:
@@ -131,7 +138,8 @@ def _searched(
     model: Parameters | None,
     firmware: Firmware | None,
     begin: float,
-) -> Diagnosis:
+) -> tuple[Diagnosis, tuple[float, ...]]:
+    """The diagnosis, and moments of the drive, s, in which something happened that is nobody's fault."""
     search, habits, log = searched(log, robot, causes, model, firmware)
     other = None
     if unseen is not None:
@@ -139,10 +147,10 @@ def _searched(
         other = drive_problem(unseen, robot, causes, habits, model)
         other = replace(other, neutral=search.problem.neutral, base=search.problem.base)
     search, judged = proven(search, other)
-    found = _diagnosis(log, search, judged, habits, begin)
+    found, moments = _diagnosis(log, search, judged, habits, begin)
     if other is None:
-        return found
-    return replace(found, notes=(*found.notes, *_not_the_same(found, judged)))
+        return found, moments
+    return replace(found, notes=(*found.notes, *_not_the_same(found, judged))), moments
 
 
 def _not_the_same(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
@@ -181,19 +189,21 @@ def _faults(log: Log) -> tuple[SensorFault, ...]:
     return tuple(SensorFault(column, STOOD, text) for column, text in log.stood)
 
 
-def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Diagnosis:
+def _diagnosis(
+    log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float
+) -> tuple[Diagnosis, tuple[float, ...]]:
     spread = Spread.of(search)
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
     bursts = bursting(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
-    depends_on += (DEPENDS_ON,) if bursts.lasting else ()
+    depends_on += (DEPENDS_ON,) if bursts.told else ()
     left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
     verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
     resistance = search.problem.settings(search.fit.point)[RESISTANCE]
     white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
-    return Diagnosis(
+    found = Diagnosis(
         verdict,
         _channels(log, judged, whiteness(white)),
         causes,
@@ -206,6 +216,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
             *log.notes,
             *loads_told(log, resistance),
             *bursts.told,
+            *((happened(bursts.moments),) if bursts.moments else ()),
             *notes_of(habits, causes, spread),
             *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
             *unmeasured_note(search),
@@ -215,6 +226,7 @@ def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin:
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
+    return found, bursts.moments
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

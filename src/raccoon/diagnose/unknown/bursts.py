@@ -5,18 +5,20 @@ as good as in steady driving. But where it is larger by far something gives, twi
 the catalogue has, and to call that noise would be to say that nothing is wrong.
 
 What comes in a few moments is neither: a wheel that slipped on a pipe, a bump, a hand. It is told with its
-time, and says nothing of the robot.
+time, and says nothing of the robot. Moments that hold most of what a gyro says and no wheel are such, too,
+where the rest of the drive is quiet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import WHEELS
+from raccoon.diagnose.drives.moments import AROUND
 from raccoon.diagnose.fit.noise import CHANGING, STANDING, STEADY, Regimes
 from raccoon.sim.effects.parameters import SIDES
 
@@ -39,8 +41,9 @@ NEIGHBOURS = 2
 """Bins before and after by which a wheel's filter may show it later than the gyro."""
 LEAST = 25
 """Bins of either kind from which they are compared."""
-MOMENTS, AROUND = 3, 0.6
-"""So many moments of a drive are things that happened in it; and s to either side of the worst bin of one."""
+MOMENTS, EVERY, MOST = 3, 8.0, 0.6
+"""So many moments of a drive are things that happened in it, of a short one one in so many s; and the part of
+the power of what a gyro says that no wheel does, from which they have most of it."""
 DEPENDS_ON = "changes of speed"
 HOLD = "hold the robot and turn its wheels to and fro"
 LOOSE = f"is loose, twists or jumps as no cause of the catalogue does: {HOLD}"
@@ -48,11 +51,11 @@ LOOSE = f"is loose, twists or jumps as no cause of the catalogue does: {HOLD}"
 
 @dataclass(frozen=True, slots=True)
 class Bursts:
-    """told: a sentence for each channel whose error comes in bursts. lasting: whether they come again and
-    again, and not only in a few moments."""
+    """told: a sentence for each channel whose error comes in bursts again and again. moments: s, around which
+    something happened, where it comes then only."""
 
     told: tuple[str, ...] = ()
-    lasting: bool = False
+    moments: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,10 +69,32 @@ class _Rest:
     time: Array
     regimes: Regimes
 
-    def part(self, keep: Flags) -> _Rest:
+    @property
+    def few(self) -> int:
+        """How many moments are no habit of the robot, 1 or more."""
+        return int(np.clip((self.time[-1] - self.time[0]) // EVERY, 1, MOMENTS))
+
+    def without(self, moment: float) -> _Rest:
+        """The rest less what is around a moment, s."""
+        keep = np.abs(self.time - moment) > AROUND
         return _Rest(
             self.roles, self.measured[keep], self.residual[keep], self.time[keep], self.regimes[keep]
         )
+
+    def of_the_gyro(self) -> Callable[[Flags], Array] | None:
+        """What is left of the gyro in some bins and not of the wheels' readings there; None without these."""
+        wheels = [index for index, role in enumerate(self.roles) if role in WHEELS]
+        if "gyro" not in self.roles or len(wheels) < len(SIDES):
+            return None
+        gyro = self.residual[:, self.roles.index("gyro")]
+        shifts = range(-NEIGHBOURS, NEIGHBOURS + 1)
+        columns = np.hstack([np.roll(self.residual[:, wheels], shift, axis=0) for shift in shifts])
+
+        def alone(part: Flags) -> Array:
+            solved = np.linalg.lstsq(columns[part], gyro[part], rcond=None)[0]
+            return np.asarray(gyro[part] - columns[part] @ solved, float)
+
+        return alone
 
     def worst(self, index: int) -> float:
         """s, when a channel is furthest off where speeds change."""
@@ -92,25 +117,38 @@ def bursting(
     its equations say.
     """
     rest = _Rest(roles, measured, residual, time, regimes)
+    few, moments = rest.few, [] if play else _turned_alone(rest)
+    for each in moments:
+        rest = rest.without(each)
     found = said = _bursts(rest, play)
-    moments: list[float] = []
-    while found and len(moments) < MOMENTS:
+    while found and len(moments) < few:
         moments.append(rest.worst(found[0].index))
-        rest = rest.part(np.abs(rest.time - moments[-1]) > AROUND)
+        rest = rest.without(moments[-1])
         if (rest.regimes == CHANGING).sum() < LEAST:
             break
         found = _bursts(rest, play)
-    if said and not found:
-        return Bursts((_happened(moments),))
-    return Bursts(tuple(each.told for each in said), lasting=bool(said))
+    return Bursts(tuple(each.told for each in said)) if found else Bursts(moments=tuple(moments))
 
 
-def _happened(moments: Sequence[float]) -> str:
-    times = " and ".join(f"{each:.1f}" for each in sorted(moments))
-    return (
-        f"around {times} s the robot moved as no command and no cause makes it, and nowhere else: a bump, "
-        "something that it ran into or over, a hand? Nothing is made of it"
-    )
+def _turned_alone(rest: _Rest) -> list[float]:
+    """S, the moments that hold most of what a gyro says and no wheel; none where it is there all the time, or
+    little at the most."""
+    gyro = rest.of_the_gyro()
+    if gyro is None:
+        return []
+    power = gyro(np.ones(len(rest.time), bool)) ** 2
+    left = power.copy()
+    moments: list[float] = []
+    while len(moments) < rest.few:
+        middle = float(rest.time[np.argmax(left)])
+        there = np.abs(rest.time - middle) <= AROUND
+        if np.sqrt(left[there].mean()) < GYRO:
+            break
+        left[there] = 0.0
+        moments.append(middle)
+        if left.sum() < (1.0 - MOST) * power.sum():
+            return moments
+    return []
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +183,7 @@ def _bursts(rest: _Rest, play: bool) -> tuple[_Burst, ...]:
             said.append(_Burst(index, told))
     if said or play:
         return tuple(said)
-    return _of_the_gyro_alone(roles, residual, regimes)
+    return _of_the_gyro_alone(rest)
 
 
 def _size(number: float) -> str:
@@ -153,25 +191,18 @@ def _size(number: float) -> str:
     return f"{number:.0f}" if number >= 10.0 else f"{number:.2g}"
 
 
-def _of_the_gyro_alone(roles: Sequence[str], residual: Array, regimes: Regimes) -> tuple[_Burst, ...]:
+def _of_the_gyro_alone(rest: _Rest) -> tuple[_Burst, ...]:
     """Where a body turns as no wheel does: what pushes a robot is left of its wheels' readings as well."""
-    wheels = [index for index, role in enumerate(roles) if role in WHEELS]
-    resting = regimes == STANDING
-    if "gyro" not in roles or len(wheels) < len(SIDES) or resting.sum() < LEAST:
+    alone, resting = rest.of_the_gyro(), rest.regimes == STANDING
+    if alone is None or resting.sum() < LEAST:
         return ()
-    gyro = residual[:, roles.index("gyro")]
-    shifts = range(-NEIGHBOURS, NEIGHBOURS + 1)
-    columns = np.hstack([np.roll(residual[:, wheels], shift, axis=0) for shift in shifts])
-
-    def unshared(part: NDArray[np.bool_]) -> float:
-        solved = np.linalg.lstsq(columns[part], gyro[part], rcond=None)[0]
-        return float(np.sqrt(((gyro[part] - columns[part] @ solved) ** 2).mean()))
-
-    there, at_rest = unshared(regimes == CHANGING), unshared(resting)
+    there, at_rest = (
+        float(np.sqrt((alone(part) ** 2).mean())) for part in (rest.regimes == CHANGING, resting)
+    )
     if there <= max(ALONE, BESIDE_REST * at_rest):
         return ()
     told = (
         f"where wheels speed up or brake the gyro says {there:.2g} rad/s that no wheel's reading does, at "
         f"rest {at_rest:.2g}; the tyres skid, or something between wheels and body {LOOSE}"
     )
-    return (_Burst(roles.index("gyro"), told),)
+    return (_Burst(rest.roles.index("gyro"), told),)

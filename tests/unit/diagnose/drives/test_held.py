@@ -15,6 +15,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import MOTOR_PORTS, Outputs
 from raccoon.diagnose.drives.held import not_free, of_free_driving, with_free_driving
 from raccoon.diagnose.drives.log import Log, log_from_columns
+from raccoon.diagnose.drives.moments import without_moments
 from raccoon.diagnose.drives.quality import check_units, strange_units
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 from raccoon.diagnose.recordings.kinds import diagnose_recording
@@ -124,6 +125,19 @@ def test_too_little_free_driving_is_an_error_that_says_why(blind: dict[str, Arra
     found = not_free(log, ROBOT)
     with pytest.raises(TraceError, match=r"turned as no wheel did.*needs at least 2 s of driving freely"):
         with_free_driving(log, found)
+
+
+def test_what_happened_in_a_moment_is_left_out_with_a_note(blind: dict[str, Array]) -> None:
+    log = log_from_columns(blind, ROBOT)
+    less = without_moments(log, [12.0, 5.0])
+    starts, ends = [start for start, _ in less.lost], [end - start for start, end in less.lost]
+    assert starts == pytest.approx([4.4, 11.4])
+    assert all(1.2 < each < 2.6 for each in ends)
+    assert less.notes[-1].startswith(
+        "around 5.0 and 12.0 s the robot moved as no command and no cause makes it"
+    )
+    assert without_moments(log, []) is log
+    assert without_moments(log.between(11.0, 13.5), [12.0]).lost == ()  # too little is left
 
 
 def hidden() -> list[Hidden]:
