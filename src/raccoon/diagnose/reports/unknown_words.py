@@ -9,7 +9,7 @@ from raccoon.diagnose.result import Shape
 
 MOSTLY = 0.6
 """Part of a curve's power from which one wave is said to be all of it."""
-FRICTION = " (friction)"
+FRICTION, TIME = " (friction)", "time ("
 LOOK = {
     "position": "is the floor rough, dirty or taped there?",
     "heading": "is the table level, and does no cable pull?",
@@ -27,9 +27,17 @@ def shape_text(shape: Shape) -> str:
     """What varies, by how much, where it is most, or how often in a turn, and what to look at."""
     often = times_a_turn(shape)
     most = f"{often} times in a turn" if often else f"highest at {shape.highest:.3g} {shape.over_unit}"
+    if shape.depends_on.startswith(TIME):  # in steps
+        most = f"most of it at about {changed(shape):.2g} {shape.over_unit}"
     size = f"{shape.quantity} varies by {number_text(shape.size)} over the {along(shape)}, {most}"
     look = look_at(shape.depends_on)
     return f"{size}: {look}" if look else size
+
+
+def changed(shape: Shape) -> float:
+    """Where a curve in steps changes most, in over_unit."""
+    step = int(np.argmax(np.abs(np.diff(shape.values, append=shape.values[-1]))))
+    return float(shape.over[min(step + 1, len(shape.over) - 1)])
 
 
 def along(shape: Shape) -> str:

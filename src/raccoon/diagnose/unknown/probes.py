@@ -42,6 +42,9 @@ as its wave is no larger than that share of robot.toml's. A robot that drives th
 same floor under the same angle: on one whose friction varies by 2 % within 4 to 20 cm nine of 60 drives had
 10 of a torque, or 14 to 29 of a friction, with waves of 1.5 to 5 %. Of ten wheels that rub by a fourth of
 their friction, waves of 12 to 20 %, one had 27 on 40 s, and the others 41 and more."""
+MOMENTS = 16
+"""Parts of a drive between which friction may change: with eighths motors that get hot were named of a robot
+that took a load. Of 24 blind robots whose friction wanders it explained nothing of any."""
 GYRO = 0.02
 BATTERY = 0.02
 RATE = "rad/s of the wheels"
@@ -142,7 +145,8 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
                 "[motor.N] inverted and [model] those of the robot that was recorded?"
             )
         speed = np.abs(wheels).mean(axis=1)
-        every = [*_torque_curves(motion), _Torque("speed", True, _hats(speed, 6), speed, RATE)]
+        over_speed = _Torque("speed", True, _hats(speed, 6), speed, RATE)
+        every = [*_torque_curves(motion), _rubs_from(motion), over_speed]
         return [
             *_wheel_probes(problem, settings, motion, wheels),
             *_torque_probes(problem, linear, motion, every),
@@ -177,6 +181,18 @@ def _torque_curves(motion: Motion) -> list[_Torque]:
     heading = motion.heading
     found.append(_Torque("heading", False, waves(heading, 3), _within_a_turn(heading), "rad"))
     return found
+
+
+def _rubs_from(motion: Motion) -> _Torque:
+    """Friction that is another from some moments on, as of a robot that has picked something up."""
+    steps = _from_each(motion.time, np.arange(1, MOMENTS) / MOMENTS)
+    return _Torque("time (friction)", True, steps, motion.time, "s")
+
+
+def _from_each(time: Array, parts: Array) -> Array:
+    """(parts, n): 1 from each of these parts of the whole time on."""
+    share = (time - time[0]) / max(time[-1] - time[0], 1e-9)
+    return np.asarray(share[None] >= parts[:, None], float)
 
 
 def _within_a_turn(angle: Array) -> Array:
@@ -236,8 +252,7 @@ def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Pr
     column = linear.column(INERTIA)
     if column is None:
         return []
-    share = (motion.time - motion.time[0]) / max(motion.time[-1] - motion.time[0], 1e-9)
-    steps = np.stack([(share >= edge).astype(float) for edge in np.arange(0.0, 1.0, 0.125)])
+    steps = _from_each(motion.time, np.arange(0.0, 1.0, 0.125))
     (coordinate,) = problem.causes[INERTIA].coordinates
     width = math.log(coordinate.value(1.0))
     return [

@@ -38,6 +38,14 @@ def test_a_wheel_that_rubs_is_said_where_it_is_most() -> None:
     assert along(_shape("wheel angle left (friction)", "rub")) == "wheel angle left"
 
 
+def test_a_load_that_was_taken_is_said_with_its_time() -> None:
+    over = np.linspace(0.5, 29.5, 48)
+    values = 0.03 * (over > 12.0)
+    load = Shape("time (friction)", "friction of each wheel", "N m", over, "s", values, np.full(48, 0.002))
+    said = shape_text(load)
+    assert "over the time, most of it at about 12 s: was something picked up, put down or lost then?" in said
+
+
 def test_every_probe_has_a_question_that_a_team_can_answer(problem: Problem) -> None:
     linear = linearise(problem, problem.nominal(), list(problem.causes), sizes=1)
     names = [each.name.removeprefix(PREFIX) for each in probes_for(problem)(linear)]

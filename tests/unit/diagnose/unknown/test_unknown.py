@@ -14,7 +14,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.linear import coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
@@ -70,6 +70,22 @@ def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> 
         )
         np.testing.assert_allclose(disturbed, clean, atol=1e-9)
         assert np.abs(clean).max() > 0.0
+
+
+def test_friction_that_is_another_from_a_moment_on_is_a_curve(problem: Problem) -> None:
+    """Of a robot that took a load; motors that get hot were named, with a probability of 1."""
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    found = next(each for each in probes_for(problem)(linear) if each.name == "unknown: time (friction)")
+    later = problem.features.time > problem.features.time[0] + 0.3 * problem.features.time[-1]
+    change = np.zeros_like(linear.residual)
+    for side in ("left", "right"):
+        response = coulomb_response(problem, linear, side)
+        assert response is not None
+        change += 0.03 * later[:, None] * response
+    columns = found.columns.reshape(len(found.columns), -1)
+    off = change.ravel() - np.linalg.lstsq(columns.T, change.ravel(), rcond=None)[0] @ columns
+    assert (off**2).sum() < 0.15 * (change**2).sum()
+    assert problem.features.time[later][0] == pytest.approx(found.over[later][0])
 
 
 def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> None:
