@@ -104,19 +104,23 @@ def diagnose(
         tried = asked_for(drive_causes() if causes is None else causes, log)
         tried = tried_of_several(tried) if log.runs else tried
 
-        def judged(part: Log, other: Log | None) -> Diagnosis:
+        def judged(part: Log, other: Log | None) -> tuple[Diagnosis, Log]:
+            """And the log without what happened in a moment, where the search began again without it."""
             found, moments = _searched(part, other, robot, tried, model, firmware, begin)
             freely = without_moments(part, moments)
             if freely is part:
-                return found
+                return found, part
             tell("searching again without what happened in a moment")
-            return _searched(freely, other, robot, tried, model, firmware, begin)[0]
+            again, _ = _searched(freely, other, robot, tried, model, firmware, begin)
+            if adds_up(again) and too_short(freely.longest_part().seconds):
+                return found, part
+            return again, freely
 
         other = None
         if holdout is not None:
             with said_of_holdout():
                 other = with_channels_of(log, understood([holdout], robot, firmware))
-        found = judged(log, other)
+        found, log = judged(log, other)
         if log.runs:
             return of_several(found)
         if not (log.lost and adds_up(found)):
@@ -127,7 +131,7 @@ def diagnose(
         told = (
             f"{ADDS_UP}: only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
         )
-        return judged(replace(part, notes=(*log.notes, told)), unseen)
+        return judged(replace(part, notes=(*log.notes, told)), unseen)[0]
 
 
 def _searched(

@@ -11,6 +11,7 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose import diagnosis
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
@@ -50,6 +51,28 @@ def test_a_recording_of_another_robot_does_not_prove_a_cause() -> None:
     again = make(8, [hidden], seconds=8.0, drive="contest").columns
     proven = diagnose(dict(columns), ROBOT, holdout=dict(again))
     assert not any("is it the same robot" in note for note in proven.notes)
+
+
+@pytest.mark.parametrize(("depends_on", "times"), [("", 2), ("position x", 2), ("position x", 3)])
+def test_what_happened_in_a_moment_is_left_out_and_asked_again(
+    monkeypatch: pytest.MonkeyPatch, depends_on: str, times: int
+) -> None:
+    """What adds up all ways is told by the longest part without the moment, where it is long enough."""
+    columns = dict(make(8, seconds=12.0 if times == 2 else 20.0).columns)
+    found = SimpleNamespace(causes=(), unexplained=SimpleNamespace(depends_on=(depends_on,)))
+    logs: list[Any] = []
+
+    def searched(log: Any, *_: Any) -> tuple[Any, tuple[float, ...]]:
+        logs.append(log)
+        return SimpleNamespace(**vars(found), asked=len(logs)), (5.0,) if len(logs) == 1 else ()
+
+    monkeypatch.setattr(diagnosis, "_searched", searched)
+    said: Any = diagnose(columns, ROBOT)
+    assert len(logs) == times
+    assert not logs[0].lost
+    ((start, _),) = logs[1].lost
+    assert start == pytest.approx(4.4)
+    assert said.asked == (1 if depends_on and times == 2 else times)
 
 
 def test_the_json_has_the_contract_keys(sagging: Diagnosis, tmp_path: Path) -> None:
