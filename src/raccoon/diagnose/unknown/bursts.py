@@ -178,7 +178,8 @@ def _bursts(rest: _Rest, play: bool) -> tuple[_Burst, ...]:
         if there[index] > max(least, TIMES * elsewhere[index]):
             told = (
                 f"what is left of {name} comes where wheels speed up or brake: {_size(there[index])} {unit} "
-                f"there, {_size(elsewhere[index])} in steady driving; something {LOOSE}"
+                f"there, {_size(elsewhere[index])} in steady driving; the tyres "
+                f"spin or skid, or something {LOOSE}"
             )
             said.append(_Burst(index, told))
     if said or play:
@@ -203,6 +204,6 @@ def _of_the_gyro_alone(rest: _Rest) -> tuple[_Burst, ...]:
         return ()
     told = (
         f"where wheels speed up or brake the gyro says {there:.2g} rad/s that no wheel's reading does, at "
-        f"rest {at_rest:.2g}; the tyres skid, or something between wheels and body {LOOSE}"
+        f"rest {at_rest:.2g}; the tyres spin or skid, or something between wheels and body {LOOSE}"
     )
     return (_Burst(rest.roles.index("gyro"), told),)
