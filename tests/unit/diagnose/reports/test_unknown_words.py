@@ -40,7 +40,7 @@ def test_a_wheel_that_rubs_is_said_where_it_is_most() -> None:
 
 def test_a_load_that_was_taken_is_said_with_its_time() -> None:
     over = np.linspace(0.5, 29.5, 48)
-    values = 0.03 * (over > 12.0)
+    values = np.where(over > 12.0, 0.03, 0.0)
     load = Shape("time (friction)", "friction of each wheel", "N m", over, "s", values, np.full(48, 0.002))
     said = shape_text(load)
     assert "over the time, most of it at about 12 s: was something picked up, put down or lost then?" in said
