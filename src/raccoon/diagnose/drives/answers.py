@@ -28,6 +28,7 @@ from raccoon.diagnose.drives.followers import (
     unexplained,
 )
 from raccoon.diagnose.drives.log import Channel, Log
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
@@ -220,7 +221,7 @@ def _range(wheel: Channel) -> float:
 
 def ramp_of(time: Array, duty: Array, channel: Channel) -> float | None:
     """The ramp, duty a second, behind which a wheel follows its command far better; None without one."""
-    step = float(np.median(np.diff(time)))
+    step = usual_step(time)
     reach = round(FARTHEST / step)
     # A wheel that coasts to its rest, and one that breaks loose from it, is slower than a command as well.
     since = np.arange(len(duty)) - np.maximum.accumulate(np.where(duty == 0.0, np.arange(len(duty)), 0))

@@ -23,6 +23,7 @@ from raccoon.diagnose.drives.binned import bin_means, in_force, placed, runs, wh
 from raccoon.diagnose.drives.log import SHORTEST_SECONDS, SLOWEST_ROW, Log, apart, settled
 from raccoon.diagnose.drives.sizes import full_voltage
 from raccoon.diagnose.drives.sizes import volts as volts_of
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -160,7 +161,7 @@ class _Seen:
         """The bins of a log, None without both wheels or where nothing was commanded."""
         wheels = [log.wheel(side) for side in ("left", "right")]
         left, right = wheels
-        short = log.seconds < SHORTEST_SECONDS or float(np.median(np.diff(log.time))) > SLOWEST_ROW
+        short = log.seconds < SHORTEST_SECONDS or usual_step(log.time) > SLOWEST_ROW
         if left is None or right is None or short or not log.duty.any():
             return None
         model, battery, gyro = robot.model, log.channel("battery"), log.channel("gyro")

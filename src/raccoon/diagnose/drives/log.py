@@ -15,6 +15,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.sample_clock import SampleClock
 from raccoon.diagnose.drives.times import check_time
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
@@ -225,7 +226,7 @@ def _rounded_down(seconds: float) -> float:
 
 def _check_rows(time: Array, rate_hz: float) -> None:
     """Refuse rows in which a command's moment is not known: they name causes that are not there."""
-    row = float(np.median(np.diff(time)))
+    row = usual_step(time)
     if row <= max(SLOWEST_ROW, OWN_RATE / rate_hz):
         return
     own = (

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.followers import ANSWERS, FEWEST, Asked, follower, unexplained
 from raccoon.diagnose.drives.log import Channel, Log
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ def _answers_before(log: Log, index: int, wheel: Channel) -> bool:
     known = np.isfinite(wheel.values)
     if known.sum() < FEWEST:
         return False
-    step = float(np.median(np.diff(log.time)))
+    step = usual_step(log.time)
     duty, reading = log.duty[known, index], wheel.values[known]
     power = float(np.var(reading))
     ahead = min(_left(duty, reading, step / each) for each in ANSWERS)
@@ -100,7 +101,7 @@ def _jumps(time: Array, values: Array, share: float) -> NDArray[np.bool_]:
     found = np.zeros(len(values), bool)
     known = np.flatnonzero(np.isfinite(values))
     fresh = known[np.concatenate([[True], np.diff(values[known]) != 0.0])] if len(known) else known
-    if len(fresh) < FEWEST or float(np.median(np.diff(time[fresh]))) > CLOSE:
+    if len(fresh) < FEWEST or usual_step(time[fresh]) > CLOSE:
         return found
     moved, steps = np.diff(values[fresh]), np.diff(time)
     least = share * float(np.percentile(np.abs(values[known]), 99.0))

@@ -27,7 +27,7 @@ from raccoon.diagnose.drives.sizes import (
     turn_rate,
 )
 from raccoon.diagnose.drives.ways import check_turns, check_ways
-from raccoon.trace.recording import mistaken_duty
+from raccoon.trace.recording import mistaken_duty, usual_step
 
 Array = NDArray[np.float64]
 
@@ -214,7 +214,7 @@ wiggles on purpose, which says all about a robot."""
 def swing(log: Log) -> float:
     """s in which commands swing, where nearly all that they do is that: a line that is followed by bang-bang.
     0 where they do not."""
-    row = float(np.median(np.diff(log.time)))
+    row = usual_step(log.time)
     even = np.arange(log.time[0], log.time[-1], row)
     duty = log.duty[np.searchsorted(log.time, even, side="right") - 1]
     frequency = np.fft.rfftfreq(len(even), row)

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.binned import bin_means, runs
 from raccoon.diagnose.drives.log import SETTLED, SHORTEST_SECONDS, Load, Log
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -154,7 +155,7 @@ def _columns(time: Array, duty: Array, speeds: list[Array], seconds: float) -> A
     from scipy.signal import lfilter
 
     def behind(values: Array, constant: float) -> Array:
-        keep = float(np.exp(-float(np.median(np.diff(time))) / constant))
+        keep = float(np.exp(-usual_step(time) / constant))
         return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
 
     drawn, made = np.zeros(len(time)), []

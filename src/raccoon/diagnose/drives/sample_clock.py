@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.whole_counts import uncut
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
@@ -120,7 +121,7 @@ def sample_clock(
 
     rates: samples a second, at least and at most. waits, lead: see `SampleClock`.
     """
-    row = float(np.median(np.diff(time)))
+    row = usual_step(time)
     per_row = row * 0.5 * (rates[0] + rates[1])
     usual = round(per_row)
     rare = usual + 1 if per_row > usual else usual - 1

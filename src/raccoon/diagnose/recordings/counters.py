@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Device
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -94,7 +95,7 @@ def _rate(time: Array, ticks: Array) -> Array:
 
     A counter grows by what is read in a row, so between two rows it grows by the later ones' readings.
     """
-    row = max(float(np.median(np.diff(time))), 1e-6)
+    row = max(usual_step(time), 1e-6)
     half = int(np.ceil(0.5 * (AVERAGED / row - 1.0)))
     rows = max(2 * half + 1, 1)
     ends = np.arange(0, len(time), rows)

@@ -19,7 +19,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
-from raccoon.trace.recording import ports_in
+from raccoon.trace.recording import ports_in, usual_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -99,7 +99,7 @@ def _why_not(id_: str, faults: ReadingFaults) -> str:
 def _numbers(
     columns: Columns, faults: ReadingFaults, repeats: float, latency: tuple[str, ...]
 ) -> dict[str, ParameterResult]:
-    step = float(np.median(np.diff(columns["t"])))
+    step = usual_step(columns["t"])
     found = {"repeated samples": ParameterResult(repeats, 0.0, "", 0.0)}
     if faults.dead_time is not None:
         found[latency[0]] = ParameterResult(faults.dead_time, step / np.sqrt(12.0), "s", 0.0)

@@ -9,6 +9,7 @@ import numpy as np
 from raccoon.diagnose.drives.features import half_second
 from raccoon.diagnose.findings.gain import size_of
 from raccoon.diagnose.result import ChannelResult, Curve, Diagnosis
+from raccoon.trace.recording import usual_step
 
 GYRO_COLUMN = "imu.gyro.z"
 
@@ -35,7 +36,7 @@ class Rescaled:
         gyro = self.curves[self._gyro()]
         parts[self._gyro()] = gyro.measured - factor * (gyro.before if before else gyro.after)
         floor = np.array([each.noise_floor for each in self.results])
-        event = half_second(float(np.median(np.diff(gyro.time))))
+        event = half_second(usual_step(gyro.time))
         return size_of(np.nan_to_num(np.column_stack(parts)), floor, event)
 
     def change(self, factor: float) -> float:
