@@ -96,9 +96,8 @@ def diagnose(
 
     begin = time.perf_counter()
     log = understood([columns, *more], robot, firmware)
-    with threadpool_limits(
-        1
-    ):  # the matrices are small: threads that wait for each other cost more than they do
+    # The matrices are small: threads that wait for each other cost more than they do.
+    with threadpool_limits(1):
         if not moves(log):
             return _nothing_to_see(log, begin)
         tried = asked_for(drive_causes() if causes is None else causes, log)

@@ -159,8 +159,7 @@ class _Seen:
     @classmethod
     def of(cls, log: Log, robot: RobotConfig) -> _Seen | None:
         """The bins of a log, None without both wheels or where nothing was commanded."""
-        wheels = [log.wheel(side) for side in ("left", "right")]
-        left, right = wheels
+        left, right = (log.wheel(side) for side in ("left", "right"))
         short = log.seconds < SHORTEST_SECONDS or usual_step(log.time) > SLOWEST_ROW
         if left is None or right is None or short or not log.duty.any():
             return None

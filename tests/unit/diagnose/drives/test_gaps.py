@@ -117,9 +117,9 @@ def judged_parts(
     """A diagnosis whose search of everything finds that, and the logs that were searched."""
     seen: list[Log] = []
 
-    def searched(log: Log, *_: object) -> Diagnosis:
+    def searched(log: Log, *_: object) -> tuple[Diagnosis, tuple[float, ...]]:
         seen.append(log)
-        return replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes)
+        return replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes), ()
 
     monkeypatch.setattr(whole_way, "_searched", searched)
     monkeypatch.setattr(over_ways, "LONG_PART", 6.0)
