@@ -37,6 +37,9 @@ CLEAR_BESIDE_ODD = 10.0
 change that was not before."""
 ODD = 6.0
 """Spreads that such a number is at least away from both sides."""
+EXACT = 1e-6
+"""Least deviation of a number that counts, of the largest of its series: numbers that are alike to the last
+digit differ by how sums of them are rounded, which is no jump."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +65,8 @@ def course_of(values: Sequence[float], stds: Sequence[float]) -> tuple[Piece, ..
     known = np.flatnonzero(np.isfinite(series))
     if len(known) < FEWEST:
         return ()
-    y, s = series[known], np.nan_to_num(known_stds[known])
+    y = series[known]
+    s = np.maximum(np.nan_to_num(known_stds[known]), EXACT * np.abs(y).max())
     form = _grown(y, s)
     if form == STEADY:
         return _beside_odd(known, y, s)

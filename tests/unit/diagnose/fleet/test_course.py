@@ -92,6 +92,19 @@ def test_numbers_that_are_not_known_are_left_out() -> None:
     assert (before.first, before.last, after.first, after.last) == (0, 3, 5, 8)
 
 
+def test_numbers_without_any_scatter_change_where_they_do_and_nowhere_else() -> None:
+    """What rounding leaves of them was a jump in every thirtieth step and every eighth line."""
+    rng = np.random.default_rng(9)
+    for _ in range(100):
+        before, after = rng.integers(3, 7, 2)
+        low, high = rng.normal(size=2).tolist()
+        found = course_of([low] * before + [high] * after, [0.0] * (before + after))
+        assert [(each.first, each.creeps) for each in found] == [(0, False), (before, False)]
+        (piece,) = course_of((low + high * np.arange(before + after)).tolist(), [0.0] * (before + after))
+        assert piece.creeps
+    assert course_of([0.3, 0.3, 0.3, 0.1 + 0.2, 0.1 + 0.2, 0.1 + 0.2], [0.0] * 6) == ()
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_the_unit_does_not_matter(scale: float) -> None:
     rng = np.random.default_rng(8)
