@@ -86,9 +86,9 @@ def coordinate_covariance(search: Search) -> Array:
     inner = np.linalg.inv(hessian[np.ix_(free, free)])
     spread = inner @ (scores.T @ scores) @ inner
     ratio = float(np.mean(np.diag(spread) / np.diag(inner)))
-    time = search.problem.features.time
+    features = search.problem.features
     widened = np.asarray(np.linalg.inv(known), float)
-    return widened * max(1.0, ratio) * (1.0 + LEARNT / float(time[-1] - time[0]))
+    return widened * max(1.0, ratio) * (1.0 + LEARNT / (len(features.time) * features.width))
 
 
 def _unnamed(search: Search) -> Array:
@@ -110,7 +110,7 @@ def _unnamed(search: Search) -> Array:
 
 def _from_afar(search: Search) -> Array:
     """Curvature of coordinates on a flat stair, (coordinates,): from how far they can go either way before
-    the misfit rises by 1, as it does at one standard deviation."""
+    the misfit, the prior with it, rises by 1, as it does at one standard deviation."""
     problem, fit = search.problem, search.fit
     vector = fit.point.vector()
     norms = np.linalg.norm(fit.jacobian, axis=1)
@@ -124,7 +124,7 @@ def _from_afar(search: Search) -> Array:
             points = [fit.point.moved(each) for each in moved]
             rise = costs_at(problem, search.whitener, points) - fit.cost
             ways.append(next((away for away, each in zip(AWAY, rise, strict=True) if each > 1.0), AWAY[-1]))
-        curvature[index] = max(1.0 / float(np.mean(ways)) ** 2 - norms[index] ** 2, 0.0)
+        curvature[index] = max(1.0 / float(np.mean(ways)) ** 2 - norms[index] ** 2 - 1.0, 0.0)
     return curvature
 
 

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from raccoon.diagnose.findings import spread
 from raccoon.diagnose.findings.naming import beside_rivals, parameters
-from raccoon.diagnose.findings.spread import LEARNT, Spread, coordinate_covariance
-from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.findings.spread import LEARNT, Spread, _from_afar, coordinate_covariance
+from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.select.outlook import Rival
@@ -45,19 +46,50 @@ def test_what_is_held_at_a_bound_does_not_make_others_seem_to_disagree(problem: 
         said = coordinate_covariance(bound)
         curvature = np.linalg.inv(np.eye(len(columns)) + columns @ columns.T)
         factors.append(said[own, own] / curvature[own, own])
-    time = problem.features.time
+    features = problem.features
     assert factors[1] == pytest.approx(factors[0])
-    assert factors[0] >= 1.0 + LEARNT / float(time[-1] - time[0])
+    assert factors[0] >= 1.0 + LEARNT / (len(features.time) * features.width)
 
 
 def test_numbers_of_a_short_drive_are_less_sure(problem: Problem) -> None:
     late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
     search = searched(problem, late, late)
     features, key = problem.features, ("imu.latency", None, "seconds")
-    longer = replace(problem, features=replace(features, time=10.0 * features.time))
-    stds = [Spread.of(each).std(key) for each in (search, replace(search, problem=longer))]
-    span = float(features.time[-1] - features.time[0])
+    longer = replace(features, width=10.0 * features.width)
+    late_half = features.time > features.time[len(features.time) // 2]
+    with_a_gap = replace(features, time=features.time + 60.0 * late_half)  # in which nothing is learnt
+    others = (replace(search, problem=replace(problem, features=each)) for each in (longer, with_a_gap))
+    stds = [Spread.of(each).std(key) for each in (search, *others)]
+    span = len(features.time) * features.width
     assert (stds[0] / stds[1]) ** 2 == pytest.approx((1.0 + LEARNT / span) / (1.0 + 0.1 * LEARNT / span))
+    assert stds[2] == pytest.approx(stds[0])
+
+
+@pytest.mark.parametrize(("narrow", "curvature"), [(0.0, 1.0), (10.0, 100.0)])
+def test_on_a_flat_stair_a_number_is_as_sure_as_the_way_to_either_side_says(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch, narrow: float, curvature: float
+) -> None:
+    """The prior is a part of what rises on that way. Where the misfit says nothing a number is known as well
+    as the prior has it, and not better by a root of two.
+
+    narrow: by how much the misfit rises within a width of the prior, its root."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.0]))
+    search = searched(problem, late, late)
+    own = len(problem.base)
+    flat = search.fit.jacobian.copy()
+    flat[own] = 0.0
+    vector = search.fit.point.vector()
+
+    def costs(_: Problem, __: object, points: list[Point]) -> np.ndarray:
+        moved = np.array([each.vector() - vector for each in points])
+        rise = (moved[:, own] * narrow) ** 2 + [each.vector() @ each.vector() for each in points]
+        return np.asarray(rise - vector @ vector + search.fit.cost, float)
+
+    monkeypatch.setattr(spread, "costs_at", costs)
+    monkeypatch.setattr(Problem, "limits", lambda *_: (np.full(own + 1, -9.0), np.full(own + 1, 9.0)))
+    found = _from_afar(replace(search, fit=replace(search.fit, jacobian=flat)))
+    assert 1.0 + found[own] == pytest.approx(curvature)
+    assert not found[:own].any()
 
 
 def test_beside_another_cause_a_number_is_less_sure(
