@@ -56,5 +56,6 @@ def _further(search: Search) -> float:
     that loses torque beside it with 39, and a filter with 16."""
     problem, named = search.problem, len(search.fit.point.active)
     strength = acting(search.linear.acting, search.whitener.noise)
-    wrong = inexact(strength, problem.features.width / BIN)
-    return SHORT * max(CROWD - named, 0) + problem.features.measured.size * wrong**2
+    width = problem.features.width / BIN
+    readings = problem.features.measured.size * width  # as many as there are in bins of 20 ms
+    return SHORT * max(CROWD - named, 0) + readings * inexact(strength, width) ** 2

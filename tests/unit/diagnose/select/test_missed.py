@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
+from raccoon.diagnose.drives.features import BIN
+from raccoon.diagnose.fit.noise import white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.whitening import FORM_SHARE, SPARED
+from raccoon.diagnose.hypotheses.forms import form_weight
 from raccoon.diagnose.select import missed
 from raccoon.diagnose.select.gates import MANY, WHEEL_GATE, gate
 from raccoon.diagnose.select.missed import with_missed
-from raccoon.diagnose.select.outlook import estimated
+from raccoon.diagnose.select.outlook import Search, estimated
 from raccoon.diagnose.select.search import forward, pruned
 from unit.diagnose.searches import searched
 
@@ -57,6 +64,25 @@ def test_beside_more_causes_less_is_needed(problem: Problem, others: dict[str, f
 def test_nothing_is_missed_where_nothing_is_missing(problem: Problem, seed: int) -> None:
     search = searched(problem, named(problem), named(problem), seed)
     assert with_missed(estimated(search)) is None
+
+
+@pytest.mark.parametrize("parts", [4, 1, 0.125])
+def test_in_bins_of_another_length_as_much_is_needed(problem: Problem, parts: float) -> None:
+    """Means over a bin a quarter as long have twice the noise, and there are four times as many. What the
+    form of a limit of the current makes of others is the same: 400 readings of (0.5 % of 9 noises) squared.
+    """
+    count, names = int(200 * parts), ("motor.current_limit", "a", "b", "c", "d")
+    features = replace(problem.features, width=BIN / parts, measured=np.zeros((count, 2)))
+    noise = white_noise(np.full(2, np.sqrt(parts)), np.zeros(count, np.intp))
+    response = np.full((count, 2), np.hypot(9.0, SPARED) / form_weight(names[0]))
+    asked = SimpleNamespace(
+        problem=SimpleNamespace(features=features),
+        fit=SimpleNamespace(point=SimpleNamespace(active=names)),
+        linear=SimpleNamespace(acting={names[0]: response}),
+        whitener=SimpleNamespace(noise=noise),
+    )
+    lacking = missed.SHORT * (missed.CROWD - len(names))
+    assert missed._further(cast(Search, asked)) == pytest.approx(lacking + 400 * (FORM_SHARE * 9.0) ** 2)
 
 
 def test_friction_of_one_wheel_is_not_asked_for(problem: Problem) -> None:
