@@ -77,27 +77,26 @@ def _bounded_slowly(matrix: Array, projection: Array, low: Array, high: Array) -
 
 @dataclass(frozen=True, slots=True)
 class Gram:
-    """Sufficient numbers of a block of data: G = X'X, h = X'y, power = y'y."""
+    """What a block of data says of its columns: G = X'X, h = X'y."""
 
     matrix: Array
     projection: Array
-    power: float
 
     @classmethod
     def of(cls, columns: Array, target: Array) -> Gram:
         """columns (n, m), target (n,)."""
-        return cls(columns.T @ columns, columns.T @ target, float(target @ target))
+        return cls(columns.T @ columns, columns.T @ target)
 
     def __sub__(self, other: Gram) -> Gram:
-        return Gram(self.matrix - other.matrix, self.projection - other.projection, self.power - other.power)
+        return Gram(self.matrix - other.matrix, self.projection - other.projection)
 
     def __add__(self, other: Gram) -> Gram:
-        return Gram(self.matrix + other.matrix, self.projection + other.projection, self.power + other.power)
+        return Gram(self.matrix + other.matrix, self.projection + other.projection)
 
     def take(self, index: Sequence[int] | Array) -> Gram:
         """Only these columns."""
         chosen = np.asarray(index, int)
-        return Gram(self.matrix[chosen[:, None], chosen], self.projection[chosen], self.power)
+        return Gram(self.matrix[chosen[:, None], chosen], self.projection[chosen])
 
     def solve(self) -> tuple[Array, float, Array]:
         """Posterior mean, log evidence relative to no columns, posterior covariance."""
@@ -117,13 +116,11 @@ class Gram:
 
     def scaled(self, sizes: Array) -> Gram:
         """Each column times a number: what its prior's standard deviation is then."""
-        return Gram(self.matrix * np.outer(sizes, sizes), self.projection * sizes, self.power)
+        return Gram(self.matrix * np.outer(sizes, sizes), self.projection * sizes)
 
     def shifted(self, held: Array) -> Gram:
         """The target less what the columns at `held` make of it."""
-        pull = self.matrix @ held
-        power = self.power - 2.0 * float(held @ self.projection) + float(held @ pull)
-        return Gram(self.matrix, self.projection - pull, power)
+        return Gram(self.matrix, self.projection - self.matrix @ held)
 
     def without(self, always: int) -> Gram:
         """Eliminate the first `always` columns, which keep their unit prior: what is left behaves as new
@@ -132,8 +129,7 @@ class Gram:
         cross = self.matrix[always:, :always]
         matrix = self.matrix[always:, always:] - cross @ inner @ cross.T
         projection = self.projection[always:] - cross @ inner @ self.projection[:always]
-        power = self.power - float(self.projection[:always] @ inner @ self.projection[:always])
-        return Gram(0.5 * (matrix + matrix.T), projection, power)
+        return Gram(0.5 * (matrix + matrix.T), projection)
 
     def beside_bounded(
         self, low: Array, high: Array, spans: Sequence[Sequence[int]]

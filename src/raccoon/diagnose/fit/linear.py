@@ -179,7 +179,7 @@ def tabulate(linear: Linear, extra: Sequence[Group], whitener: Whitener, base: i
 
 def _table(linear: Linear, groups: Sequence[Group], gram: Array, base: int) -> Table:
     """gram: inner products of all columns, the target last."""
-    whole = Gram(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]))
+    whole = Gram(gram[:-1, :-1], gram[:-1, -1])
     active = {name: list(span) for name, span in linear.point.spans().items()}
     off, position = [], len(linear.own)
     for group in groups:
