@@ -35,20 +35,6 @@ DEVIATIONS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class Masked:
-    """A whitener that lets only some bins count: the rest is kept for judging. fitted: (bins,)."""
-
-    inner: Whitener
-    fitted: NDArray[np.bool_]
-
-    def __call__(self, signals: Array) -> Array:
-        """(..., bins, channels) -> (..., rows), 0 where a bin is kept."""
-        white = self.inner(signals)
-        white[..., ~np.repeat(self.fitted, signals.shape[-1])] = 0.0
-        return white
-
-
-@dataclass(frozen=True, slots=True)
 class HeldOut:
     """Errors on held-out bins. before, after, floor: (channels,), root mean squares. size_before, size_after,
     and without, after dropping each cause: one number for all channels (see `size_of`).
@@ -162,11 +148,11 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     another recording."""
     problem = search.problem
     fitted = first_parts(problem.features) if other is None else np.ones(len(problem.features.time), bool)
-    masked = Masked(steadied(search), fitted)
-    full = _refitted(problem, masked, search.fit.point)
-    bare = _refitted(problem, masked, Point(np.zeros(len(problem.base))))
+    seen = steadied(search).of_bins(fitted)
+    full = _refitted(problem, seen, search.fit.point)
+    bare = _refitted(problem, seen, Point(np.zeros(len(problem.base))))
     names = list(search.fit.point.active)
-    less = [_dropped(problem, masked, full, search, name) for name in names]
+    less = [_dropped(problem, seen, full, search, name) for name in names]
     points = [bare.point, full.point, *(each.point for each in less)]
     judged = problem if other is None else other
     residual = judged.features.measured - judged.predict(points)
@@ -174,7 +160,7 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
     rms = np.sqrt((kept[:2] ** 2).mean(axis=1))
     rest = search.whitener.rest[~fitted] if other is None else search.whitener.rest
     floor = _floor(problem, rest)
-    seen = ~fitted if other is None else np.ones(len(judged.features.time), bool)
+    judging = ~fitted if other is None else np.ones(len(judged.features.time), bool)
     event = judged.features.event
     sizes = [size_of(each, floor, event) for each in kept]
     return HeldOut(
@@ -184,8 +170,8 @@ def held_out(search: Search, other: Problem | None) -> HeldOut:
         sizes[0],
         sizes[1],
         dict(zip(names, sizes[2:], strict=True)),
-        judged.features.time[seen],
-        judged.features.measured[seen],
+        judged.features.time[judging],
+        judged.features.measured[judging],
         kept[:2],
         np.sqrt(floor**2 + _spread(search, fitted)[~fitted if other is None else fitted].mean(axis=0)),
         event,
@@ -234,17 +220,17 @@ def _spread(search: Search, fitted: NDArray[np.bool_]) -> Array:
     """Variance (bins, channels) on unseen data beyond what nothing explains: of the noise, and of a fit of
     some bins."""
     own = search.linear.own
-    white = Masked(search.whitener, fitted)(own)
+    white = search.whitener.of_bins(fitted)(own)
     covariance = np.linalg.inv(np.eye(len(own)) + white @ white.T)
     uncertain = np.einsum("ibc,ij,jbc->bc", own, covariance, own, optimize=True)
     return np.asarray(search.whitener.spread + uncertain, float)
 
 
-def _refitted(problem: Problem, masked: Masked, start: Point) -> Fit:
-    return fit_point(problem, masked, start, 3)
+def _refitted(problem: Problem, seen: Whitener, start: Point) -> Fit:
+    return fit_point(problem, seen, start, 3)
 
 
-def _dropped(problem: Problem, masked: Masked, full: Fit, search: Search, name: str) -> Fit:
+def _dropped(problem: Problem, seen: Whitener, full: Fit, search: Search, name: str) -> Fit:
     gone = search.table.active[name]
     rows = [row for row in range(len(full.jacobian)) if row not in gone]
-    return fit_many(problem, masked, [full.point.without_cause(name)], full.jacobian[rows], 3)[0]
+    return fit_many(problem, seen, [full.point.without_cause(name)], full.jacobian[rows], 3)[0]

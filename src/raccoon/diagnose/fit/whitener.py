@@ -51,6 +51,22 @@ class Uncertain:
         variance = part**2 * (1.0 / (1.0 - self.shrink) ** 2 - 1.0)
         return replace(self, shrink=1.0 - 1.0 / np.sqrt(1.0 + variance))
 
+    @property
+    def spread(self) -> Array:
+        """The directions as they were, (rows, k), each as long as what it adds to a row's standard
+        deviation."""
+        return np.asarray(self.directions * np.sqrt(1.0 / (1.0 - self.shrink) ** 2 - 1.0), float)
+
+    def of_rows(self, seen: NDArray[np.bool_]) -> Uncertain:
+        """What is uncertain of some of all rows, (rows,), by themselves."""
+        part = self.spread * seen[self.rows, None]
+        return Uncertain.of(part.T[:, :, None], self.rows.start)
+
+    def put_back(self, rows: Array) -> None:
+        """Undo `take_away`."""
+        mine = rows[..., self.rows]
+        mine += mine @ self.directions * (1.0 / (1.0 - self.shrink) - 1.0) @ self.directions.T
+
     def take_away(self, rows: Array) -> None:
         """Rows (..., rows) of the whole recording become white in these directions too."""
         mine = rows[..., self.rows]
@@ -116,6 +132,19 @@ class Whitener:
         if self.common is not None:
             raise ValueError("what is uncertain beside what wanders would have to be made white anew")
         return replace(self, wandering=tuple(each.with_part(part) for each in self.wandering))
+
+    def of_bins(self, seen: NDArray[np.bool_]) -> Whitener:
+        """The same of some bins, (bins,), by themselves: rows of the others are 0, whatever is in them."""
+        noise = replace(self.noise, weights=self.noise.weights * seen)
+        rows = np.repeat(seen, self.rest.shape[1])
+        wandering = tuple(each.of_rows(rows) for each in self.wandering)
+        local = replace(self, noise=noise, wandering=wandering, common=None)
+        if self.common is None:
+            return local
+        common = self.common.spread.T
+        for each in self.wandering:
+            each.put_back(common)
+        return replace(local, common=Uncertain.of(local.slowed(common * rows)[:, :, None]))
 
     def __call__(self, signals: Array) -> Array:
         """(..., bins, channels) -> (..., rows)."""

@@ -290,6 +290,14 @@ def test_what_wanders_by_pieces_and_what_is_common_are_whitened_together() -> No
     np.testing.assert_allclose(whitener(rows.reshape(5, 30, 2)), slowed)
     with pytest.raises(ValueError, match="beside what wanders"):
         whitener.with_part(0.3)
+    some = np.arange(30) % 7 < 4  # these by themselves: nothing comes of what is in the others
+    flags, signals = np.repeat(some, 2), rows.reshape(5, 30, 2)
+    exact = rows[:, flags] @ np.linalg.solve(covariance[np.ix_(flags, flags)], rows[:, flags].T)
+    white = whitener.of_bins(some)(signals)
+    np.testing.assert_allclose(white @ white.T, exact, rtol=1e-5, atol=1e-5)
+    elsewhere = whitener.of_bins(some)(np.where(some[:, None], signals, 1e3))
+    np.testing.assert_array_equal(elsewhere, white)
+    assert not white[:, ~flags].any()
 
 
 def test_one_event_decides_no_more_on_blocks_left_out_than_in_a_fit(problem: Problem) -> None:
