@@ -101,9 +101,9 @@ def white_noise(scale: Array, regimes: Regimes) -> NoiseModel:
 def fit_noise(residual: Array, order: int, floor: Array, regimes: Regimes, event: int) -> NoiseModel:
     """Least-squares VAR of a residual (n, c); its memory from the bins in motion where there are enough.
 
-    floor: (c,), the smallest innovation sd that is believed for each channel (quantisation). event: bins in
-    half a second. The regression carries a slight ridge, so that short recordings and dead channels do not
-    break it.
+    floor: (c,), of each channel, what its residual is at least counted in (quantisation): a tenth of it, in
+    squares, every innovation has beside what is seen of it. event: bins in half a second. The regression
+    carries a slight ridge, so that short recordings and dead channels do not break it.
     """
     n, channels = residual.shape
     order = max(0, min(order, n // (8 * channels)))

@@ -3,9 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.stats import chi2
 
 from raccoon.diagnose.fit.evidence import Gram, bounded_least, foreseen
-from raccoon.diagnose.fit.noise import EVENT, STEADY, fit_noise, whiteness
+from raccoon.diagnose.fit.noise import CHANGING, EVENT, LARGE_EVENT, STEADY, fit_noise, whiteness
 
 
 def random_gram(seed: int, columns: int = 4, rows: int = 50) -> tuple[np.ndarray, np.ndarray, Gram]:
@@ -96,6 +97,62 @@ def test_whitening_is_an_innovation_unmixed_by_its_regime() -> None:
         expected[:, t] = model.weights[t] * (signals[:, t] - past) @ model.unmix[regimes[t]].T
     np.testing.assert_allclose(model.whiten(signals), expected, atol=1e-12)
     np.testing.assert_allclose(model.whiten(signals[0]), expected[0], atol=1e-12)
+
+
+def test_noise_is_the_same_in_other_units() -> None:
+    units, regimes, floor = np.array([1.0, 300.0]), np.repeat([0, 1, 2, 3], 500), np.full(2, 1e-3)
+    plain = fit_noise(coloured(4, 2000), 3, floor, regimes, EVENT)
+    scaled = fit_noise(units * coloured(4, 2000), 3, units * floor, regimes, EVENT)
+    signals = np.random.default_rng(5).normal(size=(2000, 2))
+    np.testing.assert_allclose(scaled.whiten(units * signals), plain.whiten(signals), rtol=1e-6, atol=1e-6)
+
+
+def test_a_channel_in_which_nothing_is_left_has_a_tenth_of_its_floor() -> None:
+    residual = np.random.default_rng(6).normal(size=(2000, 2)) * [1.0, 0.0]
+    model = fit_noise(residual, 1, np.full(2, 0.02), np.full(2000, STEADY), EVENT)
+    assert model.unmix[STEADY][1, 1] == pytest.approx(1.0 / (0.1 * 0.02))
+    assert model.unmix[STEADY][0, 0] == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_regime_of_few_bins_has_the_noise_of_all_by_their_freedom() -> None:
+    """Innovations of so many bins, less the numbers that their memory was fitted with: 3 lags of 2 channels.
+    It is one of enough bins that has a covariance of its own."""
+    noise, few = coloured(8, 200), 15 * 2
+    regimes = np.full(200, STEADY)
+    regimes[60 : 60 + few] = CHANGING
+    model = fit_noise(noise, 3, np.full(2, 1e-9), regimes, EVENT)
+    past = [noise[3 - lag : 200 - lag] @ model.coefficients[lag - 1].T for lag in (1, 2, 3)]
+    shocks = noise[3:] - sum(past)
+    for regime, own, freedom in (
+        (CHANGING, shocks, 197 - 6),
+        (STEADY, shocks[regimes[3:] == STEADY], 197 - few),
+    ):
+        whole = np.linalg.inv(model.unmix[regime].T @ model.unmix[regime])
+        assert whole == pytest.approx(own.T @ own / freedom, rel=1e-6)
+    regimes[60 + few] = CHANGING
+    more = fit_noise(noise, 3, np.full(2, 1e-9), regimes, EVENT)
+    assert np.abs(more.unmix[CHANGING] - model.unmix[CHANGING]).max() > 0.01
+
+
+def test_half_a_second_that_is_larger_than_usual_counts_as_a_usual_one() -> None:
+    """1.8 times the noise, where no bin by itself is far outside: then 1.2 times."""
+    noise = np.random.default_rng(7).choice([-1.0, 1.0], size=(100 * EVENT, 1))
+    noise[50 * EVENT : 51 * EVENT] *= 1.8
+    model = fit_noise(noise, 0, np.full(1, 1e-6), np.full(len(noise), STEADY), EVENT)
+    level = np.sqrt((noise**2).mean())
+    assert model.weights[50 * EVENT : 51 * EVENT] == pytest.approx(LARGE_EVENT / (1.8 / level))
+    assert (np.delete(model.weights, np.s_[50 * EVENT : 51 * EVENT]) == 1.0).all()
+
+
+def test_whiteness_is_the_chance_of_such_correlations_by_ljung_and_box() -> None:
+    rng, lags, count = np.random.default_rng(8), 10, 60
+    white = rng.normal(size=(count, 1))
+    centred = (white - white.mean())[:, 0]
+    each = [
+        (centred[lag:] @ centred[:-lag] / (centred @ centred)) ** 2 / (count - lag) for lag in range(1, 11)
+    ]
+    assert whiteness(white)[0] == pytest.approx(chi2.sf(count * (count + 2) * sum(each), lags))
+    assert whiteness(np.ones((count, 1)))[0] == 1.0  # nothing is left
 
 
 @pytest.mark.parametrize("seed", range(12))
