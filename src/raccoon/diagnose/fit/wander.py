@@ -107,9 +107,11 @@ def slow_battery(problem: Problem, linear: Linear, bins: slice = slice(None)) ->
 
 def courses(time: Array, seconds: float) -> Array:
     """What a wander of size 1 and that correlation time is made of, (knots, bins): each times a normal number
-    is an Ornstein-Uhlenbeck process on a grid of hats."""
+    is an Ornstein-Uhlenbeck process on a grid of hats. In a gap without bins there are no knots, and as much
+    is forgotten there as in any other time."""
     grid = GRID_PART * seconds
-    knots = np.arange(time[0], time[-1] + grid, grid)
+    before = np.unique(np.floor((time - time[0]) / grid).astype(int))
+    knots = time[0] + grid * np.union1d(before, before + 1)
     hats = np.maximum(0.0, 1.0 - np.abs(time[None, :] - knots[:, None]) / grid)
     factor = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots[None, :]) / seconds))
     return np.asarray(factor.T @ hats, float)

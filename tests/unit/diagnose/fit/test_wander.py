@@ -159,6 +159,22 @@ def test_in_pieces_much_the_same_wanders_as_in_one() -> None:
         np.testing.assert_allclose(piece.mean(axis=0), whole.mean(axis=0), rtol=0.1)
 
 
+def test_a_course_is_that_of_a_process_which_forgets_itself() -> None:
+    """At its knots, and beside a gap, in which it forgets and takes no room: an hour of it took more memory
+    than there is."""
+    seconds, step = 2.0, GRID_PART * 2.0
+    time = step * np.arange(40.0)
+    for gap in (0.0, 3.0 * step, 9000.0 * step):
+        late = time + gap * (np.arange(40) >= 25)
+        made = courses(late, seconds)
+        assert len(made) <= len(time) + 3
+        exact = np.exp(-np.abs(late[:, None] - late) / seconds)
+        np.testing.assert_allclose(made.T @ made, exact, atol=1e-9)
+    between = courses(0.25 * time, seconds)  # on straight lines from knot to knot
+    knots = np.exp(-step / seconds)
+    assert (between[:, 2] ** 2).sum() == pytest.approx(0.5 + 0.5 * knots)
+
+
 @pytest.mark.parametrize("seconds", [4.0, 0.05])
 def test_sums_over_a_course_have_the_covariance_of_its_correlation(seconds: float) -> None:
     """Also of a long one, over which the exponential function is beyond any number, and with a gap."""
