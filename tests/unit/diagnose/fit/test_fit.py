@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from raccoon.diagnose.fit import descent
-from raccoon.diagnose.fit.descent import ROUGH, _bent, _step
+from raccoon.diagnose.fit import descent, scan
+from raccoon.diagnose.fit.descent import ROUGH, SHORTER, Track, _bent, _step
 from raccoon.diagnose.fit.fits import fit_afresh, fit_at, fit_point
 from raccoon.diagnose.fit.fitted import Fit, cost_of
 from raccoon.diagnose.fit.problem import Point, Problem
@@ -33,6 +33,13 @@ class Straight:
 
     def limits(self, _: Point) -> tuple[Array, Array]:
         return np.full(self.count, -1.0), np.full(self.count, 1.0)
+
+
+class Whole(Straight):
+    """One that keeps points inside as well."""
+
+    def inside(self, point: Point) -> Point:
+        return Point(np.clip(point.base, -1.0, 1.0))
 
 
 def step_of(columns: Array, target: Array, start: Array) -> tuple[Array, float]:
@@ -109,8 +116,45 @@ def test_bent_columns_foretell_the_step_that_was_taken(seed: int) -> None:
     there = fit.white - (end - start) @ columns + 0.3 * rng.normal(size=20)
     bent = _bent(problem, fit, Point(end), there)
     np.testing.assert_allclose(fit.white - (end - start) @ bent.jacobian, there, atol=1e-9)
+    part = (end - start) * (columns**2).sum(axis=1)  # of a coordinate in the step
+    bend = bent.jacobian - columns
+    np.testing.assert_allclose(bend / part[:, None], np.tile(bend[0] / part[0], (3, 1)), atol=1e-12)
     straight = _bent(problem, fit, Point(end), fit.white - (end - start) @ columns)
     np.testing.assert_allclose(straight.jacobian, columns, atol=1e-9)
+
+
+def test_what_a_step_gains_is_foretold_whole_damped_and_shortened() -> None:
+    rng = np.random.default_rng(3)
+    columns, target, start = rng.normal(size=(3, 20)), 0.1 * rng.normal(size=20), np.zeros(3)
+    problem = cast(Problem, Straight(3))
+    fit = Fit.of(problem, Point(start), target, columns)
+    for damping in (0.0, 0.5, 5.0):
+        point, foretold = _step(problem, fit, damping)
+        assert foretold == pytest.approx(fit.cost - cost(columns, target, point.base))
+    whole, foretold = _step(problem, fit, 0.0)
+    track = Track(whole, fit, foretold=foretold)
+    track.shorten(cast(Problem, Whole(3)))
+    np.testing.assert_allclose(track.trial.base, SHORTER * whole.base)
+    assert track.foretold == pytest.approx(fit.cost - cost(columns, target, track.trial.base))
+
+
+@pytest.mark.parametrize(
+    ("foretold", "decrease", "arrived"),
+    [(0.4, 0.04, True), (0.4, 0.06, False), (8.0, 0.79, True), (8.0, 0.81, False), (90.0, 0.99, True)]
+    + [(90.0, 1.01, False)],
+)
+def test_a_fit_has_arrived_where_a_tenth_of_what_was_foretold_comes_and_that_is_little(
+    foretold: float, decrease: float, arrived: bool
+) -> None:
+    """No more than 1, and no less than 0.05."""
+    problem = cast(Problem, Whole(1))
+    columns = np.array([[1.0, 0.0]])
+    before = Fit.of(problem, Point(np.zeros(1)), np.array([4.0, 9.0]), columns)
+    white = np.array([4.0, np.sqrt(81.0 - decrease - 0.01)])  # and 0.01 that the prior takes
+    track = Track(Point(np.full(1, 0.1)), before, foretold=foretold)
+    track.consider(problem, Fit.of(problem, track.trial, white, columns))
+    assert track.best is not before
+    assert track.arrived == arrived
 
 
 def test_columns_that_foretold_a_step_well_do_for_the_next(
@@ -215,6 +259,16 @@ def test_play_is_looked_for_where_it_explains_more_than_none(problem: Problem, s
     if places:
         best = min(fit_afresh(problem, whitener, places, 8), key=lambda each: each.cost)
         assert best.point.active["drive.backlash"][0] == pytest.approx(size, rel=0.1)
+
+
+@pytest.mark.parametrize(("saved", "looked_at"), [(19.9, False), (20.1, True)])
+def test_play_is_looked_at_where_it_saves_ten_units_of_evidence(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch, saved: float, looked_at: bool
+) -> None:
+    fit = fit_at(problem, plain_whitener(problem), problem.nominal())
+    monkeypatch.setattr(scan, "costs_at", lambda *_: fit.cost - saved * (np.arange(33) == 5))
+    places = places_of_play(problem, plain_whitener(problem), fit)
+    assert [each.active["drive.backlash"].tolist() for each in places] == [[0.2, 0.6]] * looked_at
 
 
 def test_a_fit_goes_on_until_it_has_arrived(problem: Problem) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from raccoon.diagnose.fit import problem as module
 from raccoon.diagnose.fit.fits import fit_many
-from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.problem import BASE_STEP, Point, Problem, neighbours
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 
@@ -121,3 +121,24 @@ def test_a_fit_starts_where_there_are_robots(problem: Problem) -> None:
 
     (found,) = fit_many(problem, plain, [far], np.zeros((0, measured.size)), 1)
     assert found.point.active["drive.backlash"][0] == 0.0
+
+
+def test_a_column_at_a_bound_is_taken_inwards(problem: Problem) -> None:
+    low, high = problem.limits(problem.nominal())
+    for edge, inwards in ((high, -1.0), (low, 1.0)):
+        points, steps = neighbours(problem, Point(edge.copy()))
+        bounded = np.isfinite(edge)
+        assert (np.sign(steps[bounded]) == inwards).all()
+        for index, (point, step) in enumerate(zip(points, steps, strict=True)):
+            moved = point.base - edge
+            assert moved[index] == pytest.approx(step) or not bounded[index]
+            assert ((low <= point.base) & (point.base <= high)).all()
+    assert (neighbours(problem, problem.nominal())[1] == BASE_STEP).all()
+
+
+def test_what_readings_tell_apart_from_a_simulation_needs_a_cause_of_that_size(problem: Problem) -> None:
+    told = replace(problem, told={"bemf.dead_zone": (12.0, 0.4), "bemf.dead_zone@left": (3.0, 0.1)})
+    point = problem.nominal().with_cause("imu.latency", np.ones(1))
+    assert told.told_of(point) == 0.0
+    for size, evidence in ((0.39, 0.0), (0.4, 12.0), (2.0, 12.0)):
+        assert told.told_of(point.with_cause("bemf.dead_zone", np.array([size]))) == evidence

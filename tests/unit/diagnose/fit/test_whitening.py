@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.left_out import SHOWN, Part, _pulled, evidence_of, foreseen_error
-from raccoon.diagnose.fit.noise import EVENT, white_noise
+from raccoon.diagnose.fit.noise import CHANGING, EVENT, STEADY, white_noise
+from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.fit.wander import Piece
 from raccoon.diagnose.fit.whitening import (
     FAINT,
@@ -21,6 +24,7 @@ from raccoon.diagnose.fit.whitening import (
     acting,
     expected_share,
     faint_parts,
+    regimes_of,
 )
 
 BINS, CHANNELS = 6 * EVENT, 2
@@ -143,6 +147,30 @@ def test_what_is_negligible_is_bounded_in_units_of_the_noise() -> None:
     )
     absorbed = faint_parts(["actuation.latency"], strong, strong)[0]
     assert absorbed > faint_parts(["actuation.latency"], base, strong)[0]  # base numbers do most of it
+
+
+@pytest.mark.parametrize("width", [1.0, 0.25])
+def test_base_numbers_take_of_a_column_what_they_can_under_their_priors(width: float) -> None:
+    """Of one that is like a base number's, of length L, L / sqrt(1 + L^2) is left; of what is across all."""
+    along, across = np.zeros((2, 1, 1, 4))
+    along[..., 0], across[..., 1] = 3.0, 2.0
+    column, size = along + across, 4 * width
+    rms = np.sqrt((9.0 / (1.0 + 9.0) + 4.0) / size)
+    assert faint_parts(["actuation.latency"], along, column, width=width)[0] == pytest.approx(FAINT / rms)
+
+
+@pytest.mark.parametrize("bins", [1, 4])
+def test_a_ramp_is_a_change_in_bins_of_any_length(bins: int) -> None:
+    """Of a fortieth of the largest reading in 20 ms it is not, of a thirtieth it is."""
+    time = 0.02 / bins * np.arange(150 * bins)
+    for rate, changes in ((1.0 / 40.0, False), (1.0 / 30.0, True)):
+        ramp = np.clip(0.5 + rate * (time - 1.0) / 0.02, 0.5, 1.0)
+        features = SimpleNamespace(
+            roles=("bemf_left",), measured=300.0 * ramp[:, None], time=time, width=0.02 / bins
+        )
+        found = regimes_of(cast(Problem, SimpleNamespace(features=features)))
+        assert (found[(time > 1.1) & (time < 1.2)] == CHANGING).all() == changes
+        assert (found[time < 0.9] == STEADY).all()
 
 
 def test_a_cause_counts_for_as_much_as_its_form_is_inexact() -> None:

@@ -19,12 +19,13 @@ from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.linear import linearise, tabulate
 from raccoon.diagnose.fit.noise import EVENT, white_noise
 from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.wander import slow_friction
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
 from raccoon.diagnose.hypotheses.forms import form_error, form_weight
-from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, LONE_WHEEL_GATE, gate, gates
+from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, LONE_WHEEL_GATE, gate, gates, rarity
 from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
@@ -236,7 +237,34 @@ def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
     last = estimated(search)
     every, less = search.whitener.wandering[0], last.whitener.wandering[0]
     assert less.directions.shape[1] < every.directions.shape[1]
-    assert (last.whitener.spread > 0.0).any()  # unseen data must still be allowed to be as wrong as that
+    spread = last.whitener.spread  # unseen data must still be allowed to be as wrong as that
+    battery = spread[:, real.features.roles.index("battery")]
+    assert real.creep.volts**2 * 0.9 < np.median(battery) < (4.0 * real.creep.volts) ** 2
+    friction = slow_friction(real, search.linear)
+    assert (spread >= 0.9 * (last.whitener.wander * friction).var(axis=0)).all()
+
+
+def test_of_many_things_a_next_one_is_as_rare_as_laplace_has_it() -> None:
+    """The chance that the next of `asked` + 1 is named as well, all shares alike before, is (n + 1) / (N + 2).
+    """
+    for named, asked in ((4, 20), (0, 3), (9, 9)):
+        shares = np.linspace(0.0, 1.0, 20001)
+        weights = shares**named * (1.0 - shares) ** (asked - named)
+        chance = float((weights * shares).sum() / weights.sum())
+        assert rarity(named, asked) == pytest.approx(np.log((1.0 - chance) / chance), abs=1e-3)
+
+
+def test_what_is_foretold_of_a_block_is_what_all_others_say_and_bending_is_paid(problem: Problem) -> None:
+    rng, count = np.random.default_rng(4), len(problem.base)
+    point = Point(rng.normal(size=count), {"imu.latency": np.array([0.4])})
+    columns, white = rng.normal(size=(count + 1, 96)), rng.normal(size=96)
+    fit = replace(Fit.of(problem, point, white, columns), free=np.arange(count + 1) != 2)
+    told = Foretold.of(fit)
+    assert told.bent == pytest.approx(0.5 * (point.base**2).sum())
+    free = columns[fit.free]
+    target = white + point.vector()[fit.free] @ free
+    mean = np.linalg.solve(np.eye(count) + free[:, 12:] @ free[:, 12:].T, free[:, 12:] @ target[12:])
+    np.testing.assert_allclose(told.left[:12], target[:12] - mean @ free[:, :12])
 
 
 def test_a_part_of_slow_friction_is_that_part_of_its_size() -> None:
