@@ -245,8 +245,7 @@ def test_the_last_fit_takes_nothing_that_an_effect_does_for_noise() -> None:
 
 
 def test_of_many_things_a_next_one_is_as_rare_as_laplace_has_it() -> None:
-    """The chance that the next of `asked` + 1 is named as well, all shares alike before, is (n + 1) / (N + 2).
-    """
+    """The odds against the next one, where so many of those before were named and all shares are alike."""
     for named, asked in ((4, 20), (0, 3), (9, 9)):
         shares = np.linspace(0.0, 1.0, 20001)
         weights = shares**named * (1.0 - shares) ** (asked - named)
