@@ -110,11 +110,15 @@ class _Pool:
     def _on_line(
         self, parameter: Parameter, having: Sequence[str], values: Array, stds: Sequence[float]
     ) -> tuple[float, float]:
-        rows = np.array([self.rows[name] for name in having], float)
-        rate, start = np.polyfit(rows - self.rows[self.at], values, 1)
-        left = values - start - rate * (rows - self.rows[self.at])
+        """At an end a line is less sure than in its middle, and two of its numbers are fitted."""
+        rows = np.array([self.rows[name] for name in having], float) - self.rows[self.at]
+        rate, start = np.polyfit(rows, values, 1)
+        left = values - start - rate * rows
+        scatter = math.sqrt(float(left @ left) / max(len(rows) - 2, 1))
+        middle = rows.mean()
+        share = 1.0 / len(rows) + float(middle**2 / ((rows - middle) ** 2).sum())
         value = min(max(float(start), parameter.bounds.low), parameter.bounds.high)
-        return value, math.hypot(float(left.std()), float(np.median(stds)) / math.sqrt(len(stds)))
+        return value, math.hypot(scatter, max(scatter, float(np.median(stds))) * math.sqrt(share))
 
 
 def _with_refits(common: Parameters, pool: _Pool, fleet: Fleet) -> Parameters:

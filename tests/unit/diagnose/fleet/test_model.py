@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.fleet.model import Foreseen, common_model, foreseen
+from raccoon.diagnose.fleet.model import Foreseen, _Pool, common_model, foreseen
 from raccoon.diagnose.fleet.summary import Fleet, fleet_of
 from raccoon.diagnose.result import (
     CauseResult,
@@ -20,6 +21,7 @@ from raccoon.diagnose.result import (
     Unexplained,
     Verdict,
 )
+from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import Origin
 
@@ -101,6 +103,25 @@ def test_what_creeps_is_where_it_has_come_to() -> None:
     assert effects(fleet)[key]["resistance"] == pytest.approx(0.13)
     assert effects(fleet, "day7")[key]["resistance"] == pytest.approx(0.13)  # foreseen by seven others
     assert effects(fleet, "day2")[key]["resistance"] == pytest.approx(0.08)
+
+
+@pytest.mark.parametrize(("scatter", "own"), [(0.03, 0.01), (0.0, 0.01)])
+def test_how_sure_a_line_is_of_the_next_number_is_what_it_is_off_by(scatter: float, own: float) -> None:
+    """Of five recordings, in the mean square over many fleets: scatter^2 (1 + h), h the next one's leverage.
+    Three tenths of that were said. Where nothing scatters the line is as sure as its numbers make it."""
+    rng, names = np.random.default_rng(3), [f"day{day}" for day in range(6)]
+    pool = _Pool({}, {name: row for row, name in enumerate(names)}, "day5")
+    parameter = effect("battery.internal_resistance").parameters[0]
+    design = np.stack([np.ones(5), np.arange(5.0)], axis=1)
+    leverage = np.array([1.0, 5.0]) @ np.linalg.inv(design.T @ design) @ np.array([1.0, 5.0])
+    said, off = [], []
+    for numbers in 0.3 + 0.05 * np.arange(6) + scatter * rng.standard_normal((1500, 6)):
+        value, std = pool._on_line(parameter, names[:5], numbers[:5], [own] * 5)
+        said.append(std**2)
+        off.append((numbers[5] - value) ** 2)
+    assert np.mean(off) == pytest.approx(scatter**2 * (1.0 + leverage), rel=0.1, abs=1e-20)
+    expected = np.mean(off) if scatter else own**2 * leverage
+    assert np.mean(said) == pytest.approx(expected, rel=0.1)
 
 
 def test_the_one_to_foresee_has_no_say() -> None:
