@@ -118,4 +118,5 @@ def _deviation(numbers: Sequence[ParameterResult]) -> float:
     """Of a robot's middle: what its recordings say of theirs, and not less than they scatter."""
     values = np.array([each.value for each in numbers])
     said = float(np.nan_to_num(np.array([each.std for each in numbers])).mean())
-    return max(said, float(values.std())) / math.sqrt(len(values))
+    scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+    return max(said, scatter) / math.sqrt(len(values))

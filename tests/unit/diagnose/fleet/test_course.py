@@ -105,6 +105,16 @@ def test_numbers_without_any_scatter_change_where_they_do_and_nowhere_else() -> 
     assert course_of([0.3, 0.3, 0.3, 0.1 + 0.2, 0.1 + 0.2, 0.1 + 0.2], [0.0] * 6) == ()
 
 
+def test_beside_an_odd_number_the_others_must_jump_by_ten_deviations() -> None:
+    """Of the difference of their means, by what they say of themselves where they do not scatter."""
+    std = 0.01
+    least = 10.0 * std * np.sqrt(1.0 / 12.0 + 1.0 / 7.0)
+    for jump, found in ((0.98, []), (1.02, [0, 13])):
+        series = np.where(np.arange(19) < 12, 1.0, 1.0 + jump * least)
+        course = course_of(np.insert(series, 5, 0.5).tolist(), [std] * 20)
+        assert [each.first for each in course] == found
+
+
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_the_unit_does_not_matter(scale: float) -> None:
     rng = np.random.default_rng(8)

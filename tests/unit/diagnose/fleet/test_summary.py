@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from raccoon.diagnose.fleet.series import _deviation, _far
 from raccoon.diagnose.fleet.summary import FleetCause, FleetNumber, fleet_of
 from raccoon.diagnose.reports.fleet_text import fleet_report
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
@@ -146,6 +148,23 @@ def test_one_that_does_not_creep_with_the_others_is_far_from_them() -> None:
     ((aged,),) = (each.pieces for each in battery.series.courses)
     assert aged.creeps
     assert battery.series.outliers == ("week4",)
+
+
+def test_what_is_not_known_well_is_not_far_from_the_others() -> None:
+    """Four deviations, of the others' spread and its own in squares; one that says none has none."""
+    assert _far([0.39, 0.41, 0.41, -0.56, -0.57], 0.1, np.array([0.0, math.nan, 0.1, 0.1, 0.1])) == [
+        False, True, False, False, True,
+    ]  # fmt: skip
+
+
+def test_a_robots_middle_is_as_sure_as_its_recordings_say_or_scatter() -> None:
+    def of(values: list[float], std: float) -> float:
+        return _deviation([ParameterResult(each, std, "", 1.0) for each in values])
+
+    assert of([1.0], 0.1) == pytest.approx(0.1)
+    assert of([1.0, 1.1], 0.1) == pytest.approx(0.1 / math.sqrt(2.0))
+    assert of([1.0, 1.4], 0.1) == pytest.approx(0.2)  # deviation of two numbers 0.4 / sqrt 2, of their mean
+    assert of([1.0, 1.4], math.nan) == pytest.approx(0.2)
 
 
 def test_equal_numbers_have_the_deviation_of_one() -> None:
