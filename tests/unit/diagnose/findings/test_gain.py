@@ -11,7 +11,7 @@ from blind.generator import make
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import BIN, half_second
 from raccoon.diagnose.drives.log import log_from_columns
-from raccoon.diagnose.findings.gain import HeldOut, contributions, size_of
+from raccoon.diagnose.findings.gain import HeldOut, _spread, contributions, first_parts, size_of
 from raccoon.diagnose.fit.noise import EVENT
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.controller import problem_of
@@ -60,6 +60,25 @@ def test_what_wanders_slowly_may_be_further_off_by_chance() -> None:
     assert replace(wandering, size_after=1.4).left == 0.0
 
 
+@pytest.mark.parametrize(("seconds", "values"), [(12.0, 6.0), (4.0, 2.0), (24.0, 12.0)])
+def test_what_wanders_has_as_many_values_as_it_forgets_itself_times_on_both_wheels(
+    seconds: float, values: float
+) -> None:
+    """Three deviations of the mean square of so many, of the part that is not the floor, here a half."""
+    chance, unit = 1.0 + 0.2 * np.sqrt(12.0 / seconds), np.full(2, np.sqrt(2.0))
+    most = np.sqrt(chance**2 + 3.0 * 0.5 * np.sqrt(2.0 / values))
+    for size, far in ((0.99 * most, False), (1.01 * most, True)):
+        residual = np.full((int(seconds / BIN), 2), size) * unit
+        assert replace(held(residual), expected=unit).is_far == far
+
+
+def test_what_is_far_off_in_every_half_second_is_far_however_short_it_is() -> None:
+    """None counts for more than four usual ones, and more than that was to be asked of 2 s."""
+    off = replace(held(np.full((100, 2), 50.0)), expected=np.full(2, 2.0))
+    assert off.surprise == pytest.approx(2.0)
+    assert off.is_far
+
+
 @pytest.mark.parametrize(("seconds", "part"), [(3.0, 0.8), (12.0, 0.9), (30.0, 0.9)])
 def test_the_less_there_is_to_judge_on_the_more_harm_may_be_chance(seconds: float, part: float) -> None:
     residual = np.ones((int(seconds / BIN), 2))
@@ -71,6 +90,12 @@ def test_what_a_cause_gains_is_counted_from_where_the_error_is_without_it() -> N
     found = replace(held(np.ones((2, 2))), size_before=1.5, size_after=1.2, without={"a": 1.3, "b": 2.0})
     assert found.share("a") == pytest.approx((1.3**2 - 1.2**2) / (1.5**2 - 1.0))
     assert found.share("b") == pytest.approx((2.0**2 - 1.2**2) / (2.0**2 - 1.0))
+
+
+def test_where_usual_errors_are_below_the_noise_one_event_counts_as_four_times_that() -> None:
+    rest = np.full((20 * EVENT, 2), 0.1)
+    rest[:EVENT] = 10.0
+    assert size_of(rest, np.ones(2), EVENT) == pytest.approx(np.sqrt((19 * 0.01 + 4.0) / 20))
 
 
 def test_the_size_of_an_error_is_its_root_mean_square_where_no_moment_stands_out() -> None:
@@ -96,6 +121,13 @@ def test_what_acts_most_is_what_base_numbers_cannot_absorb() -> None:
     assert 0.5 * whole[1] < found["actuation.latency"].unabsorbed < whole[1]
     most = [np.sqrt((((changes[0] - each) / floor) ** 2).mean(axis=0).max()) for each in changes[1:]]
     assert [found[name].change for name in both] == pytest.approx(most, rel=0.01)
+    fitted = first_parts(real.features)
+    assert fitted[: int(fitted.sum())].all()
+    assert fitted.mean() == pytest.approx(0.7, abs=0.01)
+    white, own = search.whitener.of_bins(fitted)(search.linear.own), search.linear.own
+    factor = np.linalg.inv(np.linalg.cholesky(np.eye(len(own)) + white @ white.T))
+    unsure = (np.tensordot(factor, own, axes=1) ** 2).sum(axis=0)  # of a fit of the first part
+    np.testing.assert_allclose(_spread(search, fitted), search.whitener.spread + unsure, rtol=1e-6)
     rough = replace(search.linear, residual=3.0 * search.linear.residual)
     less = contributions(replace(search, fit=replace(search.fit, point=point), linear=rough))
     assert less["actuation.latency"].unabsorbed == pytest.approx(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -49,6 +50,30 @@ def test_what_is_held_at_a_bound_does_not_make_others_seem_to_disagree(problem: 
     features = problem.features
     assert factors[1] == pytest.approx(factors[0])
     assert factors[0] >= 1.0 + LEARNT / (len(features.time) * features.width)
+
+
+@pytest.mark.parametrize(("scale", "widened"), [(3.0, True), (0.3, False)])
+def test_where_blocks_of_time_disagree_numbers_are_less_sure(
+    problem: Problem, scale: float, widened: bool
+) -> None:
+    """By White's sandwich, in the mean; where they agree better than noise would, that is chance."""
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    search = searched(problem, late, late)
+    fit = replace(search.fit, white=scale * np.random.default_rng(5).normal(size=search.fit.white.size))
+    columns, vector = fit.jacobian[fit.free], fit.point.vector()[fit.free]
+    covariance = np.linalg.inv(np.eye(len(columns)) + columns @ columns.T)
+    target = fit.white + vector @ columns
+    left = target - covariance @ columns @ target @ columns
+    edges = np.linspace(0, len(left), 9).astype(int)
+    scores = np.array([columns[:, one:two] @ left[one:two] for one, two in pairwise(edges)])
+    sandwich = covariance @ (scores.T @ scores) @ covariance
+    ratio = float(np.mean(np.diag(sandwich) / np.diag(covariance)))
+    assert (ratio > 1.0) == widened
+    features = problem.features
+    short = 1.0 + LEARNT / (len(features.time) * features.width)
+    plain = np.linalg.inv(fit.curvature)
+    said = coordinate_covariance(replace(search, fit=fit))
+    np.testing.assert_allclose(said, plain * max(ratio, 1.0) * short, rtol=1e-6, atol=1e-12)
 
 
 def test_numbers_of_a_short_drive_are_less_sure(problem: Problem) -> None:
