@@ -27,6 +27,8 @@ FILTER, LATENCY = "bemf.filter_lag", "actuation.latency"
 FAR = 60.0
 STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
 """Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
+EXACT = 1e-9
+"""Of each reading's unit: a channel that is simulated that well from any start decides nothing."""
 HIDING = (
     multiplied("bemf.scale", "left", 0.05),
     multiplied("bemf.scale", "right", 0.05),
@@ -96,7 +98,8 @@ def start_of(problem: Problem) -> Point:
         if name in problem.causes:
             starts = [start.with_cause(name, np.array([u])) for u in sizes]
             errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
-            start = starts[int(np.argmin((errors / errors.min(axis=0)).mean(axis=1)))]
+            least = np.maximum(errors.min(axis=0), EXACT)
+            start = starts[int(np.argmin((errors / least).mean(axis=1)))]
     return start
 
 

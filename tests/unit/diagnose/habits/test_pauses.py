@@ -9,8 +9,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from raccoon.diagnose.fit.problem import Point
+from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import AT_ITS_END, FREE_RUNNING, PAUSING, pauses
+from raccoon.diagnose.habits.loose import start_of
 from raccoon.diagnose.habits.others import DOUBT, Under
 from raccoon.diagnose.habits.searching import _under_another_filter
 from raccoon.diagnose.hypotheses.candidates import drive_causes
@@ -78,3 +79,22 @@ def test_a_median_and_a_chip_are_asked_for_at_once_where_late_commands_were_name
     for chain, roles in ((Chain.firmware(), BACK_EMF), (Chain(), ENCODERS)):
         assert not any(each[-1] for each in asked(chain, roles, monkeypatch, named).values())
     assert not any(each[-1] for each in asked(Chain(), BACK_EMF, monkeypatch).values())
+
+
+def test_a_channel_that_any_start_has_right_decides_no_start() -> None:
+    """A battery without resistance reads the same at any latency: 0 of 0 made the first the best."""
+
+    def predict(points: list[Point]) -> np.ndarray:
+        late = np.array([each.active["actuation.latency"][0] for each in points])
+        wheel = np.sin(np.arange(40) / 5.0 - late[:, None])
+        return np.stack([wheel, np.full_like(wheel, 12.0)], axis=2)
+
+    measured = predict([Point(np.zeros(1), {"actuation.latency": np.array([1.6])})])[0]
+    problem = SimpleNamespace(
+        causes=CAUSES,
+        features=SimpleNamespace(measured=measured),
+        nominal=lambda: Point(np.zeros(1)),
+        predict=predict,
+    )
+    found = start_of(cast(Problem, problem))
+    assert found.active["actuation.latency"].tolist() == [1.7]
