@@ -73,6 +73,8 @@ class OwnEffect(Effect):
             if each.neutral is None or not each.bounds.allows(each.neutral) or not each.prior_width > 0.0:
                 wanted = "a neutral value inside its bounds and a prior_width above 0"
                 raise ConfigError(f"{self.id}: {each.name}: give it {wanted}")
+            if not each.bounds.low < each.bounds.high:
+                raise ConfigError(f"{self.id}: {each.name}: its bounds allow {each.bounds.low:g} alone")
         self.told(self.neutral())
 
     def told(self, values: Values) -> str:

@@ -93,7 +93,7 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str], sizes: int |
     own = (outputs[1 : count + 1] - centre) / steps[:, None, None]
     groups: dict[tuple[str, int], list[tuple[Array, tuple[float, ...]]]] = {}
     for (name, index, u), output in zip(guesses, outputs[count + 1 : len(points)], strict=True):
-        scale = float(np.hypot(u[0], u[1])) if _is_pair(problem, name) else u[0]
+        scale = sum(u) if _are_linear(problem, name) else u[0]
         groups.setdefault((name, index), []).append(((output - centre) / scale, u))
     return Linear(
         point,
@@ -104,8 +104,8 @@ def linearise(problem: Problem, point: Point, tried: Sequence[str], sizes: int |
     )
 
 
-def _is_pair(problem: Problem, name: str) -> bool:
-    """Whether a cause's coordinates are all linear (each has a column of its own)."""
+def _are_linear(problem: Problem, name: str) -> bool:
+    """Whether a cause's coordinates are all linear: each has a column of its own, of a point along it."""
     cause = problem.causes[name]
     return len(cause.variants[0]) > 1
 

@@ -183,16 +183,29 @@ def drive_causes() -> tuple[Cause, ...]:
     return tuple(found)
 
 
+OWN_START = 0.5
+"""Widths at which an effect of a team's own is looked at first."""
+ABOVE_NONE = 1e-6
+"""Usual deviations from 0 to which a number goes that must be above it."""
+
+
 def own_cause(own: OwnEffect) -> Cause:
     """A team's own effect as a cause; all of its parameters count from their neutral values."""
     coordinates = []
     for each in own.parameters:
         width, neutral = WIDTH_FACTOR * each.prior_width, float(each.neutral or 0.0)
-        low, high = ((bound - neutral) / width for bound in (each.bounds.low, each.bounds.high))
+        least = ABOVE_NONE * each.prior_width if each.bounds.positive else -math.inf
+        low, high = ((bound - neutral) / width for bound in (max(each.bounds.low, least), each.bounds.high))
         add = partial(mul, width)
         coordinates.append(
-            Coordinate(f"{own.id}.{each.name}", ((own.id, None, each.name),), add, False, low, high)
+            Coordinate(f"{own.id}.{each.name}", ((own.id, None, each.name),), add, False, min(low, 0.0), high)
         )
-    starts = 0.5 * np.eye(len(coordinates))
+    starts = np.diag([_inwards(each) for each in coordinates])
     points = tuple(tuple(map(float, row)) for row in starts)
     return Cause(own.id, None, tuple(coordinates), (points,), own=own)
+
+
+def _inwards(coordinate: Coordinate) -> float:
+    """Half a width, to where its bounds let it go; less where they let it go no such way."""
+    low, high = max(coordinate.low, -OWN_START), min(coordinate.high, OWN_START)
+    return high if high >= -low else low

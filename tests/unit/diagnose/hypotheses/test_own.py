@@ -22,6 +22,8 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
+from raccoon.diagnose.fit.linear import linearise
+from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.habits.controller import drive_problem
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.own import OwnEffect, Simulated, load_own
@@ -128,6 +130,38 @@ def test_robots_with_and_without_it_are_simulated_side_by_side() -> None:
     np.testing.assert_allclose(with_it, expected, atol=1e-9)
 
 
+def test_each_of_many_numbers_has_its_column_and_none_is_tried_out_of_its_bounds() -> None:
+    """A third one's was divided by 0, and a share of which 1 is all was tried at 1.1."""
+    parameters = (
+        GAIN,
+        Parameter("share", "", 1.0, Bounds(0.0, 1.0), 0.1),
+        Parameter("left", "rad/s", 0.0, Bounds(-0.01, 0.001), 0.02),
+        Parameter("size", "", 0.1, Bounds(positive=True, high=0.1), 0.2),
+    )
+
+    def readings(drive: Simulated, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+        for each in parameters:
+            assert each.bounds.allows(values[each.name]), values
+        changed = (
+            values["gain"] + (values["share"] - 1.0) + 2.0 * values["left"] + 3.0 * (values["size"] - 0.1)
+        )
+        return {"gyro": drive.readings["gyro"] + changed}
+
+    own = replace(SHIFT, parameters=parameters, readings=readings)
+    cause = own_cause(own)
+    log = log_from_columns(dict(make(4, seconds=4.0).columns), ROBOT)
+    problem = drive_problem(log, ROBOT, [cause], Habits(Chain.firmware(), False), None)
+    (group,) = linearise(problem, problem.nominal(), [cause.name]).groups
+    gyro = problem.features.roles.index("gyro")
+    widths = [2.0 * each.prior_width for each in parameters]
+    for column, wanted in zip(group.columns, np.multiply(widths, [1.0, 1.0, 2.0, 3.0]), strict=True):
+        assert column[:, gyro] == pytest.approx(wanted)
+        assert not np.delete(column, gyro, axis=1).any()
+    low, high = problem.limits(problem.nominal().with_cause(cause.name, np.zeros(4)))
+    for corner in (low, high):
+        problem.predict([Point(np.zeros(len(problem.base)), {cause.name: np.clip(corner[-4:], -9.0, 9.0)})])
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -138,6 +172,7 @@ def test_robots_with_and_without_it_are_simulated_side_by_side() -> None:
         ({"parameters": (replace(GAIN, neutral=None),)}, "gain: give it a neutral value"),
         ({"parameters": (replace(GAIN, neutral=2.0),)}, "gain: give it a neutral value"),
         ({"parameters": (replace(GAIN, prior_width=0.0),)}, "a prior_width above 0"),
+        ({"parameters": (replace(GAIN, bounds=Bounds(0.0, 0.0)),)}, "gain: its bounds allow 0 alone"),
         ({"sentence": "It is {size}."}, "'size'; it may name gain"),
         ({"needs": ("sonar",)}, "needs 'sonar': allowed are bemf_left"),
     ],
