@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from typing import cast
 
 import numpy as np
 import pytest
 
 from raccoon.diagnose.findings import spread
 from raccoon.diagnose.findings.naming import beside_rivals, parameters
-from raccoon.diagnose.findings.spread import LEARNT, Spread, _from_afar, coordinate_covariance
+from raccoon.diagnose.findings.spread import (
+    LEARNT,
+    Spread,
+    _from_afar,
+    _unnamed,
+    coordinate_covariance,
+    number_in,
+)
 from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.candidates import drive_causes
-from raccoon.diagnose.hypotheses.coordinates import Cause
+from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, Cause, Settings
+from raccoon.diagnose.hypotheses.forms import form_error, least_error
 from raccoon.diagnose.select.outlook import Rival
 from raccoon.diagnose.select.rivals import BY_FORM, CLOSE
 from unit.diagnose.searches import searched
@@ -132,6 +142,44 @@ def test_beside_another_cause_a_number_is_less_sure(
     assert stds[1, 0.0] < stds[2, 0.0] < stds[2, 0.05]
     slip = CAUSES["drive.wheel_slip"].coordinates[0].value(1.0)  # s: a little of it bends the latency as much
     assert stds[2, 0.05] < 0.05 * slip
+
+
+def test_what_is_not_named_counts_as_coordinates_under_unit_priors(problem: Problem) -> None:
+    """That are fitted as well, and of which nobody asks."""
+    both = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    both = both.with_cause("imu.gyro_bias", np.array([1.0]))
+    search = searched(problem, both, both)
+    columns, unnamed = search.fit.jacobian, _unnamed(search)
+    assert len(unnamed) > 1
+    every = np.vstack([columns, 30.0 * unnamed])
+    whole = np.linalg.inv(np.eye(len(every)) + every @ every.T)[: len(columns), : len(columns)]
+    thirty = replace(search, whitener=cast(Whitener, lambda each: 30.0 * search.whitener(each)))
+    said = coordinate_covariance(thirty)
+    np.testing.assert_allclose(said * (whole[0, 0] / said[0, 0]), whole, rtol=1e-6, atol=1e-10)
+    assert said[0, 0] >= whole[0, 0]
+
+
+def test_a_number_has_the_error_of_its_form_as_well(problem: Problem) -> None:
+    """A share of how far it is from nominal, and a part of its width for the root of how many are named."""
+    both = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    both = both.with_cause("imu.gyro_bias", np.array([1.0]))
+    search = searched(problem, both, both)
+    known = replace(Spread.of(search), covariance=np.zeros((len(both.vector()), len(both.vector()))))
+    for name, cause in CAUSES.items():
+        (parameter,) = (each for each in cause.effect.parameters if each.name != "at_once")
+        found = parameters(search, cause, known)[parameter.name]
+        least = least_error(name, 1) * np.sqrt(2.0) * WIDTH_FACTOR * parameter.prior_width
+        assert found.std == pytest.approx(
+            np.hypot(form_error(cause.id) * (found.value - found.nominal), least)
+        )
+    late = parameters(search, CAUSES["imu.latency"], known)["seconds"]
+    assert late.std > form_error("imu.latency") * late.value > 0.0
+
+
+def test_an_inertia_is_counted_with_what_is_open_of_it_straight_and_turning() -> None:
+    key, open_ = ("drive.inertia", None, "factor"), (("inertia", None, each) for each in ("straight", "turn"))
+    settings: Settings = {key: 1.2, **dict(zip(open_, (1.21, 0.81), strict=True))}
+    assert number_in(settings, key) == pytest.approx(1.2 * 1.1 * 0.9)
 
 
 def test_a_number_is_as_sure_as_what_it_would_be_beside_a_rival_of_another_cause(problem: Problem) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -30,6 +32,7 @@ from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import ParameterResult
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select import rivals
+from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, FAR, compared
 from raccoon.diagnose.unknown.probes import PREFIX, probes_for
@@ -113,6 +116,31 @@ def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: 
     assert tried[False].lead > CLOSE
     assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
     assert probability(search, "imu.latency", ("drive.wheel_slip",), {}) > 0.999
+
+
+@pytest.mark.parametrize(
+    ("named", "behind", "lacking"),
+    [(3, 5.0, 5.0), (4, 9.0, 9.0 - EVIDENCE_GATE + math.log(17 / 5)), (4, 2.0, 0.0), (4, -3.0, -3.0)],
+)
+def test_among_many_a_twins_further_cause_lacks_its_rarity_instead_of_its_gate(
+    monkeypatch: pytest.MonkeyPatch, named: int, behind: float, lacking: float
+) -> None:
+    """Of 20 that are asked for; no lead comes of what is spared, and one that leads keeps its lead."""
+    now = [f"a.{each}" for each in range(named)]
+
+    def standing(active: list[str]) -> Any:
+        return SimpleNamespace(point=SimpleNamespace(active=dict.fromkeys(active)))
+
+    twin = standing([*now[1:], "b.0", "b.1"])
+    monkeypatch.setattr(rivals, "fitted_twins", lambda _: [(now[0], twin)])
+    monkeypatch.setattr(rivals, "net_lead", lambda *_: -behind)
+    causes = {f"a.{each}": SimpleNamespace(id=f"a.{each}") for each in range(20)}
+    problem = SimpleNamespace(causes=causes, settings=lambda _: {})
+    search = SimpleNamespace(problem=problem, fit=standing(now), rivals={name: [] for name in now})
+    assert rivals._same_drives(cast(Search, search), twin) == [twin]
+    found = {each.name: each for each in search.rivals[now[0]]}
+    assert {name: each.together for name, each in found.items()} == {"b.0": ("b.1",), "b.1": ("b.0",)}
+    assert [each.lead for each in found.values()] == pytest.approx([lacking] * 2)
 
 
 @pytest.mark.parametrize(("std", "away"), [(0.0005, 4.0), (0.002, 1.0), (0.02, 0.1)])
