@@ -80,7 +80,13 @@ class Under:
         while len(self.beginnings) > MOST_KEPT:
             del self.beginnings[next(iter(self.beginnings))]
         found = self.beginnings[habits]
-        return replace(found, failed=dict(found.failed), rivals=dict(found.rivals))
+        return replace(
+            found,
+            gains=dict(found.gains),
+            held_out=dict(found.held_out),
+            failed=dict(found.failed),
+            rivals={name: [*each] for name, each in found.rivals.items()},
+        )
 
     def new(self, search: Search, habits: Habits, others: Iterable[Habits]) -> list[Habits]:
         """Those of other habits that were not asked for in vain with what is named."""
