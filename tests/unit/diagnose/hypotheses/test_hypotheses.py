@@ -10,9 +10,11 @@ from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.habits.controller import starting_settings
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR, neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
 from raccoon.diagnose.rollout.robots import Variant, parameters_of
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.parameters import SIDES
 from raccoon.sim.effects.physical import plant_numbers
 
 ROBOT = RobotConfig()
@@ -48,6 +50,21 @@ def test_a_model_file_brings_its_inertia_along(problem: Problem) -> None:
     settings[("inertia", None, "straight")], settings[("inertia", None, "turn")] = 1.3, 0.8
     model = parameters_of(settings, neutral_settings(ROBOT), ROBOT, Chain.firmware())
     assert starting_settings(ROBOT, model) == pytest.approx(settings)
+
+
+@pytest.mark.parametrize(("wombat", "own"), [(False, 0.0003), (True, 0.0025)])
+def test_a_clock_of_the_controllers_own_makes_commands_and_readings_as_late_as_a_cycle_by_chance(
+    wombat: bool, own: float
+) -> None:
+    """Evenly from none to all of 5 ms, beside what else is open of both."""
+    evenly = float(np.linspace(0.0, 0.005, 100001).std())
+    for free_running, late in ((False, 0.0), (True, evenly)):
+        found = base_coordinates(ROBOT, free_running=free_running, wombat=wombat)
+        widths = {each.settings[0][:2]: each.value(1.0) for each in found if not each.factor}
+        assert widths["actuation.latency", None] == pytest.approx(np.hypot(own, late), rel=1e-4)
+        lag = ROBOT.model.bemf.filter_time_constant.std
+        for side in SIDES:
+            assert widths["bemf.filter_lag", side] == pytest.approx(np.hypot(lag, late), rel=1e-4)
 
 
 def test_friction_by_direction_does_not_change_with_the_friction(problem: Problem) -> None:
