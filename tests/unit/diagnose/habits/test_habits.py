@@ -322,7 +322,7 @@ def test_a_beginning_is_searched_once_and_handed_out_as_it_was(
     one.failed["drive.inertia"] = "explains too little"
     one.gains["drive.inertia"] = one.held_out["drive.inertia"] = 3.0  # as one that goes on with it does
     other = under.beginning(FIRMWARE, problem)
-    assert not (other.failed or other.gains or other.held_out)
+    assert [*other.failed, *other.gains, *other.held_out] == []
     assert len(made) == 1
     others = [replace(FIRMWARE, swing=0.1 * each) for each in range(1, MOST_KEPT + 1)]
     for each in (*others, others[0], FIRMWARE):  # which the last of the others took the place of
