@@ -104,6 +104,19 @@ def test_of_two_lags_that_are_not_told_apart_the_sum_is_said(problem: Problem) -
     assert "sum" not in _told(problem, cause, values, ())
 
 
+@pytest.mark.parametrize(("more", "beside"), [(3.9, True), (4.1, False)])
+def test_a_quarter_of_a_lag_may_be_anothers_where_it_costs_two_deviations(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch, more: float, beside: bool
+) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([0.4]))
+    search = searched(problem, late, late)
+    search.rivals = {"imu.latency": []}
+    monkeypatch.setattr(rivals, "cost_with_last_held", lambda *_: search.fit.cost + more)
+    found = [(name, other, lacks) for name, other, _, lacks in rivals._sums(search, search.fit)]
+    assert [each[:2] for each in found] == [("imu.latency", "drive.wheel_slip")] * beside
+    assert [lacks for *_, lacks in found] == pytest.approx([0.5 * more] * beside)
+
+
 def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: Problem) -> None:
     """Neither stands in for the other, and yet how much each is of the sum is not known. (From 0.02 widths of
     slip on it is, since the simulated gyro looks exactly as late as it says.)"""
