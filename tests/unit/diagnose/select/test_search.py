@@ -41,7 +41,7 @@ from raccoon.diagnose.select.search import NOTHING, SURE, _credible, _fails_held
 from raccoon.diagnose.select.visible import shows_from
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.sim.effects.effect import effect
-from unit.diagnose.searches import search_at
+from unit.diagnose.searches import search_at, searched
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}
@@ -178,6 +178,24 @@ def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem
     bounded = {group.name: gain for gain, group, _ in screen(bent)}
     assert bounded["friction.coulomb"] > free["friction.coulomb"]  # alone, friction would go beyond its bound
     assert max(bounded, key=lambda name: bounded[name]) == "friction.coulomb"
+
+
+def test_what_a_bound_holds_stays_there_beside_each_cause(problem: Problem) -> None:
+    """Its part of the data is taken away, and nothing else of it."""
+    few = {name: problem.causes[name] for name in ("drive.inertia", "imu.gyro_bias", "friction.coulomb@left")}
+    search = searched(replace(problem, causes=few), problem.nominal(), problem.nominal())
+    base = search.fit.point.base.copy()
+    base[3], free = 2.5, np.arange(len(base)) != 3
+    search.fit = replace(search.fit, point=Point(base), free=free)
+    whole, own = search.table.whole, np.flatnonzero(free).tolist()
+    left = replace(whole, projection=whole.projection - 2.5 * whole.matrix[:, 3])
+    spans = {id(group): span for group, span in search.table.off}
+    found = screen(search, held=True)
+    assert set(few) <= {group.name for _, group, _ in found}
+    for gain, group, mean in found:
+        both = left.take([*own, *spans[id(group)]])
+        assert gain == pytest.approx(both.evidence() - left.take(own).evidence(), abs=1e-6)
+        assert mean == pytest.approx(both.solve()[0][len(own) :], rel=1e-6, abs=1e-9)
 
 
 def test_a_fit_of_everything_starts_where_nothing_has_changed(problem: Problem) -> None:
