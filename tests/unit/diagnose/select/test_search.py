@@ -26,7 +26,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import WIDTH_FACTOR
 from raccoon.diagnose.hypotheses.forms import form_error, form_weight
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, LONE_GATE, LONE_WHEEL_GATE, gate, gates, rarity
-from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families
+from raccoon.diagnose.select.joint import _all_straight, _distinct, _nearby, _of_their_families, _worth
 from raccoon.diagnose.select.outlook import (
     MOST_OF_EVENT,
     Foretold,
@@ -178,6 +178,22 @@ def test_beside_what_takes_its_burden_a_number_leaves_its_bound(problem: Problem
     bounded = {group.name: gain for gain, group, _ in screen(bent)}
     assert bounded["friction.coulomb"] > free["friction.coulomb"]  # alone, friction would go beyond its bound
     assert max(bounded, key=lambda name: bounded[name]) == "friction.coulomb"
+
+
+def test_what_a_cause_is_worth_is_what_the_data_are_likelier_with_its_columns() -> None:
+    rng = np.random.default_rng(7)
+    point = Point(rng.normal(size=2), {"one": rng.normal(size=1), "two": rng.normal(size=2)})
+    columns, white, free = rng.normal(size=(5, 30)), rng.normal(size=30), np.arange(5) != 1
+    fit = Fit(point, white, columns, 0.0, free)
+
+    def likelihood(rows: list[int]) -> float:
+        covariance = np.eye(30) + columns[rows].T @ columns[rows]
+        _, logdet = np.linalg.slogdet(covariance)
+        return float(-0.5 * fit.target @ np.linalg.solve(covariance, fit.target) - 0.5 * logdet)
+
+    whole = likelihood([0, 2, 3, 4])
+    wanted = {"one": whole - likelihood([0, 3, 4]), "two": whole - likelihood([0, 2])}
+    assert _worth(fit) == pytest.approx(wanted)
 
 
 def test_what_a_bound_holds_stays_there_beside_each_cause(problem: Problem) -> None:
