@@ -15,7 +15,15 @@ from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.select.joint import better_set
 from raccoon.diagnose.select.rivals import compared
-from raccoon.diagnose.select.symmetry import BACK_EMF, LINES, along, likely_twins, relieved, same_drives
+from raccoon.diagnose.select.symmetry import (
+    BACK_EMF,
+    LINES,
+    _factor,
+    along,
+    likely_twins,
+    relieved,
+    same_drives,
+)
 from unit.diagnose.searches import searched
 
 _, RESISTANCE, WHEELS = LINES
@@ -232,3 +240,19 @@ def test_many_causes_of_the_documentations_robot_say_that_it_may_not_have_been_m
     model = replace(problem.robot.model, battery=BatteryModel(open_circuit_voltage=Measured(7.0, 0.03)))
     measured = replace(search.problem, robot=replace(problem.robot, model=model))
     assert unmeasured_note(replace(search, problem=measured)) == ()
+
+
+def test_along_a_line_a_number_that_counts_by_what_is_added_comes_back_to_what_it_was(
+    problem: Problem,
+) -> None:
+    """Viscous friction goes with the square of K_E: half again as much needs the root of two thirds."""
+    key, name = ("friction.viscous", "left", "coefficient"), "friction.viscous"
+    width = problem.causes[name].coordinates[0].value(1.0)
+    point = problem.nominal().with_cause(name, np.array([0.5 * problem.neutral[key] / width]))
+    assert problem.settings(point)[key] == pytest.approx(1.5 * problem.neutral[key])
+    factor = _factor(problem, point, name, BACK_EMF)
+    assert factor == pytest.approx((2.0 / 3.0) ** 0.5)
+    there = along(problem, point, BACK_EMF, factor)
+    assert there is not None
+    assert name not in there.active
+    assert problem.settings(there)[key] == pytest.approx(problem.neutral[key])
