@@ -15,6 +15,7 @@ from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.moments import happened, without_moments
 from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
+from raccoon.diagnose.findings.anew import may_rub_anew
 from raccoon.diagnose.findings.bent import bent_notes
 from raccoon.diagnose.findings.extend import extended
 from raccoon.diagnose.findings.gain import HeldOut
@@ -53,7 +54,7 @@ from raccoon.diagnose.rollout.understood import understood
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
-from raccoon.diagnose.unknown.probes import PREFIX
+from raccoon.diagnose.unknown.probes import PREFIX, RUBS_ANEW
 from raccoon.diagnose.unknown.shapes import shapes_of
 from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.parameters import Parameters
@@ -103,14 +104,23 @@ def diagnose(
         tried = asked_for(drive_causes() if causes is None else causes, log)
         tried = tried_of_several(tried) if log.runs else tried
 
+        def searched_in(part: Log, other: Log | None) -> tuple[Diagnosis, tuple[float, ...]]:
+            """And again with friction over time, where what was found may be that: a load that was taken."""
+            first = _searched(part, other, robot, tried, model, firmware, begin)
+            if not may_rub_anew(first[0]):
+                return first
+            tell("asking whether friction changed in the drive")
+            again = _searched(replace(part, rubs_anew=True), other, robot, tried, model, firmware, begin)
+            return again if RUBS_ANEW in again[0].unexplained.depends_on else first
+
         def judged(part: Log, other: Log | None) -> tuple[Diagnosis, Log]:
             """And the log without what happened in a moment, where the search began again without it."""
-            found, moments = _searched(part, other, robot, tried, model, firmware, begin)
+            found, moments = searched_in(part, other)
             freely = without_moments(part, moments)
             if freely is part:
                 return found, part
             tell("searching again without what happened in a moment")
-            again, _ = _searched(freely, other, robot, tried, model, firmware, begin)
+            again, _ = searched_in(freely, other)
             if adds_up(again) and too_short(freely.longest_part().seconds):
                 return found, part
             return again, freely

@@ -25,6 +25,7 @@ from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation
 from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 from raccoon.diagnose.rollout.robots import parameters_of
+from raccoon.diagnose.unknown.probes import RUBS_ANEW
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import all_effects, effect
 from raccoon.sim.effects.parameters import Parameters
@@ -59,7 +60,7 @@ def test_what_happened_in_a_moment_is_left_out_and_asked_again(
 ) -> None:
     """What adds up all ways is told by the longest part without the moment, where it is long enough."""
     columns = dict(make(8, seconds=12.0 if times == 2 else 20.0).columns)
-    found = SimpleNamespace(causes=(), unexplained=SimpleNamespace(depends_on=(depends_on,)))
+    found = SimpleNamespace(causes=(), channels=(), unexplained=SimpleNamespace(depends_on=(depends_on,)))
     logs: list[Any] = []
 
     def searched(log: Any, *_: Any) -> tuple[Any, tuple[float, ...]]:
@@ -73,6 +74,34 @@ def test_what_happened_in_a_moment_is_left_out_and_asked_again(
     ((start, _),) = logs[1].lost
     assert start == pytest.approx(4.4)
     assert said.asked == (1 if depends_on and times == 2 else times)
+
+
+@pytest.mark.parametrize(
+    ("cause", "left", "later", "asked"),
+    [
+        ("friction.coulomb", 1.2, "", 1),
+        ("motor.heating", 1.2, RUBS_ANEW, 2),
+        ("motor.heating", 1.2, "speed", 2),
+        ("friction.coulomb", 2.0, RUBS_ANEW, 2),
+    ],
+)
+def test_friction_over_time_is_asked_for_where_it_may_have_changed(
+    monkeypatch: pytest.MonkeyPatch, cause: str, left: float, later: str, asked: int
+) -> None:
+    """And kept where it is what the drive depends on."""
+    channel = SimpleNamespace(name="motor.0.bemf", rmse_after=left, noise_floor=1.0)
+    logs: list[Any] = []
+
+    def searched(log: Any, *_: Any) -> tuple[Any, tuple[float, ...]]:
+        logs.append(log)
+        causes = (SimpleNamespace(id=cause),) if len(logs) == 1 else ()
+        unexplained = SimpleNamespace(depends_on=(later,) if len(logs) > 1 else ())
+        return SimpleNamespace(causes=causes, channels=(channel,), unexplained=unexplained), ()
+
+    monkeypatch.setattr(diagnosis, "_searched", searched)
+    said: Any = diagnose(dict(make(8, seconds=8.0).columns), ROBOT)
+    assert [each.rubs_anew for each in logs] == [False, True][:asked]
+    assert said.unexplained.depends_on == ((RUBS_ANEW,) if later == RUBS_ANEW else ())
 
 
 def test_the_json_has_the_contract_keys(sagging: Diagnosis, tmp_path: Path) -> None:

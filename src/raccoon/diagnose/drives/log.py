@@ -80,7 +80,8 @@ class Log:
     each motor is shorted where its duty is 0; None where the recording does not say. loads: other ones than
     the wheels on the battery; nothing is compared while they act either. stood: wheels that did not turn
     although they were driven (`standing.py`), a column and a sentence each. runs: the recordings that it was
-    joined of (`joined.py`), none where it is one.
+    joined of (`joined.py`), none where it is one. rubs_anew: whether friction may be another from some moment
+    on.
     """
 
     time: Array
@@ -95,6 +96,7 @@ class Log:
     loads: tuple[Load, ...] = ()
     stood: tuple[tuple[str, str], ...] = ()
     runs: tuple[Run, ...] = ()
+    rubs_anew: bool = False
 
     @property
     def seconds(self) -> float:

@@ -77,7 +77,8 @@ class Problem:
 
     told: causes that the readings show apart from any simulation, with the log evidence of that and the least
     first coordinate with which they are it. creep: how the battery's reading wanders slowly. coasts: part of
-    the time in which a motor that is driven is unpowered, to be measured.
+    the time in which a motor that is driven is unpowered, to be measured. rubs_anew: whether friction may be
+    another from some moment on, as of a robot that took a load.
     """
 
     features: Features
@@ -89,6 +90,7 @@ class Problem:
     told: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     creep: Creep = Creep()
     coasts: float = 0.0
+    rubs_anew: bool = False
     _latest: OrderedDict[Key, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )

@@ -95,6 +95,7 @@ def drive_problem(
         told(by_name, log),
         HELD if habits.chain.battery_held else Creep(),
         habits.chain.coast_share,
+        log.rubs_anew,
     )
 
 

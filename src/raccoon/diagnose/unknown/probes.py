@@ -45,6 +45,7 @@ their friction, waves of 12 to 20 %, one had 27 on 40 s, and the others 41 and m
 MOMENTS = 16
 """Parts of a drive between which friction may change: with eighths motors that get hot were named of a robot
 that took a load. Of 24 blind robots whose friction wanders it explained nothing of any."""
+RUBS_ANEW = "time (friction)"
 GYRO = 0.02
 BATTERY = 0.02
 RATE = "rad/s of the wheels"
@@ -146,7 +147,8 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
             )
         speed = np.abs(wheels).mean(axis=1)
         over_speed = _Torque("speed", True, _hats(speed, 6), speed, RATE)
-        every = [*_torque_curves(motion), _rubs_from(motion), over_speed]
+        anew = [_rubs_from(motion)] if problem.rubs_anew else []
+        every = [*_torque_curves(motion), *anew, over_speed]
         return [
             *_wheel_probes(problem, settings, motion, wheels),
             *_torque_probes(problem, linear, motion, every),
@@ -186,7 +188,7 @@ def _torque_curves(motion: Motion) -> list[_Torque]:
 def _rubs_from(motion: Motion) -> _Torque:
     """Friction that is another from some moments on, as of a robot that has picked something up."""
     steps = _from_each(motion.time, np.arange(1, MOMENTS) / MOMENTS)
-    return _Torque("time (friction)", True, steps, motion.time, "s")
+    return _Torque(RUBS_ANEW, True, steps, motion.time, "s")
 
 
 def _from_each(time: Array, parts: Array) -> Array:

@@ -21,7 +21,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.select.outlook import look_around, start_search
 from raccoon.diagnose.select.probed import best_probe
 from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
-from raccoon.diagnose.unknown.probes import motion_of, probes_for
+from raccoon.diagnose.unknown.probes import PREFIX, RUBS_ANEW, motion_of, probes_for
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}
@@ -75,7 +75,10 @@ def test_a_curve_over_speed_holds_no_noise_of_the_readings(problem: Problem) -> 
 def test_friction_that_is_another_from_a_moment_on_is_a_curve(problem: Problem) -> None:
     """Of a robot that took a load; motors that get hot were named, with a probability of 1."""
     linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
-    found = next(each for each in probes_for(problem)(linear) if each.name == "unknown: time (friction)")
+    name = f"{PREFIX}{RUBS_ANEW}"
+    assert name not in {each.name for each in probes_for(problem)(linear)}  # not of every drive
+    asked = probes_for(replace(problem, rubs_anew=True))
+    found = next(each for each in asked(linear) if each.name == name)
     later = problem.features.time > problem.features.time[0] + 0.3 * problem.features.time[-1]
     change = np.zeros_like(linear.residual)
     for side in ("left", "right"):
