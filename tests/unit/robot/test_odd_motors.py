@@ -183,13 +183,13 @@ def test_a_wheel_that_was_held_for_a_moment_is_no_odd_motor(
     assert right.load_factor == pytest.approx(left.load_factor, rel=0.1)
 
 
-@pytest.mark.parametrize("behind", ["simulator", "stock", "RaccoonOS"])
+@pytest.mark.parametrize("behind", ["simulator", "stock"])
 def test_wheels_that_spin_at_a_wall_are_no_odd_motors(behind: str, caplog: pytest.LogCaptureFixture) -> None:
     """On a long way at one speed the fit forgets, and the quarter second until the wall is known sufficed to
     say 0.7 times the voltage. So did the time after it, when the wall is taken for carpet."""
     port: Port = simulated(world=World.default(), config=RobotConfig())
     if behind != "simulator":
-        port = open_emulated(RobotConfig(), "stock" if behind == "stock" else 21, world=World.default())
+        port = open_emulated(RobotConfig(), "stock", world=World.default())
     with open_robot(RobotConfig(), port=port) as robot:
         robot.run(wait(1.0))
         remarks = robot.run(straight(2.4)).remarks

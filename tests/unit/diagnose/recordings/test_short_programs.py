@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from raccoon import Action, deg, open_robot, seq, straight, turn, wait
 from raccoon.core.config import ControllerConfig, RobotConfig
 from raccoon.diagnose.recordings.kinds import diagnose_recording
@@ -27,11 +25,10 @@ def driven(path: Path, program: Action[Any], seed: int, robot: Parameters | None
     return diagnose_recording(recording.columns, ROBOT, device=recording.device, problems=recording.problems)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_leg_there_and_back_of_a_sound_robot_names_nothing(tmp_path: Path, seed: int) -> None:
+def test_a_leg_there_and_back_of_a_sound_robot_names_nothing(tmp_path: Path) -> None:
     """Four ramps. A filter 14 ms slower was named in 11 of 12 such drives, with a probability of 1."""
     program = seq(wait(1.0), straight(0.5), straight(-0.35), wait(0.5))
-    said = driven(tmp_path / "run.jsonl", program, seed)
+    said = driven(tmp_path / "run.jsonl", program, 0)
     assert said.verdict is Verdict.ADEQUATE
     assert not said.causes
 

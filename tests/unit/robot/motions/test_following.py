@@ -170,8 +170,7 @@ def test_a_line_is_followed_around_a_sharp_corner(angle: float, side: str, speed
     assert cosine * (x - 0.4) + sine * y > 0.2
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
-@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("way", "side"), [(1.0, "left"), (-1.0, "left"), (1.0, "right")])
 def test_a_line_is_followed_around_a_bend_that_is_tighter_than_the_robot_turns(way: float, side: str) -> None:
     angles = [0.05 * step for step in range(32)]
     bend = [(0.3 + 0.08 * math.sin(angle), way * (0.08 - 0.08 * math.cos(angle))) for angle in angles]

@@ -231,7 +231,7 @@ def test_going_on_from_a_rest_on_a_ramp_is_no_bump(firmware: Firmware | None) ->
             assert robot.estimate.distance - begin > 0.99 * way, pause
 
 
-@pytest.mark.parametrize("firmware", [None, "stock", 21])
+@pytest.mark.parametrize("firmware", [None, "stock"])
 def test_wheels_that_spun_at_a_wall_calibrate_nothing(
     firmware: Firmware | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
