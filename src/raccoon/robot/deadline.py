@@ -29,9 +29,8 @@ class MatchOver(BaseException):
 
 
 class Alarm:
-    """rang: whether the time is over, also where the program has caught what told it so, `rings` times."""
+    """rings: how often the program was told that the time is over, also where it has caught that."""
 
-    rang = False
     rings = 0
 
 
@@ -44,6 +43,11 @@ def end_match(robot: Robot) -> NoReturn:
         end_process(robot.port.close)
     robot.attachments.switch_off()
     raise MatchOver(f"the match ended at {robot.deadline:.2f} s")
+
+
+def rings_here() -> bool:
+    """Whether an alarm can ring in this thread: in the main one, where there is such a timer."""
+    return threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer")
 
 
 def end_process(close: Callable[[], None]) -> None:
@@ -65,17 +69,24 @@ def real_deadline(seconds: float, close: Callable[[], None]) -> Iterator[Alarm]:
     its process is ended (`end_process`). Only in the main thread, where signals arrive; elsewhere, and where
     there is no such timer, no limit.
     """
-    alarm = Alarm()
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
-        yield alarm
+    if not rings_here():
+        yield Alarm()
         return
+    with ringing(seconds, lambda: MatchOver(f"the match of {seconds:g} s is over"), close) as alarm:
+        yield alarm
+
+
+@contextmanager
+def ringing(seconds: float, over: Callable[[], BaseException], close: Callable[[], None]) -> Iterator[Alarm]:
+    """Raise what `over` gives after so many real seconds and every second from then on, in the main thread;
+    end the process of a program that has caught it ten times. close: see `end_process`."""
+    alarm = Alarm()
 
     def ring(_number: int, _frame: FrameType | None) -> None:
-        alarm.rang = True
         alarm.rings += 1
         if alarm.rings > ALARMS:
             end_process(close)
-        raise MatchOver(f"the match of {seconds:g} s is over")
+        raise over()
 
     previous = signal.signal(signal.SIGALRM, ring)
     signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)

@@ -197,7 +197,7 @@ def run_match(
         finally:
             robot.switch_off()
     robot.end_match()
-    finished = ended and not bell.rang and robot.time < robot.deadline
+    finished = ended and not bell.rings and robot.time < robot.deadline
     if ended and not finished:
         say(robot, CAUGHT)
     # Where the alarm came, the last reading is older than the end.

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import ctypes
-import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import FrameType
+from functools import partial
 
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Truth
-from raccoon.robot.deadline import AGAIN, ALARMS, READINGS, end_process
+from raccoon.robot.deadline import READINGS, end_process, ringing, rings_here
 
 
 class MatchOver(BaseException):
@@ -56,32 +55,12 @@ def wall_limit(seconds: float) -> Iterator[None]:
     second apart, its process is ended. To other threads (of a Dask worker) it comes
     between two lines of Python.
     """
-    if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
-        with _alarm(seconds):
+    if rings_here():
+        with ringing(seconds, partial(_too_long, seconds), lambda: None):
             yield
     else:
         with _interruption(seconds):
             yield
-
-
-@contextmanager
-def _alarm(seconds: float) -> Iterator[None]:
-    rings = 0
-
-    def ring(_number: int, _frame: FrameType | None) -> None:
-        nonlocal rings
-        rings += 1
-        if rings > ALARMS:
-            end_process(lambda: None)
-        raise _too_long(seconds)
-
-    previous = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, previous)
 
 
 @contextmanager

@@ -142,8 +142,12 @@ def test_a_program_that_catches_every_end_ends_with_its_process(
 ) -> None:
     left: list[int] = []
     monkeypatch.setattr(os, "_exit", left.append)
-    for name, value in (("AGAIN", 0.01), ("ALARMS", 3), ("READINGS", 3)):
-        monkeypatch.setattr(f"raccoon.sweep.watch.{name}", value)
+    for name, value in (
+        ("robot.deadline.AGAIN", 0.01),
+        ("robot.deadline.ALARMS", 3),
+        ("sweep.watch.READINGS", 3),
+    ):
+        monkeypatch.setattr(f"raccoon.{name}", value)
     monkeypatch.setattr(sys.modules[__name__], "LEFT", left)
     loop = f"while not LEFT:\n        try: {step}\n        except: pass"
     played(
