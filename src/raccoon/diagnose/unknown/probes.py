@@ -46,8 +46,7 @@ MOMENTS = 16
 """Parts of a drive between which friction may change: with eighths motors that get hot were named of a robot
 that took a load. Of 24 blind robots whose friction wanders it explained nothing of any."""
 RUBS_ANEW = "time (friction)"
-GYRO = 0.02
-BATTERY = 0.02
+GYRO, BATTERY = 0.02, 0.02
 RATE = "rad/s of the wheels"
 
 
@@ -147,7 +146,7 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
             )
         speed = np.abs(wheels).mean(axis=1)
         over_speed = _Torque("speed", True, _hats(speed, 6), speed, RATE)
-        anew = [_rubs_from(motion)] if problem.rubs_anew else []
+        anew = [_rubs_from(motion.time)] if problem.rubs_anew else []
         every = [*_torque_curves(motion), *anew, over_speed]
         return [
             *_wheel_probes(problem, settings, motion, wheels),
@@ -185,10 +184,9 @@ def _torque_curves(motion: Motion) -> list[_Torque]:
     return found
 
 
-def _rubs_from(motion: Motion) -> _Torque:
+def _rubs_from(time: Array) -> _Torque:
     """Friction that is another from some moments on, as of a robot that has picked something up."""
-    steps = _from_each(motion.time, np.arange(1, MOMENTS) / MOMENTS)
-    return _Torque(RUBS_ANEW, True, steps, motion.time, "s")
+    return _Torque(RUBS_ANEW, True, _from_each(time, np.arange(1, MOMENTS) / MOMENTS), time, "s")
 
 
 def _from_each(time: Array, parts: Array) -> Array:

@@ -196,8 +196,8 @@ def test_a_robot_at_rest_may_repeat_itself_for_ever(firmware: Firmware) -> None:
     assert (driven[-1].position[0] or 0.0) > 0.0
 
 
-def test_wheels_that_stood_still_in_a_pause_are_no_fault(bench: Bench) -> None:
-    """The supervisor has stopped them; the program goes on, and stands for now."""
+def pause_that_stops(bench: Bench) -> None:
+    """Drive, and then a pause of the program in which its supervisor stops the motors."""
     guard = Watched()
     bench.port._guard = guard
     bench.port._hold(bench.port.dialect.hold(FORWARD))
@@ -205,6 +205,11 @@ def test_wheels_that_stood_still_in_a_pause_are_no_fault(bench: Bench) -> None:
     bench.clock.advance(0.5)
     bench.emulator.transfer(guard.held[-1])
     bench.clock.advance(1.0)
+
+
+def test_wheels_that_stood_still_in_a_pause_are_no_fault(bench: Bench) -> None:
+    """The supervisor has stopped them; the program goes on, and stands for now."""
+    pause_that_stops(bench)
     bench.port.read()  # its own lateness is told
     bench.port.write(STOP)
     seen = bench.run(STOP, 20)
@@ -213,13 +218,7 @@ def test_wheels_that_stood_still_in_a_pause_are_no_fault(bench: Bench) -> None:
 
 
 def test_motors_that_were_stopped_in_a_pause_and_start_again_are_no_fault(bench: Bench) -> None:
-    guard = Watched()
-    bench.port._guard = guard
-    bench.port._hold(bench.port.dialect.hold(FORWARD))
-    bench.run(FORWARD, 200)
-    bench.clock.advance(0.5)
-    bench.emulator.transfer(guard.held[-1])
-    bench.clock.advance(1.0)
+    pause_that_stops(bench)
     bench.run(FORWARD, 100)
     assert Fault.MOTOR_FAULT not in bench.port.fault_counts
     bench.emulator.faults.blown_fuse = {0}

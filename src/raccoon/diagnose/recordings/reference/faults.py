@@ -12,6 +12,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.binned import when
 from raccoon.diagnose.recordings.reference.stretches import FEWEST
 from raccoon.diagnose.result import SensorFault
+from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -116,7 +117,7 @@ def _frozen(time: Array, values: Array, moved: Array) -> list[tuple[int, int]]:
 def _blank(time: Array, known: NDArray[np.bool_]) -> list[tuple[float, float]]:
     """S from and to, between which there is no number for long; rows that are missing are no blanks."""
     edges = np.concatenate([[time[0]], time[known], [time[-1]]])
-    usual = float(np.median(np.diff(time[known])))
+    usual = usual_step(time[known])
     wide = np.flatnonzero(np.diff(edges) > max(LEAST_SECONDS, 4.0 * usual))
     counts = np.diff(np.searchsorted(time, edges))
     return [(float(edges[each]), float(edges[each + 1])) for each in wide if counts[each] > 1]
