@@ -31,6 +31,7 @@ from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.fleet.course import Piece
 from raccoon.diagnose.fleet.model import Foreseen, common_model, foreseen
 from raccoon.diagnose.fleet.summary import Fleet, fleet_of
+from raccoon.diagnose.result import Diagnosis
 from raccoon.sim.effects.parameters import Parameters
 
 LASTING = (
@@ -104,7 +105,7 @@ def _fleet(
     return week, fleet, {name: foreseen(fleet.results[name], each) for name, each in again.items()}
 
 
-def _diagnosed(columns: Mapping[str, np.ndarray], model: Parameters | None = None):  # type: ignore[no-untyped-def]
+def _diagnosed(columns: Mapping[str, np.ndarray], model: Parameters | None = None) -> Diagnosis:
     return diagnose(columns, RobotConfig() if model is None else model.robot, model=model)
 
 

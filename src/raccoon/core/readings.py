@@ -190,7 +190,8 @@ def quick_inputs(
     draft.truth = None
     draft.extra = extra
     draft.__class__ = Inputs
-    return draft  # type: ignore[no-any-return]
+    made: Inputs = draft
+    return made
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from datetime import date, datetime
 from difflib import get_close_matches
-from typing import Any, cast, get_args, get_origin, get_type_hints
+from typing import Any, get_args, get_origin, get_type_hints
 
 from raccoon.core.errors import ConfigError
 
@@ -206,7 +206,7 @@ def subtable(table: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any
     entry = table.get(key, {})
     if not isinstance(entry, Mapping):
         raise ConfigError(f"{where}{'.' if where else ''}{key} = {shown(entry)}: it must be a table")
-    return cast(Mapping[str, Any], entry)
+    return entry
 
 
 def refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:

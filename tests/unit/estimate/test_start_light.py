@@ -38,7 +38,8 @@ def background(rng: np.random.Generator, seconds: float) -> np.ndarray:
 
 
 def counts(rng: np.random.Generator, light: np.ndarray) -> list[float]:
-    return np.clip(np.round(4095 / (1 + light) + rng.normal(0, 3, len(light))), 0, 4095).tolist()  # type: ignore[no-any-return]
+    read: list[float] = np.clip(np.round(4095 / (1 + light) + rng.normal(0, 3, len(light))), 0, 4095).tolist()
+    return read
 
 
 def first_fire(readings: list[float], light: StartLight) -> float | None:

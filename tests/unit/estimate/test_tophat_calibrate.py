@@ -1,5 +1,7 @@
 """The cluster calibrator, on readings made here: nothing is shared with the code under test."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -54,7 +56,7 @@ def test_separation_share_and_error_are_those_of_the_data() -> None:
     ],
     ids=["gaussian", "uniform", "skewed", "heavy-tailed", "drifting"],
 )
-def test_bare_floor_gives_no_threshold(floor) -> None:  # type: ignore[no-untyped-def]
+def test_bare_floor_gives_no_threshold(floor: Callable[[np.random.Generator], np.ndarray]) -> None:
     for seed in range(5):
         found = calibrate(np.clip(floor(np.random.default_rng(seed)), 0, 4095))
         assert found.verdict is Verdict.ONE_SURFACE

@@ -4,7 +4,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import Status
-from raccoon.estimate.tophat import Tophat, TophatCalibration, Verdict, calibrate
+from raccoon.estimate.tophat import Tophat, TophatCalibration, TophatReading, Verdict, calibrate
 
 RATE = 200.0
 
@@ -14,7 +14,7 @@ def calibration(white: float = 180.0, black: float = 2930.0) -> TophatCalibratio
     return calibrate(np.concatenate([rng.normal(white, 4, 400), rng.normal(black, 8, 100)]))
 
 
-def run(tophat: Tophat, counts: list[float]):  # type: ignore[no-untyped-def]
+def run(tophat: Tophat, counts: list[float]) -> list[TophatReading]:
     return [tophat.update(index / RATE, value) for index, value in enumerate(counts)]
 
 

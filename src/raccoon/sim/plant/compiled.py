@@ -211,7 +211,8 @@ def announced(function: Any, what: str, level: int) -> Advance:
             pass
 
     event.register("numba:compile", Listener())
-    return function  # type: ignore[no-any-return]
+    advance: Advance = function
+    return advance
 
 
 def _module(text: str) -> tuple[ModuleType, bool]:
