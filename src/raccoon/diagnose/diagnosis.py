@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,67 +103,82 @@ def diagnose(
             return _nothing_to_see(log, begin)
         tried = asked_for(drive_causes() if causes is None else causes, log)
         tried = tried_of_several(tried) if log.runs else tried
-
-        def searched_in(part: Log, other: Log | None) -> tuple[Diagnosis, tuple[float, ...]]:
-            """And again with friction over time, where what was found may be that: a load that was taken."""
-            first = _searched(part, other, robot, tried, model, firmware, begin)
-            if not may_rub_anew(first[0]):
-                return first
-            tell("asking whether friction changed in the drive")
-            again = _searched(replace(part, rubs_anew=True), other, robot, tried, model, firmware, begin)
-            return again if RUBS_ANEW in again[0].unexplained.depends_on else first
-
-        def judged(part: Log, other: Log | None) -> tuple[Diagnosis, Log]:
-            """And the log without what happened in a moment, where the search began again without it."""
-            found, moments = searched_in(part, other)
-            freely = without_moments(part, moments)
-            if freely is part:
-                return found, part
-            tell("searching again without what happened in a moment")
-            again, _ = searched_in(freely, other)
-            if adds_up(again) and too_short(freely.longest_part().seconds):
-                return found, part
-            return again, freely
-
         other = None
         if holdout is not None:
             with said_of_holdout():
                 other = with_channels_of(log, understood([holdout], robot, firmware))
-        found, log = judged(log, other)
+        return Way(robot, tried, model, firmware, begin).through(log, other)
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What one search says. moments: s, at which something happened in the drive that is nobody's fault."""
+
+    diagnosis: Diagnosis
+    moments: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """From a log to its diagnosis: one search, and others where its answer asks for them. begin: when the
+    diagnosis began, s. unseen: the log of another recording to judge on, where there is one."""
+
+    robot: RobotConfig
+    causes: Sequence[Cause]
+    model: Parameters | None
+    firmware: Firmware | None
+    begin: float
+
+    def through(self, log: Log, unseen: Log | None) -> Diagnosis:
+        """The diagnosis. What adds up over time is told by the longest part alone where rows are lost."""
+        found, log = self._without_moments(log, unseen)
         if log.runs:
             return of_several(found)
         if not (log.lost and adds_up(found)):
             return found
-        part, unseen = log.longest_part(), None if other is None else other.longest_part()
+        part = log.longest_part()
         if too_short(part.seconds) or not moves(part):
             return lost_count(found, part.seconds)
-        told = (
-            f"{ADDS_UP}: only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
-        )
-        return judged(replace(part, notes=(*log.notes, told)), unseen)[0]
+        judged = f"only {part.time[0]:.1f} to {part.time[-1]:.1f} s are judged, all angles from there"
+        part = replace(part, notes=(*log.notes, f"{ADDS_UP}: {judged}"))
+        return self._without_moments(part, None if unseen is None else unseen.longest_part())[0]
 
+    def _without_moments(self, log: Log, unseen: Log | None) -> tuple[Diagnosis, Log]:
+        """The diagnosis without what happened in a moment, and the log that it is of."""
+        found = self._rubbing_anew(log, unseen)
+        freely = without_moments(log, found.moments)
+        if freely is log:
+            return found.diagnosis, log
+        tell("searching again without what happened in a moment")
+        again = self._rubbing_anew(freely, unseen).diagnosis
+        if adds_up(again) and too_short(freely.longest_part().seconds):
+            return found.diagnosis, log
+        return again, freely
 
-def _searched(
-    log: Log,
-    unseen: Log | None,
-    robot: RobotConfig,
-    causes: Sequence[Cause],
-    model: Parameters | None,
-    firmware: Firmware | None,
-    begin: float,
-) -> tuple[Diagnosis, tuple[float, ...]]:
-    """The diagnosis, and moments of the drive, s, in which something happened that is nobody's fault."""
-    search, habits, log = searched(log, robot, causes, model, firmware)
-    other = None
-    if unseen is not None:
-        unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
-        other = drive_problem(unseen, robot, causes, habits, model)
-        other = replace(other, neutral=search.problem.neutral, base=search.problem.base)
-    search, judged = proven(search, other)
-    found, moments = _diagnosis(log, search, judged, habits, begin)
-    if other is None:
-        return found, moments
-    return replace(found, notes=(*found.notes, *_not_the_same(found, judged))), moments
+    def _rubbing_anew(self, log: Log, unseen: Log | None) -> Found:
+        """What is found, also with friction over time where it may be that: a load that was taken."""
+        first = self.once(log, unseen)
+        if not may_rub_anew(first.diagnosis):
+            return first
+        tell("asking whether friction changed in the drive")
+        again = self.once(replace(log, rubs_anew=True), unseen)
+        return again if RUBS_ANEW in again.diagnosis.unexplained.depends_on else first
+
+    def once(self, log: Log, unseen: Log | None) -> Found:
+        """What one search finds, judged on the end of the log or on the unseen one."""
+        robot, causes, model = self.robot, self.causes, self.model
+        search, habits, log = searched(log, robot, causes, model, self.firmware)
+        other = None
+        if unseen is not None:
+            unseen = with_lost_changes(unseen, robot, causes, habits, model, search.fit.point)
+            other = drive_problem(unseen, robot, causes, habits, model)
+            other = replace(other, neutral=search.problem.neutral, base=search.problem.base)
+        search, judged = proven(search, other)
+        found = _diagnosis(log, search, judged, habits, self.begin)
+        if other is None:
+            return found
+        notes = (*found.diagnosis.notes, *_not_the_same(found.diagnosis, judged))
+        return replace(found, diagnosis=replace(found.diagnosis, notes=notes))
 
 
 def _not_the_same(found: Diagnosis, judged: HeldOut) -> tuple[str, ...]:
@@ -202,9 +217,7 @@ def _faults(log: Log) -> tuple[SensorFault, ...]:
     return tuple(SensorFault(column, STOOD, text) for column, text in log.stood)
 
 
-def _diagnosis(
-    log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float
-) -> tuple[Diagnosis, tuple[float, ...]]:
+def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Found:
     spread = Spread.of(search)
     causes = named_causes(search, judged, spread)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
@@ -239,7 +252,7 @@ def _diagnosis(
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
-    return found, bursts.moments
+    return Found(found, bursts.moments)
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -11,8 +11,7 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose import diagnosis
-from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.diagnosis import Found, Way, diagnose
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fleet.summary import fleet_of
@@ -63,11 +62,12 @@ def test_what_happened_in_a_moment_is_left_out_and_asked_again(
     found = SimpleNamespace(causes=(), channels=(), unexplained=SimpleNamespace(depends_on=(depends_on,)))
     logs: list[Any] = []
 
-    def searched(log: Any, *_: Any) -> tuple[Any, tuple[float, ...]]:
+    def once(_: Way, log: Any, __: Any) -> Found:
         logs.append(log)
-        return SimpleNamespace(**vars(found), asked=len(logs)), (5.0,) if len(logs) == 1 else ()
+        said: Any = SimpleNamespace(**vars(found), asked=len(logs))
+        return Found(said, (5.0,) if len(logs) == 1 else ())
 
-    monkeypatch.setattr(diagnosis, "_searched", searched)
+    monkeypatch.setattr(Way, "once", once)
     said: Any = diagnose(columns, ROBOT)
     assert len(logs) == times
     assert not logs[0].lost
@@ -92,13 +92,14 @@ def test_friction_over_time_is_asked_for_where_it_may_have_changed(
     channel = SimpleNamespace(name="motor.0.bemf", rmse_after=left, noise_floor=1.0)
     logs: list[Any] = []
 
-    def searched(log: Any, *_: Any) -> tuple[Any, tuple[float, ...]]:
+    def once(_: Way, log: Any, __: Any) -> Found:
         logs.append(log)
         causes = (SimpleNamespace(id=cause),) if len(logs) == 1 else ()
         unexplained = SimpleNamespace(depends_on=(later,) if len(logs) > 1 else ())
-        return SimpleNamespace(causes=causes, channels=(channel,), unexplained=unexplained), ()
+        said: Any = SimpleNamespace(causes=causes, channels=(channel,), unexplained=unexplained)
+        return Found(said, ())
 
-    monkeypatch.setattr(diagnosis, "_searched", searched)
+    monkeypatch.setattr(Way, "once", once)
     said: Any = diagnose(dict(make(8, seconds=8.0).columns), ROBOT)
     assert [each.rubs_anew for each in logs] == [False, True][:asked]
     assert said.unexplained.depends_on == ((RUBS_ANEW,) if later == RUBS_ANEW else ())

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import raccoon.diagnose.diagnosis as whole_way
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.diagnosis import Found, Way, diagnose
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
@@ -117,13 +117,13 @@ def judged_parts(
     """A diagnosis whose search of everything finds that, and the logs that were searched."""
     seen: list[Log] = []
 
-    def searched(log: Log, *_: object) -> tuple[Diagnosis, tuple[float, ...]]:
+    def once(_: Way, log: Log, __: Log | None) -> Found:
         seen.append(log)
-        return replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes), ()
+        return Found(replace(first if len(seen) == 1 else found("friction.coulomb"), notes=log.notes), ())
 
-    monkeypatch.setattr(whole_way, "_searched", searched)
+    monkeypatch.setattr(Way, "once", once)
     monkeypatch.setattr(over_ways, "LONG_PART", 6.0)
-    return whole_way.diagnose(columns, ROBOT), seen
+    return diagnose(columns, ROBOT), seen
 
 
 @pytest.mark.parametrize(
