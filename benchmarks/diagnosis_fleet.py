@@ -40,7 +40,6 @@ LASTING = (
 )  # fmt: skip
 """What is hidden for all days: what a robot has, and no table."""
 BATTERY, MOTOR = "battery.internal_resistance", "motor.back_emf_constant@left"
-Day = Callable[[int, np.random.Generator], list[Hidden]]
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 GRAVITY = 9.80665
 
 
@@ -169,8 +166,3 @@ def _mass(body: Body) -> float:
 
 def _yaw_inertia(body: Body) -> float:
     return 0.5 * body.inertia_turn * (body.track / body.radius) ** 2
-
-
-def path_length(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """m along the path."""
-    return float(np.sum(np.hypot(np.diff(x), np.diff(y))))

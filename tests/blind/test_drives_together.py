@@ -14,6 +14,7 @@ from csv_files import written
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
+from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 
@@ -40,8 +41,11 @@ def test_motors_that_heat_show_in_three_drives_of_seven_seconds_and_not_in_one()
 
 
 def test_drives_are_fitted_together_from_the_command_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """Of a robot of which only motors are asked after: the way is the same, and shorter."""
+    asked = [each for each in drive_causes() if each.id.startswith("motor.")]
+    monkeypatch.setattr("raccoon.diagnose.recordings.kinds.drive_causes", lambda: asked)
     files = [written(tmp_path / f"{day}.csv", each.columns) for day, each in enumerate(drives(WEAK, 2, 5.0))]
     out, model = tmp_path / "out.json", tmp_path / "model.toml"
     saved = ["--json", str(out), "--save-model", str(model)]

@@ -48,9 +48,6 @@ def test_a_recording_of_another_robot_does_not_prove_a_cause() -> None:
     said = diagnose(dict(columns), ROBOT, holdout=dict(clean))
     assert [each.name for each in said.causes] == ["battery.internal_resistance"]
     assert any("is it the same robot" in note for note in said.notes)
-    again = make(8, [hidden], seconds=8.0, drive="contest").columns
-    proven = diagnose(dict(columns), ROBOT, holdout=dict(again))
-    assert not any("is it the same robot" in note for note in proven.notes)
 
 
 @pytest.mark.parametrize(("depends_on", "times"), [("", 2), ("position x", 2), ("position x", 3)])

@@ -105,9 +105,9 @@ def test_one_that_is_nearly_always_on_is_only_said() -> None:
 def test_a_drive_without_is_the_same_log(name: str) -> None:
     rng = np.random.default_rng(len(name))
     hidden = [draw(name, rng)] if name else []
-    for kind in ("contest", "exciting"):
-        log = log_from_columns(columns := dict(make(7, hidden, kind, 14.0).columns), ROBOT)
-        assert with_loads(log, columns, ROBOT) is log
+    kind = "contest" if len(name) % 2 else "exciting"
+    log = log_from_columns(columns := dict(make(7, hidden, kind, 14.0).columns), ROBOT)
+    assert with_loads(log, columns, ROBOT) is log
 
 
 def test_a_reading_in_coarse_steps_is_no_load() -> None:

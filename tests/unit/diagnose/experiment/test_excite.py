@@ -10,11 +10,8 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Inputs
-from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.experiment.excitation import drive_and_record
 from raccoon.diagnose.experiment.manoeuvres import manoeuvre
-from raccoon.diagnose.reports.html import save_html
-from raccoon.diagnose.result import Verdict
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.trace.loading import load_run
@@ -63,14 +60,3 @@ def test_a_program_that_is_ended_in_the_midst_of_a_drive_stops_and_keeps_the_rec
     with pytest.raises(HardwareError, match="closed"):
         port.write(None)  # type: ignore[arg-type]
     assert load_run(path).recording.columns["t"][-1] == pytest.approx(0.1, abs=0.011)
-
-
-def test_a_recording_of_the_own_simulator_is_adequate_and_reported(tmp_path: Path) -> None:
-    robot = replace(ROBOT, controller=replace(ROBOT.controller, port="sim"))
-    drive_and_record(robot, manoeuvre("steps")[:1920], tmp_path / "run.jsonl.gz")
-    said = diagnose(load_run(tmp_path / "run.jsonl.gz").recording.columns, robot)
-    assert said.verdict is Verdict.ADEQUATE
-    save_html(said, tmp_path / "run.html", title="run")
-    page = (tmp_path / "run.html").read_text()
-    assert "adequate" in page
-    assert "data:image/png;base64," in page

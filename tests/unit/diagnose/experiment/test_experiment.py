@@ -1,9 +1,12 @@
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
@@ -12,6 +15,24 @@ from raccoon.diagnose.experiment.manoeuvres import MANOEUVRES, RATE, manoeuvre
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 
 ROBOT = RobotConfig()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _planned_once() -> Iterator[None]:
+    """Each manoeuvre of the one robot is planned once for all tests: a plan is never changed."""
+    made = Plan.of
+
+    @cache
+    def of(name: str) -> Plan:
+        return made(ROBOT, manoeuvre(name))
+
+    def planned(robot: RobotConfig, duty: NDArray[np.float64]) -> Plan:
+        assert robot is ROBOT
+        return of(next(name for name in MANOEUVRES if np.array_equal(manoeuvre(name), duty)))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Plan, "of", planned)
+        yield
 
 
 @pytest.mark.parametrize("name", sorted(MANOEUVRES))

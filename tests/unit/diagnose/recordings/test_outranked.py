@@ -3,15 +3,13 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from blind.generator import make
-from blind.hidden import draw
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
-from raccoon.diagnose.recordings.kinds import diagnose_recording
+from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.recordings.outranked import outranked
-from raccoon.diagnose.result import CauseResult, Gain
+from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, Unexplained, Verdict
 
 TICKS = Measured(0.00305, 0.00001)
 ROBOT = RobotConfig(
@@ -51,12 +49,11 @@ def test_inertia_is_that_of_driving_straight() -> None:
     assert "before model.drive.inertia_straight" in outranked([cause("drive.inertia")], robot)[0]
 
 
-def test_a_diagnosis_says_so() -> None:
-    hidden = draw("friction.coulomb", np.random.default_rng(3))
-    columns = dict(make(3, [hidden], seconds=5.0).columns)
+def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    named = Diagnosis(Verdict.EXPLAINED, (), (cause("friction.coulomb"),), (), Unexplained(0.0), (), 0.1)
+    monkeypatch.setattr(kinds, "diagnose", lambda *_, **__: named)
     robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
-    found = diagnose_recording(columns, robot)
-    assert "friction.coulomb" in [each.id for each in found.causes]
+    found = kinds.diagnose_recording(dict(make(3, seconds=4.0).columns), robot)
     assert any("motor.0.static_voltage, by which programs go" in note for note in found.notes)
     plain = replace(robot, motors={})
     assert not any("by which programs go" in note for note in outranked(found.causes, plain))

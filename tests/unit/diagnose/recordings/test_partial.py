@@ -11,9 +11,10 @@ from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
+from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.recordings.counters import Counted, with_counted
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
-from raccoon.diagnose.result import CauseResult, ParameterResult, Verdict
+from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult, Verdict
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]
@@ -24,6 +25,12 @@ def weak_right() -> Columns:
     """A drive whose right motor has another K_E."""
     hidden = draw("motor.back_emf_constant", np.random.default_rng(8))
     return dict(make(8, [hidden], seconds=4.0).columns)
+
+
+@pytest.fixture(scope="module")
+def read(weak_right: Columns) -> Diagnosis:
+    """What its whole recording says."""
+    return diagnose_recording(weak_right, ROBOT)
 
 
 def without(columns: Columns, *words: str) -> Columns:
@@ -52,12 +59,12 @@ def test_without_gyro_and_battery_the_rest_is_named_and_the_columns_too(weak_rig
     assert any(each.startswith("not checked, since imu.gyro.z is missing: ") for each in found.notes)
 
 
-def test_counters_stand_in_for_the_reading_that_they_sum(weak_right: Columns) -> None:
+def test_counters_stand_in_for_the_reading_that_they_sum(weak_right: Columns, read: Diagnosis) -> None:
     found = diagnose_recording(without(weak_right, "bemf"), ROBOT)
     assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
-    read = diagnose_recording(weak_right, ROBOT).causes[0].parameters["factor"]
+    factor = read.causes[0].parameters["factor"]
     counted = found.causes[0].parameters["factor"]
-    assert counted.value == pytest.approx(read.value, abs=0.01)
+    assert counted.value == pytest.approx(factor.value, abs=0.01)
     said = "motor.0.bemf and motor.1.bemf are missing: taken from how motor.0.position and motor.1.position"
     assert any(each.startswith(said) for each in found.notes)
 
@@ -76,20 +83,19 @@ def test_a_counter_is_differenced_around_its_row() -> None:
     assert "motor.1.bemf" not in counted.columns
 
 
-def test_a_zone_as_narrow_as_a_tick_is_the_counters(weak_right: Columns) -> None:
-    found = diagnose_recording(without(weak_right, "battery"), ROBOT)
-    named = found.causes[0]
+def test_a_zone_as_narrow_as_a_tick_is_the_counters(read: Diagnosis) -> None:
+    named = read.causes[0]
 
     def zone(counts: float) -> CauseResult:
         number = ParameterResult(counts, 1.0, "counts", 0.0)
         return replace(named, id="bemf.dead_zone", where=None, parameters={"counts": number})
 
     counted = Counted({}, ("motor.0.position",), 10.0)
-    narrow = counted.told(replace(found, causes=(zone(12.0),), verdict=Verdict.EXPLAINED))
+    narrow = counted.told(replace(read, causes=(zone(12.0),), verdict=Verdict.EXPLAINED))
     assert narrow.causes == ()
     assert narrow.verdict is Verdict.ADEQUATE
     assert any("whole ticks of motor.0.position" in each.reason for each in narrow.rejected)
-    wide = counted.told(replace(found, causes=(zone(25.0),), verdict=Verdict.EXPLAINED))
+    wide = counted.told(replace(read, causes=(zone(25.0),), verdict=Verdict.EXPLAINED))
     assert [each.id for each in wide.causes] == ["bemf.dead_zone"]
 
 
@@ -130,10 +136,19 @@ def test_numbers_without_std_are_as_well_known_as_by_default() -> None:
     assert with_usual_stds(ROBOT) == (ROBOT, ())
 
 
-def test_numbers_without_std_are_said_in_one_note(weak_right: Columns) -> None:
+def test_numbers_without_std_are_said_in_one_note(
+    weak_right: Columns, read: Diagnosis, monkeypatch: pytest.MonkeyPatch
+) -> None:
     robot = parse_robot({"model": {"motor": {"armature_resistance": 1.8}, "imu": {"gyro_scale": 1}}})
+    asked: list[RobotConfig] = []
+
+    def said(_: Columns, robot: RobotConfig, **__: object) -> Diagnosis:
+        asked.append(robot)
+        return read
+
+    monkeypatch.setattr(kinds, "diagnose", said)
     found = diagnose_recording(weak_right, robot)
-    assert [each.name for each in found.causes] == ["motor.back_emf_constant@right"]
+    assert asked == [with_usual_stds(robot)[0]]
     notes = [each for each in found.notes if "no std" in each]
     assert len(notes) == 1
     assert "no std for model.motor.armature_resistance, model.imu.gyro_scale: " in notes[0]

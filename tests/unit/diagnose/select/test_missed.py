@@ -60,9 +60,8 @@ def test_beside_more_causes_less_is_needed(problem: Problem, others: dict[str, f
     assert (with_missed(estimated(search)) is not None) == found
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_nothing_is_missed_where_nothing_is_missing(problem: Problem, seed: int) -> None:
-    search = searched(problem, named(problem), named(problem), seed)
+def test_nothing_is_missed_where_nothing_is_missing(problem: Problem) -> None:
+    search = searched(problem, named(problem), named(problem), 3)
     assert with_missed(estimated(search)) is None
 
 

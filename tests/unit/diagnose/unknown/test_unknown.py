@@ -14,8 +14,9 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.features import BIN
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.fits import fit_point
-from raccoon.diagnose.fit.linear import coulomb_response, linearise
+from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response, linearise
 from raccoon.diagnose.fit.problem import Problem
+from raccoon.diagnose.fit.wander import slow_friction
 from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.select.outlook import look_around, start_search
@@ -91,6 +92,26 @@ def test_friction_that_is_another_from_a_moment_on_is_a_curve(problem: Problem) 
     assert problem.features.time[later][0] == pytest.approx(found.over[later][0])
 
 
+def test_in_a_short_drive_a_place_is_a_moment(problem: Problem) -> None:
+    """Friction that wanders much, on a robot that was nowhere twice, is none of the place; one that is blind
+    for that calls it unknown."""
+    linear = linearise(problem, problem.nominal(), ["friction.coulomb@left", "friction.coulomb@right"])
+    rng = np.random.default_rng(3)
+    noise = problem.features.floors * rng.normal(size=linear.residual.shape)
+    courses = slow_friction(problem, linear)
+    wanders = 0.2 * np.tensordot(rng.normal(size=len(courses)), courses, 1)
+    measured = problem.predict([problem.nominal()])[0] + noise + wanders
+    real = replace(problem, features=replace(problem.features, measured=measured))
+
+    def blind(linear: Linear) -> list[Group]:
+        return [replace(each, over_place=False) for each in probes_for(real)(linear)]
+
+    taken = best_probe(start_search(real, blind))
+    assert taken.name.startswith("unknown: position")
+    assert taken.shows(PROBE_ALONE)
+    assert not best_probe(start_search(real, probes_for(real))).shows(PROBE_ALONE)
+
+
 def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> None:
     """Two counts of offset turned a wheel by 2 rad too much in 40 s, and its cogging was not seen."""
     settings = dict(problem.settings(problem.nominal()))
@@ -115,10 +136,10 @@ def test_angles_and_places_are_those_of_the_working_point(problem: Problem) -> N
     assert way == pytest.approx(6.0 * 1.01 * model.drive.wheel_radius.value * (bins - 1) * BIN)
 
 
-@pytest.mark.parametrize("off", [{"bemf_offset_l": 5.0}, {"ke_l": 1.09}])
-def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong(off: dict[str, float]) -> None:
-    """K_E that is off as robot.toml allows shifted its waves on the way, and it was taken for noise."""
-    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, **off})
+def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() -> None:
+    """An offset, or K_E, that is off as robot.toml allows shifted its waves on the way, and it was taken for
+    noise."""
+    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.05, "bemf_offset_l": 5.0})
     columns = make(10, [hidden], seconds=40.0).columns
     real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = best_probe(start_search(real, probes_for(real)))

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from blind.generator import Noise, make
 from blind.hidden import Hidden
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem
@@ -20,7 +19,11 @@ from raccoon.diagnose.habits.controller import problem_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.rollout.robots import with_inertia
+from raccoon.diagnose.select.outlook import estimated, start_search
+from raccoon.diagnose.select.probed import best_probe
+from raccoon.diagnose.select.search import _with_unknown
 from raccoon.diagnose.unknown.probes import WAVE, Probe, probes_for
+from raccoon.diagnose.unknown.shapes import shapes_of
 from raccoon.diagnose.unknown.waves import COGGING, _followed, _late, angle_of, waves, wheel_waves
 
 ROBOT = RobotConfig()
@@ -116,8 +119,10 @@ def _quiet(hidden: Hidden) -> tuple[Problem, np.ndarray]:
 
 def test_how_much_a_motor_cogs_is_said_with_its_size() -> None:
     size = 0.06
-    said = diagnose(make(21, [Hidden("unknown", None, {}, {"cogging_r": size})], seconds=20.0).columns, ROBOT)
-    (shape,) = said.shapes
+    columns = make(21, [Hidden("unknown", None, {}, {"cogging_r": size})], seconds=20.0).columns
+    real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, drive_causes())
+    start = start_search(real, probes_for(real))
+    (shape,) = shapes_of(estimated(_with_unknown(start, best_probe(start))))
     assert shape.depends_on == "wheel angle right"
     found = shape.size
     assert found.value == pytest.approx(2.0 * size, rel=0.2)

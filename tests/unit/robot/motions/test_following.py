@@ -64,7 +64,6 @@ def test_a_line_is_followed_around_a_bend(side: str) -> None:
 @pytest.mark.parametrize(
     ("before", "behind", "side"),
     [
-        (0.0, 0.1, "left"),
         (0.0, 0.3, "right"),
         (0.0, 1.0, "left"),
         (0.3, 0.0, "left"),
@@ -89,10 +88,7 @@ def test_a_line_is_followed_across_an_edge_of_light(before: float, behind: float
     ("width", "light", "side"),
     [
         (0.0, 0.06, "left"),
-        (0.0, 0.08, "right"),
-        (0.05, 0.06, "right"),
-        (0.05, 0.07, "left"),
-        (0.2, 0.07, "right"),
+        (0.05, 0.07, "right"),
         (0.2, 0.08, "left"),
     ],
 )
@@ -132,7 +128,7 @@ def test_a_calibration_of_indoors_follows_a_line_in_the_sun() -> None:
 
 @pytest.mark.parametrize(
     ("side", "beside", "heading"),
-    [("left", -0.08, 0.0), ("left", -0.08, deg(-3)), ("right", 0.06, deg(3))],
+    [("left", -0.08, deg(-3)), ("right", 0.06, deg(3))],
 )
 def test_a_robot_beside_the_line_that_steers_away_from_it_finds_it(
     side: str, beside: float, heading: float
@@ -146,14 +142,13 @@ def test_a_robot_beside_the_line_that_steers_away_from_it_finds_it(
 @pytest.mark.parametrize(
     ("side", "angle", "speed"),
     [
-        *((side, angle, 0.2) for side in ("left", "right") for angle in (-110, -60, 90, 135)),
-        ("left", -135, 0.2),
-        ("left", 135, 0.05),
-        ("right", -110, 0.05),
-        ("right", 90, 0.05),
-        ("left", -90, 0.1),
+        ("left", -110, 0.2),
+        ("left", 135, 0.2),
+        ("right", -60, 0.2),
+        ("right", 90, 0.2),
         ("left", 75, 0.1),
-        ("right", -60, 0.1),
+        ("left", -135, 0.05),
+        ("right", -110, 0.05),
         ("right", 110, 0.1),
     ],
 )

