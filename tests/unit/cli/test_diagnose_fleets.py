@@ -31,7 +31,7 @@ def test_recordings_of_one_name_are_told_apart_by_their_folders(
     paths = [tmp_path / robot / "monday" / "run.csv" for robot in ("red", "blue")]
     for seed, path in enumerate(paths):
         path.parent.mkdir(parents=True)
-        written(path, motor(5 + seed, 0.008))
+        written(path, tophat(5 + seed, factor=0.9, seconds=4.0))
     assert main(["diagnose", *map(str, paths), "--json", str(tmp_path / "out.json")]) == 0
     assert set(json.loads((tmp_path / "out.json").read_text())["recordings"]) == {
         "red/monday/run.csv",
@@ -106,7 +106,7 @@ def test_an_empty_recording_that_comes_first_stops_no_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "a.csv").write_text("t,motor.0.duty\n")
-    written(tmp_path / "motor.csv", motor(5, 0.008))
+    written(tmp_path / "run.csv", tophat(5, factor=0.9, seconds=4.0))
     assert main(["diagnose", str(tmp_path)]) == 0
     assert "a.csv: no diagnosis: the recording is empty" in capsys.readouterr().out
 
@@ -124,7 +124,7 @@ def test_a_mistake_that_one_recording_meets_stops_no_other(
 
     monkeypatch.setattr("raccoon.cli.diagnose_one.diagnose_job", mistaken)
     for name in ("a.csv", "b.csv"):
-        written(tmp_path / name, motor(5, 0.008))
+        written(tmp_path / name, tophat(5, factor=0.9, seconds=4.0))
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     assert "a.csv: no diagnosis: LinAlgError: SVD did not converge" in capsys.readouterr().out
     assert json.loads((tmp_path / "out.json").read_text())["recordings"].keys() == {"b.csv"}

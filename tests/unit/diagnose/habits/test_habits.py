@@ -497,9 +497,9 @@ def test_a_row_is_a_whole_number_of_the_controllers_cycles(row: float, cycle: fl
     assert _cycle(usual_step(shaken), 0.005) == pytest.approx(cycle, rel=0.02)
 
 
-@pytest.mark.parametrize("row", [0.01, 0.02])
-def test_wheels_that_are_filtered_once_a_row_have_no_other_filter(row: float) -> None:
+def test_wheels_that_are_filtered_once_a_row_have_no_other_filter() -> None:
     """A filter two thirds as slow was named of a simulation in rows of 20 ms, and the rest called unknown."""
+    row = 0.02
     robot = replace(ROBOT, controller=replace(ROBOT.controller, rate_hz=1.0 / row))
     said = diagnose(recorded(Parameters(robot, {}, Chain(cycle=row)), 16.0, row=row), robot)
     assert said.verdict is Verdict.ADEQUATE

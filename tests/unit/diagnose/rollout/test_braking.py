@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.joined import joined
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.habits.lost import LostChange, changed_at
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.result import Verdict
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
@@ -61,14 +59,6 @@ def test_rows_decide_where_they_say(past: bool) -> None:
     part = half.between(8.0, 10.0)
     assert part.brake is not None
     assert len(part.brake) == len(part.time)
-
-
-def test_stops_of_both_kinds_are_no_fault() -> None:
-    """A program that brakes in some of its stops and rolls out in others was unknown."""
-    braking = TIME % 8.0 < 4.0
-    found = diagnose(stops(braking) | said(braking), ROBOT)
-    assert found.verdict is Verdict.ADEQUATE
-    assert not found.causes
 
 
 def test_a_row_that_was_lost_is_as_the_one_after_it() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,11 +11,9 @@ import pytest
 
 from blind.drives import exciting
 from emulated_drives import recorded
-from raccoon import after_distance, deg, drive, open_robot, seq, straight, turn, wait
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT, BEMF_VOLTS_PER_COUNT, SI_WORDS, SIMULATOR
-from raccoon.core.sections import ControllerConfig
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.habits.lags import _open_instead
@@ -35,7 +32,6 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.plant.sensing import battery_word
 from raccoon.sim.port import SimPort
-from raccoon.trace.loading import load_run
 
 ROBOT = RobotConfig()
 
@@ -69,19 +65,6 @@ def test_a_strong_motor_is_all_that_is_named(firmware: Firmware) -> None:
     assert [each.name for each in said.causes] == ["motor.back_emf_constant@left"]
     number = said.causes[0].parameters["factor"]
     assert abs(number.value - 1.08) < 2.5 * number.std < 0.05
-
-
-def test_a_simulated_program_has_nothing_wrong(tmp_path: Path) -> None:
-    """Its chain is known. Found out, it was that of a controller by its own clock, with a filter of 14 ms."""
-    recording = tmp_path / "run.jsonl"
-    mission = seq(wait(1.0), straight(0.4), turn(deg(90)), drive(0.15).until(after_distance(0.20)))
-    with open_robot(RobotConfig(controller=ControllerConfig(port="sim")), record=recording) as robot:
-        robot.run(mission)
-    run = load_run(recording).recording
-    assert run.device.name == SIMULATOR.name
-    said = diagnose_recording(run.columns, ROBOT, device=run.device)
-    assert said.causes == ()
-    assert any("of the simulator" in note for note in said.notes)
 
 
 def test_only_the_usual_chain_is_the_simulator_s() -> None:

@@ -107,7 +107,7 @@ def test_other_rates_see_the_same(rate_hz: float) -> None:
     assert position * metres_a_tick(last) / 0.0345 == pytest.approx(bench.robot.angles[0] - lag / 2, abs=lag)
 
 
-@pytest.mark.parametrize("rate_hz", [20.0, 40.0, 60.0, 80.0, 120.0, 240.0])
+@pytest.mark.parametrize("rate_hz", [40.0, 120.0, 240.0])
 def test_no_rate_beats_with_the_updates_of_the_counters(rate_hz: float) -> None:
     """At 235 uneven updates a second and 240 looks, two updates were now and then taken for a faster one."""
     bench = Bench("stock", rate_hz=rate_hz)
