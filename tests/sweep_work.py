@@ -56,12 +56,12 @@ def sleeps_for_long(mark: str) -> None:
 
 
 def main() -> None:
-    """Begin a sweep of 8 matches and leave it after 3 by the signal whose number is given."""
-    out, number = sys.argv[1:]
+    """Begin a sweep of 8 matches and be killed after 3."""
+    (out,) = sys.argv[1:]
 
     def leave(played: int, _total: int, _failed: int) -> None:
         if played == 3:
-            os.kill(os.getpid(), int(number))
+            os.kill(os.getpid(), signal.SIGKILL)
 
     with ThreadPoolExecutor(1) as threads:
         sweep(tiny_match(), 8, seed=4, executor=threads, out=out, progress=leave)

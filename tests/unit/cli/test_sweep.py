@@ -3,6 +3,8 @@
 import json
 import re
 import shlex
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 from raccoon.cli.main import main
 from raccoon.cli.sweep import report
+from raccoon.sweep.execute import Crew
 from raccoon.sweep.results import read_results
 from raccoon.sweep.summary import summary
 from raccoon.sweep.workers import process_crew
@@ -49,8 +52,10 @@ def test_from_processes_to_a_table_and_a_rate(program: str, capsys: pytest.Captu
 
 
 def test_the_command_that_shows_a_failure_can_be_copied(
-    program: str, capsys: pytest.CaptureFixture[str]
+    program: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    alone = nullcontext(Crew(ThreadPoolExecutor(1), 1))
+    monkeypatch.setattr("raccoon.cli.sweep.play.process_crew", lambda _: alone)
     Path("a robot.toml").write_text("", encoding="utf-8")
     sweep = ["sweep", program, *VARIED, "--robot", "a robot.toml", "--within", "1e-9", "--out", "r.csv"]
     assert main([*sweep, "--runs", "1", "--seed", "4", "--workers", "1"]) == 0

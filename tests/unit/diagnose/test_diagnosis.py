@@ -11,7 +11,7 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.diagnosis import Found, Way, diagnose
+from raccoon.diagnose.diagnosis import SAME_ROBOT, Found, Way, _not_the_same, diagnose
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fleet.summary import fleet_of
@@ -42,12 +42,24 @@ def sagging() -> Diagnosis:
     return diagnose(columns, ROBOT)
 
 
-def test_a_recording_of_another_robot_does_not_prove_a_cause() -> None:
-    hidden = draw("battery.internal_resistance", np.random.default_rng(8))
-    columns, clean = make(8, [hidden], seconds=8.0).columns, make(9, seconds=8.0).columns
-    said = diagnose(dict(columns), ROBOT, holdout=dict(clean))
-    assert [each.name for each in said.causes] == ["battery.internal_resistance"]
-    assert any("is it the same robot" in note for note in said.notes)
+@pytest.mark.parametrize(
+    ("named", "before", "after", "said"),
+    [
+        (True, 2.0, 1.2, ""),
+        (True, 1.5, 1.6, "the better model is off by 1.60 times the noise, and robot.toml's by 1.50"),
+        (True, 9.0, 6.5, "the better model is off by 6.50 times the noise, and robot.toml's by 9.00"),
+        (False, 2.0, 2.0, "the simulation is off by 2.00 times the noise, and nothing was found in this one"),
+        (False, 1.2, 1.2, ""),
+    ],
+)
+def test_a_recording_of_another_robot_proves_no_cause(
+    named: bool, before: float, after: float, said: str
+) -> None:
+    """Of which the better model is no better, or far off; or robot.toml, where nothing was found."""
+    found: Any = SimpleNamespace(causes=(1,) * named, unexplained=SimpleNamespace(depends_on=()))
+    judged: Any = SimpleNamespace(size_before=before, size_after=after, is_far=after > 1.5)
+    told = "".join(_not_the_same(found, judged))
+    assert told == (f"on the other recording {said}: {SAME_ROBOT}" if said else "")
 
 
 @pytest.mark.parametrize(("depends_on", "times"), [("", 2), ("position x", 2), ("position x", 3)])

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,6 @@ from typing import Any
 import pytest
 
 import sweep_work
-from children import heeding
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.results import read_results
 from raccoon.sweep.runs import sweep, with_nominal_end
@@ -43,16 +43,28 @@ def assert_same(rows: list[dict[str, Any]], others: list[dict[str, Any]]) -> Non
     assert [repr(row) for row in rows] == [repr(row) for row in others]  # NaN is as NaN
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT], ids=["killed", "interrupted"])
-def test_after_an_interruption_it_ends_with_the_same_table(tmp_path: Path, number: signal.Signals) -> None:
+def killed(out: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, str(TESTS / "sweep_work.py"), str(out)], capture_output=True, check=False
+    )
+    assert done.returncode == -signal.SIGKILL, done.stderr
+
+
+def interrupted(out: Path) -> None:
+    def leave(played: int, *_: int) -> None:
+        if played == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), ThreadPoolExecutor(1) as threads:
+        sweep(tiny_match(), 8, seed=4, executor=threads, out=out, progress=leave)
+
+
+@pytest.mark.parametrize("ended", [killed, interrupted])
+def test_after_an_interruption_it_ends_with_the_same_table(
+    tmp_path: Path, ended: Callable[[Path], None]
+) -> None:
     cut, whole = tmp_path / "cut.csv", tmp_path / "whole.csv"
-    with heeding(signal.SIGINT):
-        done = subprocess.run(
-            [sys.executable, str(TESTS / "sweep_work.py"), str(cut), str(int(number))],
-            capture_output=True,
-            check=False,
-        )
-    assert done.returncode in (-number, 130), done.stderr
+    ended(cut)
     before = read_results(cut)
     assert len(before) == 3
     played: list[int] = []
