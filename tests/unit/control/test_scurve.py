@@ -28,6 +28,17 @@ def test_it_arrives_and_keeps_every_limit(d: float, speed: float, gain: float, j
     assert curve.at(curve.duration + 1.0).position == d
 
 
+@given(st.floats(0.05, 2.0), POSITIVE, POSITIVE, st.floats(0.5, 50.0), st.floats(0.02, 0.98))
+def test_its_place_is_the_integral_of_its_speed(
+    d: float, speed: float, gain: float, jerk: float, part: float
+) -> None:
+    """Which a difference over 2 h tells but for j h^2 / 6."""
+    curve = SCurve(d, speed, gain, jerk)
+    time, h = part * curve.duration, 1e-4 * curve.duration
+    before, here, after = (curve.at(time + each) for each in (-h, 0.0, h))
+    assert (after.position - before.position) / (2.0 * h) == pytest.approx(here.velocity, abs=jerk * h * h)
+
+
 def test_with_a_huge_jerk_it_is_the_trapezoid() -> None:
     curve, trapezoid = SCurve(1.0, 0.2, 0.5, 1e6), Trapezoid(1.0, 0.2, 0.5)
     assert curve.duration == pytest.approx(trapezoid.duration, rel=1e-4)

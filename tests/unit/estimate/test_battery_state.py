@@ -51,6 +51,17 @@ def test_charge_and_resistance_are_found_within_their_deviations(chemistry: str,
     assert abs(found.charge - 0.35) < max(0.05, 2.0 * found.charge_std)
 
 
+def test_the_deviation_of_the_charge_is_that_of_the_voltage_by_the_curve_s_slope() -> None:
+    """Of a lipo between 3.77 V (0.3) and 3.80 V (0.4) a cell, with the 20 mV by which packs differ."""
+    pack = PackState("lipo", 2.0)
+    for cycle in range(500):
+        pack.update(cycle * 0.01, 2.0 * 3.785, 0.0)
+    found = pack.estimate
+    of_a_cell = 0.5 * (found.open_circuit_voltage_std + 0.02)
+    assert found.charge == pytest.approx(0.35)
+    assert found.charge_std == pytest.approx(0.1 / 0.03 * of_a_cell)
+
+
 def test_without_a_change_of_load_the_resistance_stays_unsure() -> None:
     pack = PackState("lipo", 2.0)
     for cycle in range(500):

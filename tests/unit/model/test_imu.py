@@ -1,5 +1,7 @@
 """What inertial sensors read, and the words they make of it."""
 
+import math
+
 import pytest
 
 from raccoon.core.readings import GRAVITY, SIMULATOR
@@ -13,6 +15,12 @@ def test_a_gyro_reads_scale_bias_and_drift() -> None:
 
 def test_at_rest_an_accelerometer_reads_gravity_up() -> None:
     assert specific_force(0.0, 0.0, 0.0) == (0.0, 0.0, GRAVITY)
+
+
+@pytest.mark.parametrize("pitch", [0.17, -0.17])
+def test_a_robot_whose_nose_is_up_feels_a_part_of_gravity_ahead(pitch: float) -> None:
+    felt = specific_force(0.0, 0.0, 0.0, lean=GRAVITY * math.sin(pitch))
+    assert felt == pytest.approx((GRAVITY * math.sin(pitch), 0.0, GRAVITY * math.cos(pitch)))
 
 
 def test_in_a_left_turn_the_floor_pushes_to_the_left() -> None:

@@ -49,9 +49,12 @@ def test_readings_stay_in_the_converter(generation: str) -> None:
             assert np.all((read > 0.0) & (read < FULL_SCALE))
 
 
-def test_sensor_that_is_brighter_reads_lower() -> None:
+def test_all_light_of_a_brighter_sensor_is_as_much_brighter() -> None:
+    """What the floor returns, what never saw the floor, and the sun."""
     model = fit("new")
-    assert model.at(0.007, gain=1.3).counts(0.0) < model.at(0.007).counts(0.0)
+    for dark, ambient in ((0.0, 0.0), (1.0, 0.0), (0.4, 0.7)):
+        usual, brighter = (model.at(0.01, gain=gain).light(dark, ambient) for gain in (1.0, 1.3))
+        assert brighter == pytest.approx(1.3 * usual)
 
 
 def test_light_is_the_inverse_of_counts() -> None:
