@@ -1,12 +1,12 @@
 """Plots for docs/odometry.md: a match with its estimate and ellipses, the residuals, and a slip.
 
-python benchmarks/odometry_plots.py docs/pictures
+python benchmarks/odometry_plots.py [docs/pictures]
 """
 
 from __future__ import annotations
 
+import argparse
 import math
-import sys
 from pathlib import Path
 
 import matplotlib as mpl
@@ -96,7 +96,9 @@ def plot_slip(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1] if len(sys.argv) > 1 else "docs/pictures")
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, default=Path("docs/pictures"))
+    target = parser.parse_args().folder
     target.mkdir(parents=True, exist_ok=True)
     plot_match(target)
     plot_slip(target)

@@ -9,6 +9,7 @@ poses. "from goal": the furthest of the three from where the mission meant to en
 
 from __future__ import annotations
 
+import argparse
 import math
 import secrets
 import sys
@@ -49,7 +50,9 @@ MISSIONS: dict[str, tuple[Mission, tuple[float, float]]] = {
 
 def main() -> int:
     """Print the table; exit status 1 where a mission's median run is further apart than asked."""
-    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", nargs="?", type=int, default=RUNS, help="runs of each mission")
+    runs = parser.parse_args().runs
     print(f"{'mission':26}{'seed':>8}{'apart mm':>10}{'asked':>7}{'from goal mm':>14}")
     failed = False
     for name, (mission, goal) in MISSIONS.items():
