@@ -145,6 +145,19 @@ def test_a_wheel_whose_ticks_are_all_there_is_errs_by_a_tick_at_either_end() -> 
     assert variance == pytest.approx(2.0 * (tick / 0.02) ** 2 / 12.0, rel=1e-4)
 
 
+@pytest.mark.parametrize("arc", [0.5 * math.pi, math.pi])
+def test_wheels_that_are_not_round_err_by_the_mean_of_their_runout_over_the_arc(arc: float) -> None:
+    """Each by the integral of runout sin(angle + where it began), from any beginning; half the difference of
+    the two counts."""
+    settings = OdometrySettings(runout=0.01)
+    span, speed = 0.02, 4.0
+    wobble = WheelNoise(RobotConfig(), settings, SIMULATOR).wobble(speed, -speed, span)
+    of_angle = wobble * span**2 * arc / (speed * span)  # the sum of so many steps
+    begun = np.linspace(0.0, 2.0 * math.pi, 1000, endpoint=False)
+    of_wheel = np.mean((0.01 * (np.cos(begun) - np.cos(begun + arc))) ** 2)
+    assert of_angle == pytest.approx(0.25 * 2.0 * of_wheel, rel=0.15)
+
+
 def said(delay: float) -> tuple[Array, float, float, float, float]:
     """Covariance of the filter, and x, y, heading and deviation of the speed that are published of it."""
     A = 1e-2 * np.random.default_rng(1).normal(size=(SIZE, SIZE))
