@@ -20,6 +20,7 @@ from raccoon.sim.effects.parameters import Parameters
 Array = NDArray[np.float64]
 
 WORST_SECONDS = 0.5
+"""Length of the stretch of which a report says that the simulation is furthest off in it."""
 LITTLE = 0.05
 """Change of a reading, in units of its noise, below which a cause does not matter. Of a gyro that is 4
 degrees in a match of two minutes, if it never averages out."""
@@ -27,6 +28,7 @@ BRIEF = 0.003
 """s of a lag below which it does not matter: half a cycle of a firmware at 175 Hz. When in its cycle a
 controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
 _LAGS = {"actuation.latency": "seconds", "imu.latency": "seconds", "drive.wheel_slip": "time"}
+"""The parameter that is a lag, by the causes that have one."""
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""

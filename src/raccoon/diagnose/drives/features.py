@@ -21,10 +21,13 @@ from raccoon.diagnose.drives.whole_counts import uncut
 
 Array = NDArray[np.float64]
 
-BIN = 0.02
-SHORTEST_BIN = 0.005
+BIN, SHORTEST_BIN = 0.02, 0.005
+"""s over which readings are averaged before they are compared; where a loop answers its readings, down to a
+usual controller's cycle."""
 EVENT_SECONDS = 0.5
+"""s in which all that happens counts as one event: what a wheel that breaks loose late is off by is over."""
 SETTLING = 0.3
+"""s at the start that are not compared: what the robot did before is not known, and forgotten by then."""
 
 
 def half_second(width: float) -> int:

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import MOTOR_PORTS, STOP, Outputs
-
-PLANNED_RATE = 200.0
+from raccoon.diagnose.experiment.manoeuvres import RATE
 
 
 def drive(port: Port, robot: RobotConfig, duty: NDArray[np.float64]) -> int:
@@ -25,7 +24,7 @@ def drive(port: Port, robot: RobotConfig, duty: NDArray[np.float64]) -> int:
         while True:
             now = port.read().time
             start = now if start is None else start
-            row = int((now - start) * PLANNED_RATE + 0.5)
+            row = int((now - start) * RATE + 0.5)
             if row >= len(duty):
                 return cycles
             port.write(_outputs(robot, signs, duty[row]))

@@ -12,6 +12,7 @@ from raccoon.core.errors import ConfigError
 Array = NDArray[np.float64]
 
 RATE = 200
+"""Rows of a planned drive in a second."""
 CHECKUP = "checkup"
 """The drive that shows something of everything."""
 CREEP = 0.2

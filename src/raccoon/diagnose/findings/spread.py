@@ -30,6 +30,7 @@ says, as noise that is learnt from few moments is too small."""
 UNNAMED = 0.05
 """Widths of each cause that is not named by which it may be off where several are."""
 AWAY = (0.01, 0.02, 0.035, 0.06, 0.1, 0.18, 0.3, 0.55, 1.0)
+"""Widths from the fit at which such a coordinate is tried: a deviation is where the cost has risen by 1."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from scipy.special import fdtri, stdtrit
 Array = NDArray[np.float64]
 
 FEWEST = 5
+"""Numbers in which a change is looked for: a jump leaves `LEAST_FREEDOM` of them over."""
 LEAST_SIDE = 2
 MOST_JUMPS = 3
 LEAST_FREEDOM = 3

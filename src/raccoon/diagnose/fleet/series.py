@@ -18,6 +18,7 @@ FAR = 4.0
 SPREAD = 1.4826
 """Standard deviation of normal numbers over their median distance from the middle."""
 FEWEST_FOR_OUTLIERS = 4
+"""Numbers, or robots, of which one may be said to be far from the others."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from raccoon.diagnose.result import Diagnosis, ParameterResult
 from raccoon.model.reflectance import LEAST_HEIGHT, height_doubt
 
 COMMON_SHARE = 0.6
+"""Of the recordings that can tell, from which a cause is said to be common to them."""
 HEIGHT = "tophat.height"
 
 

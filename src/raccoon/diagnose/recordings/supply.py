@@ -19,8 +19,11 @@ LEAST_GAIN = 0.1
 CLEARLY, LITTLE_GAIN = 10.0, 0.01
 """Deviations from 0 from which a resistance that saves less is named, and what it must save then."""
 CONSTANTS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""s after which a battery's further branch may have followed the current; the one that fits best is taken."""
 FEWEST = 100
+"""Samples from which anything is said."""
 BLOCKS = 8
+"""Of time, which are left out one by one: by what they change a number's deviation is told (a jackknife)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,7 @@ from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 MOST_CURVES = 6
+"""Channels of which a page has a picture over time."""
 
 __all__ = ["error_figure", "page", "save_html"]
 

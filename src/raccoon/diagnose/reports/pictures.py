@@ -14,6 +14,7 @@ from raccoon.diagnose.result import Curve, Diagnosis, Shape
 
 BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#555555"
 MOST_POINTS = 4000
+"""Of a curve; more make a page large, and no picture has as many columns."""
 
 
 def png(figure: Any) -> str:

@@ -21,12 +21,16 @@ from raccoon.diagnose.result import (
 )
 
 NOT_WHITE = 0.01
+"""Probability up to which what is left of a channel is said not to be white."""
 FAR_OFF = 1.5
 """Times the noise from which a report says when a channel is furthest off."""
 MADE_UP = 1.05
 """Times the error with the first cause, up to which it is without it where the others do nearly all of it."""
 UNKNOWABLE, CANNOT = "not ", "not identifiable: "
 """How the reason of a cause begins that this recording cannot show at all, and how most of them do."""
+TOLERANCES = "the tolerances in robot.toml"
+ABSORBED = 0.02
+"""Times the noise up to which what a cause changes is next to nothing beyond these."""
 NO_GAIN = 1.005
 """Times the error with a cause, up to which data that was kept for judging does not show it."""
 NOT_IN_THE_REST = (
@@ -171,11 +175,6 @@ def change_text(cause: CauseResult) -> str:
     if cause.unabsorbed < ABSORBED:
         return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
     return f"{little}{most}; over all readings {_times(cause.unabsorbed)} is more than {TOLERANCES} explain"
-
-
-TOLERANCES = "the tolerances in robot.toml"
-ABSORBED = 0.02
-"""Times the noise up to which what a cause changes is next to nothing beyond these."""
 
 
 def _times(number: float) -> str:

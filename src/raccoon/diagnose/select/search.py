@@ -45,8 +45,10 @@ PROBE_LEAD = 1.3
 PROBE_FAR = 1.5
 """The same for leads: a cause with a few large moments right, and the rest of the drive not, is none."""
 BESIDE_UNKNOWN = 0.33
+"""Part of what something unknown explains that a cause beside it must explain at least."""
 NOTHING = "explains nothing that is left"
 MOST_CAUSES = 14
+"""With which a search ends, however much is left: no robot has so many."""
 OUTDONE = 5.0
 """Log evidence, no gates counted, by which another explains more in a cause's place than it does."""
 WEAK = 3.0

@@ -23,10 +23,13 @@ Keep = Callable[[Rows], NDArray[np.bool_]]
 """Which rows of a recording count."""
 
 SECANT = 1e-3
+"""Widths over which a column is the difference of two simulations."""
 DAMPINGS = (1e-6, 1e-2, 1.0, 100.0)
-ROUNDS = 20
-ENOUGH = 1e-5
+"""Of Levenberg and Marquardt's method, all tried at once: side by side simulations cost little."""
+ROUNDS, ENOUGH = 20, 1e-5
+"""Most steps of a fit, and the part of its cost up to which a step that gains no more is the last."""
 NEAR_END = 1.02
+"""Times a bound, up to which a number is said to be at it."""
 ROWS_OF_POSITION, ROWS_OF_SPEED = 100, 8000
 FEWEST_STRETCHES = 10
 RUN_CONSTANTS, RUN_SECONDS = 20.0, 60.0

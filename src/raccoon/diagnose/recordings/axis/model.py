@@ -34,8 +34,11 @@ NEUTRAL: Mapping[str, float] = {
 }  # fmt: skip
 """Every number of the model, neutral or (for the first four) to be set."""
 LONGEST_STEP, LONGEST_STEP_OF_A_WINDING = 0.001, 0.0005
+"""s of a step of the simulation, and where a winding's current follows with its inductance."""
 MOST_PARTS = 10
+"""Steps into which a row is cut at most, however far rows are apart."""
 TINY = 1e-12
+"""In the place of a 0 that is divided by, where the quotient is not used."""
 
 
 @dataclass(frozen=True, slots=True)

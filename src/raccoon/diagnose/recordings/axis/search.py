@@ -15,9 +15,11 @@ from raccoon.diagnose.recordings.axis.fit import AxisData, AxisFit, Number, fit_
 Array = NDArray[np.float64]
 
 BLOCKS = 6
-LEAST_EVIDENCE = 10.0
-LEAST_LEFT_OUT = 6.0
+"""Of time, of which each is foreseen by a fit of all others."""
+LEAST_EVIDENCE, LEAST_LEFT_OUT = 10.0, 6.0
+"""Log evidence that a cause needs, in all and on blocks that were not fitted."""
 MOST_CAUSES = 4
+"""That are named of one axis."""
 TIE = 3.0
 CRUDE = 0.05
 LOST = 0.5
