@@ -1,6 +1,7 @@
 """Motors that are not what robot.toml says: still controlled, and reported with their port."""
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -123,6 +124,16 @@ def test_a_nominal_robot_is_not_complained_about() -> None:
     result, _, robot = run(straight(1.0))
     assert robot.drive.oddities() == ()
     assert result.remarks == ()
+
+
+def test_a_wheel_that_was_changed_is_told_by_the_gyro_and_a_distance_is_unsure_by_half_of_it() -> None:
+    """Which of the two it was nobody knows: one that is larger, or the other one smaller."""
+    result, _, _ = run(straight(1.0), simulated(effects={"drive.wheel_radius@right": {"factor": 1.06}}))
+    (said,) = result.remarks
+    told = re.search(r"right wheel \(motor port 1\) turns ([\d.]+) times what its calibration says", said)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(1.06, abs=0.01)
+    assert result.std == pytest.approx(0.5 * 0.06 * 1.0, rel=0.15)
 
 
 @pytest.mark.parametrize("chain", [None, Chain.firmware()], ids=["plain", "firmware"])
