@@ -15,7 +15,7 @@ from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.errors import CalibrationError
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre, TapedWay, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
-from raccoon.estimate.drive_calibration.paths import path
+from raccoon.estimate.drive_calibration.paths import START, off_shape, off_truth, path
 from shared_data import data_path
 
 LEFT_SQUARE: list[Segment] = [(3.0, 0.2, 0.0), (0.7, 0.0, 0.0), (1.0, 0.0, 1.6), (0.7, 0.0, 0.0)] * 4
@@ -64,6 +64,33 @@ def assert_found(found: Any) -> None:
     assert found.left_radius.value == pytest.approx(RADIUS / 1.035, rel=0.01)
     assert found.left_offset.value == pytest.approx(31.5, abs=1.0)
     assert found.error_after < 0.3 * found.error_before
+
+
+def quarter_circle(rows: int, truth: Array | None = None) -> Manoeuvre:
+    """0.4 m of radius, to the left."""
+    angle = np.linspace(0.0, 0.5 * math.pi, rows)
+    left, right = (angle * (0.4 + side * TRACK / 2.0) / RADIUS for side in (-1.0, 1.0))
+    return Manoeuvre(np.linspace(0.0, 20.0, rows), left, right, None, truth, (None, None), None)
+
+
+def test_few_rows_of_an_arc_end_where_many_do() -> None:
+    """Each goes along the middle of its headings: an eighth as many rows are 64 times, not 8 times, as far
+    off."""
+    for rows, off in ((81, 7e-6), (11, 5e-4)):
+        end = path(np.ones(3), ROBOT, quarter_circle(rows))[-1]
+        assert end == pytest.approx((0.4, 0.4, 0.5 * math.pi), abs=off)
+
+
+def test_the_shape_of_a_path_is_right_where_its_start_was_seen_wrong() -> None:
+    """Half a degree in the first half second turns all the rest about its start."""
+    wrong = math.radians(0.5)
+    truth = path(np.ones(3), ROBOT, quarter_circle(400))
+    first = quarter_circle(400).t <= START
+    truth[first, 2] += wrong
+    seen = quarter_circle(400, truth)
+    end, shape = (off(np.ones(3), ROBOT, seen)[-1] for off in (off_truth, off_shape))
+    assert end == pytest.approx((-0.4 * wrong, 0.4 * wrong, wrong), rel=0.1)
+    assert np.abs(shape).max() < 0.1 * 0.4 * wrong
 
 
 def test_motion_capture_gives_everything() -> None:

@@ -47,3 +47,11 @@ def test_the_deviation_of_a_voltage_is_that_of_its_filter() -> None:
     found = battery.estimate()
     assert found.voltage == pytest.approx(6.8)
     assert found.std == pytest.approx(0.02 * math.sqrt(0.05 / 1.95))
+
+
+def test_a_voltage_follows_a_load_with_its_time_constant() -> None:
+    battery = BatteryVoltage(time_constant=0.1)
+    battery.update(0.0, 7.0)
+    for cycle in range(1, 101):
+        battery.update(0.001 * cycle, 6.0)
+    assert battery.voltage == pytest.approx(6.0 + math.exp(-1.0), abs=0.003)

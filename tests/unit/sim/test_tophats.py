@@ -1,0 +1,42 @@
+"""Where a simulated tophat looks, and how much of what it sees is black."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig, TophatConfig
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.tophats import Tophat, darkness
+
+
+def test_it_looks_ahead_of_the_axis_and_to_the_left() -> None:
+    """Of a robot that faces up, left is where x is less."""
+    front = TophatConfig(2, forward=0.11, left=0.03)
+    tophat = Tophat(front, Parameters.from_robot(RobotConfig(tophats={"front": front})))
+    looked: list[tuple[float, float]] = []
+
+    def line_distance(x: float, y: float) -> float:
+        looked.append((x, y))
+        return 1.0
+
+    world: Any = SimpleNamespace(line_distance=line_distance, lights=())
+    for heading, wanted in ((0.0, (1.11, 2.03)), (0.5 * math.pi, (0.97, 2.11))):
+        tophat._slack = -1.0
+        tophat.read(world, 1.0, 2.0, math.cos(heading), math.sin(heading), 0.0)
+        assert looked[-1] == pytest.approx(wanted)
+
+
+@pytest.mark.parametrize("distance", [-0.9, -0.3, 0.0, 0.2, 0.7])
+def test_the_dark_share_of_a_spot_is_the_part_of_a_disc_beyond_the_edge(distance: float) -> None:
+    edges = np.linspace(distance, 1.0, 20001)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    part = float((2.0 * np.sqrt(1.0 - middle**2) * np.diff(edges)).sum()) / math.pi
+    assert darkness(0.004 * distance, 0.004) == pytest.approx(part, abs=1e-5)
+
+
+def test_a_spot_is_all_white_or_all_black_away_from_the_edge() -> None:
+    assert darkness(0.005, 0.004) == 0.0
+    assert darkness(-0.005, 0.004) == 1.0
