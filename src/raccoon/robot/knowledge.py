@@ -28,7 +28,7 @@ from raccoon.robot.parts.tophats import TophatSensor
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
-    from raccoon.robot.parts.mechanisms import Mechanism
+    from raccoon.robot.parts.mechanism import Mechanism
     from raccoon.robot.parts.servos import Servo
 
 W = TypeVar("W")

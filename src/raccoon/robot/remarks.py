@@ -6,13 +6,25 @@ import math
 import re
 from typing import TYPE_CHECKING
 
+from raccoon.core.readings import Fault
+
 if TYPE_CHECKING:
+    from raccoon.core.readings import Inputs
     from raccoon.robot.robot import Robot
 
 LEAST_MISMATCH = 0.01
 """Ratio of the wheels' scales, off its calibration, that is worth a word."""
 SIGMAS = 4.0
 """And how many of the calibration's own standard deviations it must be."""
+
+FAULTS = {
+    Fault.RESET: "the controller restarted: charge the battery, look for a loose battery plug",
+    Fault.BROWN_OUT: "the battery is so low that the controller may restart: charge it",
+    Fault.IMU_FROZEN: "the IMU repeats itself or is missing: headings are those of the wheels alone",
+    Fault.IMU_IMPLAUSIBLE: "the IMU says what cannot be: headings are those of the wheels alone",
+    Fault.SENSOR_LOST: "an added sensor does not answer: look at its plug and its supply",
+}
+"""What is said of faults that the port does not make good by itself. Of motors, motions tell."""
 
 
 def oddities(robot: Robot) -> tuple[str, ...]:
@@ -92,11 +104,29 @@ def tell(robot: Robot) -> tuple[str, ...]:
     return found
 
 
-def say(robot: Robot, said: str) -> None:
-    """A remark for the recording, the log and the match report, unless its like was made before."""
+def tell_cycle(robot: Robot, inputs: Inputs) -> None:
+    """Say what this cycle shows to be wrong and the program cannot know otherwise."""
+    for fault in inputs.faults:
+        if fault in FAULTS and fault not in robot.drive.remarks:
+            say(robot, FAULTS[fault] + _guessed(robot, fault), fault)
+    if robot.odometry.wiring.turned:
+        say(robot, miswired(robot))
+
+
+def _guessed(robot: Robot, fault: Fault) -> str:
+    """What to add where a restart of the controller has made the angle of a mechanism a guess."""
+    held = " and ".join(robot.attachments.held) if fault is Fault.RESET else ""
+    return held and f"; how far {held} turned meanwhile is guessed: drive it against its end stop"
+
+
+def say(robot: Robot, said: str, kind: str | None = None) -> None:
+    """A remark for the recording, the log and the match report, unless one of its kind was made before.
+
+    kind: its text without numbers where None.
+    """
     import logging
 
-    kind = re.sub(r"[-+.\d]+", "", said)
+    kind = re.sub(r"[-+.\d]+", "", said) if kind is None else kind
     if kind not in robot.drive.remarks:
         robot.drive.remarks[kind] = said
         robot.note(f"remark: {said}")

@@ -22,7 +22,7 @@ from raccoon.robot.deadline import end_match
 from raccoon.robot.instead import instead
 from raccoon.robot.knowledge import Knowledge, numbers
 from raccoon.robot.parts.tophats import Floor
-from raccoon.robot.remarks import miswired, say
+from raccoon.robot.remarks import say, tell_cycle
 
 if TYPE_CHECKING:
     from raccoon.robot.match import StepTime
@@ -190,8 +190,7 @@ class Robot(Knowledge):
         if self.deadline is not None and inputs.time >= self.deadline:
             end_match(self)
         estimate = self.odometry.update(inputs, self._outputs)
-        if self.odometry.wiring.turned:
-            say(self, miswired(self))
+        tell_cycle(self, inputs)
         self.drive.know(inputs.device)
         self.battery.update(inputs.time, inputs.battery_voltage)
         if self.battery.voltage is not None:

@@ -8,7 +8,7 @@ from typing import TypeVar
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import SERVO_PORTS, STOP, Inputs, Outputs
-from raccoon.robot.parts.mechanisms import Mechanism
+from raccoon.robot.parts.mechanism import Mechanism
 from raccoon.robot.parts.servos import Servo
 
 T = TypeVar("T")
@@ -25,6 +25,11 @@ class Attachments:
         """Take the readings of a cycle."""
         for mechanism in self.mechanisms.values():
             mechanism.sense(inputs, dt)
+
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Names of the mechanisms that are held or moved."""
+        return tuple(name for name, each in self.mechanisms.items() if each.goal is not None)
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""

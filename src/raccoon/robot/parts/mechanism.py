@@ -1,0 +1,123 @@
+"""One arm or gripper on a motor of its own: where it is, what it is held at, and the duty for that."""
+
+from __future__ import annotations
+
+from raccoon.control.feedforward import WheelModel
+from raccoon.control.profile import ProfileState
+from raccoon.control.tuning import speed_loop_gains
+from raccoon.control.wheels import LEAST_BATTERY_VOLTAGE, Wheel
+from raccoon.core.config import MechanismConfig, RobotConfig
+from raccoon.core.readings import Inputs
+from raccoon.robot.parts.counted import CountedAngle
+from raccoon.robot.parts.drive import dead_time
+
+PULL = 8.0
+"""1/s: rad/s asked for each rad that the mechanism is off its place."""
+
+
+class Mechanism:
+    """One named motor of robot.toml that is not a wheel."""
+
+    def __init__(self, name: str, config: MechanismConfig, robot: RobotConfig) -> None:
+        motor = robot.motor(config.motor)
+        self.name = name
+        self.config = config
+        self.goal: ProfileState | None = None
+        """What it is held at; None while it is released."""
+        self.moved_by: str | None = None
+        """The action that moves it now."""
+        self._sign = (-1.0 if motor.inverted else 1.0) * motor.power_factor.value
+        friction = robot.model.friction
+        model = WheelModel(
+            robot.model.left.armature_resistance.value,
+            robot.model.left.back_emf_constant.value,
+            friction.coulomb.value,
+            friction.viscous.value,
+            config.inertia,
+        )
+        lag = robot.model.bemf.filter_time_constant.value
+        late = dead_time(robot)
+        cycle = 1.0 / robot.controller.rate_hz
+        self._loop = Wheel(model, speed_loop_gains(model, lag, late), lag, cycle, late)
+        self._battery = robot.model.battery.open_circuit_voltage.value
+        self._counted = CountedAngle(robot, config, self._sign)
+        self._asked_when_read = 0.0  # rad/s
+        self._duty = 0.0
+
+    @property
+    def angle(self) -> float:
+        """Rad, as counted."""
+        return self._counted.angle
+
+    @angle.setter
+    def angle(self, angle: float) -> None:
+        self._counted.angle = angle
+
+    @property
+    def rate(self) -> float:
+        """Rad/s, as measured."""
+        return self._counted.rate
+
+    @property
+    def stalled(self) -> bool:
+        """Power and no motion."""
+        return self._loop.watch.stalled
+
+    def forget_stall(self) -> None:
+        """What blocked it before is in the way no more, until it shows anew: a move may lead away from it."""
+        self._loop.watch.rest()
+
+    def release(self) -> None:
+        """Let it go; what it was driven against is forgotten."""
+        self.goal = None
+        self._loop.rest()
+
+    @property
+    def settled(self) -> bool:
+        """At rest where it is held."""
+        near = self.goal is not None and abs(self.goal.position - self.angle) < self.config.tolerance
+        return near and abs(self.rate) < PULL * self.config.tolerance
+
+    def sense(self, inputs: Inputs, dt: float) -> None:
+        """Take the readings of a cycle."""
+        self._counted.sense(inputs, dt, powered=self._duty != 0.0)
+
+    def resume(self) -> None:
+        """Go on after a pause in which nothing was controlled; what it takes to hold is remembered."""
+        self._loop.resume()
+
+    def duty(self, dt: float, battery_voltage: float | None, *, resting: bool = False) -> float:
+        """The duty of this tick, in the sign of the board.
+
+        resting: no tick may follow for long. A duty that nobody watches turns it away from where it is held,
+        so it gets none then, and brakes.
+        """
+        if battery_voltage is not None and battery_voltage > LEAST_BATTERY_VOLTAGE:
+            self._battery = battery_voltage
+        wanted = self._wanted()
+        if not self._counted.unread:
+            self._asked_when_read = abs(wanted[0])
+        if wanted == (0.0, 0.0):
+            self._loop.rest()
+            self._duty = 0.0
+        elif resting:
+            self._loop.resume()
+            self._duty = 0.0
+        else:
+            rate = None if self._counted.unread else self.rate
+            voltage = self._loop.voltage(*wanted, rate, dt, self._battery)
+            self._duty = max(-1.0, min(1.0, self._sign * voltage / self._battery))
+        return self._duty
+
+    def _wanted(self) -> tuple[float, float]:
+        """Speed and acceleration; nothing where it stands where it should."""
+        goal = self.goal
+        if goal is None:
+            return 0.0, 0.0
+        off = goal.position - self.angle
+        if goal.velocity == goal.acceleration == 0.0 and abs(off) < 0.5 * self.config.tolerance:
+            return 0.0, 0.0
+        # Where it is not read it seems to stand, and would be asked to catch up.
+        top = self._asked_when_read if self._counted.unread else max(self.config.speed, abs(goal.velocity))
+        speed = max(-top, min(top, goal.velocity + PULL * off))
+        return float(speed), float(goal.acceleration)  # NumPy's stop here, as in Drive.velocity
