@@ -340,3 +340,19 @@ def test_shadow_that_passes_while_the_sun_is_coming_is_no_lamp() -> None:
         shadow = np.clip(np.minimum(since, 0.4 - since) / edge, 0, 1)
         light = (0.3 + 2.0 * come**2 * (3 - 2 * come)) * (1 - depth * shadow)
         assert delay(time, np.round(4095 / (1 + light)), StartLight()) is None, (seconds, begin)
+
+
+@pytest.mark.parametrize("calibration", [None, StartLightCalibration(3000.0, 200.0)])
+def test_wires_that_touch_are_no_lamp(calibration: StartLightCalibration | None) -> None:
+    light = StartLight(calibration)
+    readings = [light.update(0.005 * n, 0.0 if 300 <= n < 500 else 3000.0) for n in range(700)]
+    assert not any(each.fired for each in readings)
+    assert [each.shorted for each in readings].index(True) == pytest.approx(320, abs=2)
+    assert not readings[-1].shorted
+    assert any(light.update(3.5 + 0.005 * n, 200.0).fired for n in range(30))
+
+
+def test_a_calibration_of_touching_wires_is_refused() -> None:
+    for off in (0.0, 3000.0):
+        with pytest.raises(CalibrationError, match="wires that touch"):
+            calibrate_start_light([off] * 20, [0.0] * 20)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.core.readings import ANALOG_BOTTOM
 from raccoon.estimate.start_light.history import FULL_SCALE, light_of
 
 LEAST_COUNTS = 60.0
@@ -25,7 +26,8 @@ class StartLightCalibration:
 def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLightCalibration:
     """Levels from readings with the lamp off and then on; the median of each, at least 10 readings.
 
-    Raises ConfigError for readings that are not counts, CalibrationError where the lamp makes no difference.
+    Raises ConfigError for readings that are not counts, CalibrationError where the lamp makes no difference
+    or the sensor reads the bottom of the scale, as it does where its wires touch.
     """
     for name, counts in (("off", off), ("on", on)):
         if len(counts) < 10:
@@ -34,6 +36,11 @@ def calibrate_start_light(off: Sequence[float], on: Sequence[float]) -> StartLig
         if wrong:
             raise ConfigError(f"reading {wrong[0]} with the lamp {name}: allowed are counts from 0 to 4095")
     dark, lit = (float(sorted(counts)[len(counts) // 2]) for counts in (off, on))
+    if lit <= ANALOG_BOTTOM:
+        raise CalibrationError(
+            f"{lit:.0f} counts with the lamp on: nothing is so bright; look for wires that touch, and for "
+            "a plug that is turned or one hole off"
+        )
     plain = light_of(lit) >= LEAST_LIGHT * light_of(dark)
     if lit > LEAST_RATIO * dark or dark - lit < LEAST_COUNTS or not plain:
         raise CalibrationError(

@@ -19,7 +19,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.readings import Status
+from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.start_light import bulb
 from raccoon.estimate.start_light.bulb import MEAN_SECONDS, SlowBulb
 from raccoon.estimate.start_light.calibration import LEAST_COUNTS, StartLightCalibration
@@ -54,6 +54,7 @@ class StartLightReading(NamedTuple):
     ambient, threshold: counts. status: `invalid` while the ambient light is being learnt, `uncertain` where
     it is so bright that the lamp could not be told from it. refused: it is bright enough for the lamp and
     stays so, but came in no way a lamp does; True once per such light, which is learnt as ambient.
+    shorted: it reads the bottom of the scale, which no light does (`ANALOG_BOTTOM`), and stays there.
     """
 
     fired: bool
@@ -61,6 +62,7 @@ class StartLightReading(NamedTuple):
     threshold: float
     status: Status
     refused: bool = False
+    shorted: bool = False
 
 
 class StartLight:
@@ -111,6 +113,7 @@ class StartLight:
         self._near: float | None = None  # since when it has been as bright as the calibrated lamp
         self._lit = False  # it is the lamp, and has been told
         self._lit_until = -math.inf  # s, when it was so last
+        self._bottom: float | None = None  # since when it reads the bottom of the scale
         self._refused = False  # it was no lamp: wait until it is over or learnt, or a lamp comes on as well
         self.fired = False
         self.fires = 0
@@ -119,6 +122,10 @@ class StartLight:
         """Take the reading of this tick (s, counts; None: nothing new)."""
         if counts is None or (self.fired and not self._rehearsal):
             return self._reading(fired=self.fired and not self._rehearsal)
+        if counts <= ANALOG_BOTTOM:  # no light, so as if there were no reading
+            self._bottom = time if self._bottom is None else self._bottom
+            return self._reading(fired=False, shorted=time - self._bottom > STILL_SECONDS)
+        self._bottom = None
         if math.isnan(self._first):
             self._first = self._last = time
         dt, self._last = time - self._last, time
@@ -250,7 +257,7 @@ class StartLight:
         self._brightest += min(dt / MEMORY_SECONDS, 1.0) * (self._ambient - self._brightest)
         self._brightest = min(self._brightest, self._ambient)
 
-    def _reading(self, *, fired: bool, refused: bool = False) -> StartLightReading:
+    def _reading(self, *, fired: bool, refused: bool = False, shorted: bool = False) -> StartLightReading:
         threshold = self.threshold
         if self._unknown:
             status = Status.INVALID
@@ -258,4 +265,4 @@ class StartLight:
             status = Status.UNCERTAIN
         else:
             status = Status.OK
-        return StartLightReading(fired, self._ambient, threshold, status, refused)
+        return StartLightReading(fired, self._ambient, threshold, status, refused, shorted)

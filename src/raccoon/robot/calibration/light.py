@@ -81,7 +81,13 @@ def tell_light(robot: Robot, port: int, reading: StartLightReading) -> None:
             f"analog {port}: it became bright and stays so, but not as a start light does: no start. "
             f"If it was the lamp, calibrate it (calibrate_light), or calibrate it again",
         )
-    if reading.status is Status.UNCERTAIN:
+    if reading.shorted:
+        say(
+            robot,
+            f"analog {port}: it reads the bottom of the scale, as no light does: no start. Look for wires "
+            "that touch, and for a plug that is turned or one hole off",
+        )
+    elif reading.status is Status.UNCERTAIN:
         say(robot, f"analog {port}: too bright to tell the start light; shade the sensor")
 
 

@@ -122,3 +122,10 @@ def test_start_light_is_seen_where_the_link_is_silent_as_it_comes_on(gap: float)
     with open_robot(CONFIG, port=Lamp(counts)) as robot:
         robot.run(wait_for_light(PORT, StartLightCalibration(3000.0, 500.0)).timeout(5.0))
         assert 2.03 < robot.time < 2.06 + 2.0 * gap
+
+
+def test_wires_that_touch_while_waiting_start_nothing_and_are_said() -> None:
+    with open_robot(CONFIG, port=Lamp(lambda time: 3000.0 if time < 1.0 else 0.0)) as robot:
+        with pytest.raises(MotionTimeout):
+            robot.run(wait_for_light(PORT).timeout(1.5))
+        assert any("wires that touch" in said for said in robot.drive.remarks.values())
