@@ -11,10 +11,13 @@ import math
 from dataclasses import dataclass
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Device
 
 BELIEVED = (0.4, 2.5)
 """Between which shares of the nominal K_E a calibrated counter is taken to tell the motor's."""
+FOREIGN = 10.0
+"""Times that, up or down, what no motor, gear or wheel makes of it: it is another counter's tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +101,8 @@ def wheel_models(config: RobotConfig, device: Device | None = None) -> tuple[Whe
 
     device: whose words `radians_per_tick` was calibrated with. A calibrated counter tells the motor's K_E:
     back-EMF in volts is K_E times speed, so K_E = bemf_volts * position_counts_seconds / radians_per_tick.
+    Raises ConfigError where the ticks are those of another firmware: the robot would not know how far it
+    drives by a factor of 181.
     """
     return _wheel(config, "left", device), _wheel(config, "right", device)
 
@@ -114,6 +119,8 @@ def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
     model, motor = getattr(config.model, side), config.motor(getattr(config.drive, side))
     constant = model.back_emf_constant.value
     told = None if device is None else calibrated_constant(config, side, device)
+    if told is not None and device is not None and not 1.0 / FOREIGN < told / constant < FOREIGN:
+        raise ConfigError(_foreign(config, side, device, told / constant))
     if told is not None and BELIEVED[0] < told / constant < BELIEVED[1]:
         constant = told
     wheel = WheelModel(
@@ -125,3 +132,14 @@ def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
     )
     measured = (motor.static_voltage, motor.speed_voltage, motor.acceleration_voltage)
     return wheel.with_voltages(*(None if each is None else each.value for each in measured))
+
+
+def _foreign(config: RobotConfig, side: str, device: Device, share: float) -> str:
+    port = getattr(config.drive, side)
+    ticks = config.motor(port).radians_per_tick
+    assert ticks is not None
+    return (
+        f"motor.{port}.radians_per_tick is {ticks.value:.3g}, where a tick of {device.name} is about "
+        f"{ticks.value * share:.3g}: it was calibrated with another firmware, or has a digit in the wrong "
+        "place; calibrate again (raccoon calibrate drive), or take the line out"
+    )

@@ -7,11 +7,13 @@ from dataclasses import replace
 
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS
+from raccoon.core.readings import ANALOG_PORTS, MOTOR_PORTS, SIMULATOR, Device
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.hal.wombat.emulator import Drive, Emulator, Firmware, PlantState
+from raccoon.hal.wombat.firmware.devices import RACCOON_17, RACCOON_21, STOCK
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.model.imu import specific_force
+from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import plant_numbers, state_at_rest, wiring_signs
 from raccoon.sim.plant.free_motor import FreeMotor
@@ -23,6 +25,7 @@ from raccoon.sim.world.table import World
 
 LONGEST_STEP = 0.0025
 """s; the plant's own step, see docs/simulator.md."""
+DEVICES: dict[Firmware, Device] = {"stock": STOCK, 17: RACCOON_17, 21: RACCOON_21}
 FLOATING = 2000.0
 """Counts on an analog port that nothing is plugged into."""
 
@@ -35,9 +38,12 @@ class SimulatedPlant:
     its own.
 
     world: its table, with walls, objects and ramps; None is the usual one's lines on an endless floor.
+    device: whose counters robot.toml has calibrated the mechanisms' motors with.
     """
 
-    def __init__(self, parameters: Parameters, world: World | None = None) -> None:
+    def __init__(
+        self, parameters: Parameters, world: World | None = None, device: Device = SIMULATOR
+    ) -> None:
         robot = parameters.robot
         self._numbers = _without_controller(parameters)
         self._ports = robot.drive.left, robot.drive.right
@@ -48,7 +54,8 @@ class SimulatedPlant:
         self._steps = Steps()
         self._contact = Contact(self._world, robot.body, self._numbers, LONGEST_STEP, (0.0, 0.0, 0.0))
         self.free_motors = {
-            each.motor: FreeMotor(robot, each.motor, each.inertia) for each in robot.mechanisms.values()
+            each.motor: FreeMotor(robot, each.motor, each.inertia, device)
+            for each in robot.mechanisms.values()
         }
         """The motors of the mechanisms by port."""
         self.button = False
@@ -134,10 +141,11 @@ def open_emulated(
     stepped).
 
     firmware: "stock", 17 or 21. world: see `SimulatedPlant`. robot: the simulated one, which may be another
-    than `config` has it.
+    than `config` has it, by default that with the motors that it has calibrated behind this firmware.
     """
     clock = SteppedClock()
-    plant = SimulatedPlant(Parameters.from_robot(config) if robot is None else robot, world)
+    device = DEVICES[firmware]
+    plant = SimulatedPlant(calibrated_robot(config, device) if robot is None else robot, world, device)
     link = Emulator(plant, firmware, clock=clock, seed=seed)
     return WombatPort(
         link,
@@ -147,3 +155,11 @@ def open_emulated(
         watch_analog=[each.analog for each in config.tophats.values()],
         resting_bemf=all_resting_counts(config),
     )
+
+
+def emulated_firmware(config: RobotConfig) -> Firmware:
+    """The firmware that `controller.port` means: of the two RaccoonOS the one whose ticks robot.toml has."""
+    if config.controller.port == "emulator":
+        return "stock"
+    ticks = simulated_device(config).position_counts_seconds
+    return 17 if ticks < math.sqrt(RACCOON_17.position_counts_seconds) else 21

@@ -148,12 +148,11 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
     """The port that robot.toml's `controller.port` names."""
     kind = config.controller.port
     if kind == "sim":
-        from raccoon.sim.effects.parameters import Parameters
+        from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device
         from raccoon.sim.port import SimPort
 
-        return SimPort(
-            Parameters.from_robot(config), robot=config, seed=seed, rate_hz=config.controller.rate_hz
-        )
+        simulated = calibrated_robot(config, simulated_device(config))
+        return SimPort(simulated, robot=config, seed=seed, rate_hz=config.controller.rate_hz)
     if kind in ("wombat", "wombat-raccoon"):
         from raccoon.hal.wombat.link.spi import SPI_DEVICE
         from raccoon.hal.wombat.port import open_wombat
@@ -172,10 +171,10 @@ def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
 
         return open_create(config.controller.device or SERIAL_PORT)
     if kind in ("emulator", "emulator-raccoon"):
-        from raccoon.robot.emulated import open_emulated
+        from raccoon.robot.emulated import emulated_firmware, open_emulated
         from raccoon.sim.world.table import World
 
-        return open_emulated(config, "stock" if kind == "emulator" else 21, seed=seed, world=World.default())
+        return open_emulated(config, emulated_firmware(config), seed=seed, world=World.default())
     raise ConfigError(f"controller.port = {kind!r}: there is no such port")
 
 

@@ -20,6 +20,7 @@ from raccoon.core.readings import (
     Words,
 )
 from raccoon.model.bemf import counter_lag
+from raccoon.sim.effects.calibrated import simulated_device
 from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.physical import gyro_lag, plant_numbers, safe_step, sample_slots, wiring_signs
@@ -33,7 +34,7 @@ from raccoon.sim.world.table import World
 
 
 class SimPort:
-    """A Port whose robot is the plant.
+    """A Port whose robot is the plant; its counters count in the ticks of `robot` (`effects.calibrated`).
 
     A read lets one period pass under the last written command; the first one shows the robot at time 0, at
     rest. `write` and `read` after `close` raise HardwareError.
@@ -82,8 +83,10 @@ class SimPort:
         )
         self._ports = config.drive.left, config.drive.right
         self._signs = wiring_signs(parameters)
+        device = simulated_device(config)
         self.free_motors = {
-            each.motor: FreeMotor(config, each.motor, each.inertia) for each in config.mechanisms.values()
+            each.motor: FreeMotor(config, each.motor, each.inertia, device)
+            for each in config.mechanisms.values()
         }
         """The motors of the mechanisms by port."""
         self._imu = Imu(parameters, self._noise, self._scatter, imu_rate_hz, lag)
@@ -95,7 +98,8 @@ class SimPort:
         counted = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
         name = SIMULATOR.name if parameters.chain == Chain() else f"{SIMULATOR.name}-chain"
         driven = 1.0 - parameters.chain.coast_share
-        self._device = replace(SIMULATOR, name=name, bemf_lag=counted, driven_share=driven)
+        self._tick = device.position_counts_seconds
+        self._device = replace(device, name=name, bemf_lag=counted, driven_share=driven)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1
@@ -160,14 +164,15 @@ class SimPort:
         position: list[float | None] = [0] * MOTOR_PORTS
         bemf[left], position[left] = (
             int(self._signs[0] * state.bemf_left),
-            int(self._signs[0] * state.position_left),
+            int(self._signs[0] * state.position_left / self._tick),
         )
         bemf[right], position[right] = (
             int(self._signs[1] * state.bemf_right),
-            int(self._signs[1] * state.position_right),
+            int(self._signs[1] * state.position_right / self._tick),
         )
         for port, motor in self.free_motors.items():
-            bemf[port], position[port] = motor.words
+            bemf[port], counted = motor.words
+            position[port] = int(counted / self._tick)
         return tuple(bemf), tuple(position)
 
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import ConfigError
-from raccoon.core.readings import SIMULATOR
 from raccoon.core.schema import Bounds
-from raccoon.model.bemf import counts_scale
+from raccoon.sim.effects.calibrated import calibrated_factor, simulated_device
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sweep.faults import KINDS
@@ -141,10 +140,9 @@ def _motor(robot: RobotConfig, side: str) -> MotorConfig:
 
 
 def _calibrated(robot: RobotConfig, side: str) -> bool:
-    """Whether robot.toml has calibrated ticks of the wheel. Those of another firmware, of which one may be
-    250 times as much, are no calibration of a simulated robot."""
+    """Whether robot.toml has calibrated ticks of the wheel that can be its."""
     known = _motor(robot, side).radians_per_tick is not None
-    return known and 0.5 < calibrated_factor(robot, side) < 2.0
+    return known and 0.5 < _factor(robot, side) < 2.0
 
 
 def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, float]:
@@ -152,7 +150,7 @@ def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, fl
     ticks = _motor(robot, side).radians_per_tick
     if ticks is None or not _calibrated(robot, side):
         return 1.0, usual
-    mean = calibrated_factor(robot, side)
+    mean = _factor(robot, side)
     return mean, mean * ticks.std / ticks.value
 
 
@@ -162,17 +160,16 @@ def _known_offset(robot: RobotConfig, side: str, usual: float) -> tuple[float, f
     return (0.0, usual) if offset is None else (offset.value, offset.std)
 
 
-def calibrated_factor(robot: RobotConfig, side: str) -> float:
+def _factor(robot: RobotConfig, side: str) -> float:
     """K_E by the calibrated ticks of a side's motor, over that of `[model]`; 1 where it is not calibrated."""
-    model = getattr(robot.model, side).back_emf_constant.value
-    return float(SIMULATOR.bemf_volts / counts_scale(robot, side, SIMULATOR) / model)
+    return calibrated_factor(robot, side, simulated_device(robot))
 
 
 def nominal_values(robot: RobotConfig, factors: tuple[Factor, ...]) -> dict[str, float]:
     """What the robot that robot.toml describes has of these factors: the motors that it calibrated. Of all
     others it has the model's."""
     return {
-        each.name: calibrated_factor(robot, each.where)
+        each.name: _factor(robot, each.where)
         for each in factors
         if each.effect == "motor.back_emf_constant"
         and each.where in _SIDES

@@ -10,6 +10,7 @@ import pytest
 
 from raccoon import (
     Action,
+    ConfigError,
     MotionTimeout,
     Robot,
     RobotConfig,
@@ -103,12 +104,18 @@ def test_only_a_battery_that_is_low_is_blamed() -> None:
 
 
 def test_ticks_that_no_motor_has_are_named() -> None:
-    """A point in the wrong place: 100 times what a tick is."""
-    ticks = Measured(0.35)
-    config = replace(CONFIG, motors={port: MotorConfig(radians_per_tick=ticks) for port in (0, 1)})
-    said = gives_up(simulated(), straight(0.5), config)
+    """A quarter of what a tick is, and a point in the wrong place: 100 times."""
+    odd, wrong = (
+        replace(CONFIG, motors={port: MotorConfig(radians_per_tick=Measured(ticks)) for port in (0, 1)})
+        for ticks in (0.0008, 0.35)
+    )
+    said = gives_up(simulated(), straight(0.8, 0.2), odd)
     assert "battery is too weak" not in said
-    assert "radians_per_tick of motor 0 makes its K_E 0.0087 times that of [model]" in said
+    assert "radians_per_tick of motor 0 makes its K_E 3.8 times that of [model]" in said
+    with pytest.raises(
+        ConfigError, match=r"motor\.0\.radians_per_tick is 0\.35, .* digit in the wrong place"
+    ):
+        run(straight(0.5), config=wrong)
 
 
 def test_a_wall_that_keeps_a_robot_from_turning_is_no_gyro() -> None:

@@ -5,24 +5,29 @@ from __future__ import annotations
 import math
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import SIMULATOR
+from raccoon.core.readings import SIMULATOR, Device
+from raccoon.model.bemf import radians_per_count
 from raccoon.model.motor import steady_speed, time_constant
 
 
 class FreeMotor:
     """One motor with the nominal constants of robot.toml and the inertia of its mechanism.
 
+    device: whose counters robot.toml calibrated, which tells the motor's own K_E.
+
     As the board's words have them, its readings carry the wiring sign, the back-EMF filter and whole counts.
     """
 
-    def __init__(self, config: RobotConfig, port: int, inertia: float) -> None:
+    def __init__(self, config: RobotConfig, port: int, inertia: float, device: Device = SIMULATOR) -> None:
         motor, friction = config.model.left, config.model.friction
         self.angle = 0.0
         """Rad, positive with positive duty before the wiring sign."""
         self.speed = 0.0
         self._sign = -1.0 if config.motor(port).inverted else 1.0
         self._resistance = motor.armature_resistance.value
-        self._constant = motor.back_emf_constant.value
+        constant = motor.back_emf_constant.value
+        own = device.bemf_volts / radians_per_count(config.motor(port), constant, device)
+        self._constant = own if 0.5 < own / constant < 2.0 else constant
         self._coulomb, self._viscous = friction.coulomb.value, friction.viscous.value
         self._inertia = inertia
         self._lag = time_constant(inertia, self._resistance, self._constant, self._viscous)
@@ -30,7 +35,7 @@ class FreeMotor:
         self.stops = (-math.inf, math.inf)
         """Rad, where it is blocked either way, counted from where it begins."""
         self._counts = 0.0
-        self._ticks = 0.0
+        self._counted = 0.0
 
     def step(self, duty: float | None, battery_voltage: float, dt: float) -> None:
         """Let `dt` s pass at a duty in the sign of the board; None: terminals open, it coasts."""
@@ -49,7 +54,7 @@ class FreeMotor:
             self.speed = 0.0
         counts = self._constant * self.speed / SIMULATOR.bemf_volts
         self._counts += (counts - self._counts) * (1.0 - math.exp(-dt / self._filter))
-        self._ticks += int(self._counts) * dt
+        self._counted += int(self._counts) * dt
 
     @property
     def back_emf(self) -> float:
@@ -57,6 +62,6 @@ class FreeMotor:
         return self._sign * self._constant * self.speed
 
     @property
-    def words(self) -> tuple[int, int]:
-        """Back-EMF counts and ticks of the position counter."""
-        return int(self._sign * self._counts), int(self._sign * self._ticks)
+    def words(self) -> tuple[int, float]:
+        """Back-EMF counts, and what the position counter has counted: counts · seconds."""
+        return int(self._sign * self._counts), self._sign * self._counted

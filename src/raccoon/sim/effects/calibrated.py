@@ -1,0 +1,52 @@
+"""What robot.toml's calibrated counters say of the robot that is to be simulated.
+
+A tick of one firmware is worth up to 181 of another's, and a team takes its calibrated robot.toml to the
+simulator. What `radians_per_tick` differs from the nominal by is the motor's K_E where that can be; where no
+motor is so far off, it is the tick of another counter, and the simulated one counts in that.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import SIMULATOR, Device
+from raccoon.model.bemf import counts_scale
+from raccoon.sim.effects.parameters import Parameters
+
+SIDES = ("left", "right")
+BELIEVED = (0.5, 2.0)
+"""Shares of the nominal K_E that a motor can have."""
+
+
+def simulated_device(robot: RobotConfig) -> Device:
+    """The simulator's words, whose ticks are those of robot.toml."""
+    factors = [calibrated_factor(robot, side, SIMULATOR) for side in SIDES if _calibrated(robot, side)]
+    middle = math.exp(sum(map(math.log, factors)) / len(factors)) if factors else 1.0
+    if BELIEVED[0] < middle < BELIEVED[1]:
+        return SIMULATOR
+    return replace(SIMULATOR, position_counts_seconds=1.0 / middle)
+
+
+def calibrated_factor(robot: RobotConfig, side: str, device: Device) -> float:
+    """K_E by the calibrated ticks of a side's motor, over that of `[model]`; 1 where it is not calibrated.
+
+    device: whose ticks they are.
+    """
+    model = getattr(robot.model, side).back_emf_constant.value
+    return float(device.bemf_volts / counts_scale(robot, side, device) / model)
+
+
+def calibrated_robot(robot: RobotConfig, device: Device) -> Parameters:
+    """The robot of robot.toml with the motors that it has calibrated behind this device."""
+    parameters = Parameters.from_robot(robot)
+    for side in SIDES:
+        factor = calibrated_factor(robot, side, device)
+        if _calibrated(robot, side) and BELIEVED[0] < factor < BELIEVED[1]:
+            parameters = parameters.with_effect("motor.back_emf_constant", side, factor=factor)
+    return parameters
+
+
+def _calibrated(robot: RobotConfig, side: str) -> bool:
+    return robot.motor(getattr(robot.drive, side)).radians_per_tick is not None
