@@ -23,6 +23,9 @@ KINDS = ("wombat", "wombat-raccoon")
 STOP_ATTEMPTS = 10
 STOP_PAUSE_SECONDS = 0.01
 """Longer than a control pass of either firmware."""
+LOOKS_AFTER_PAUSE = 3
+"""More of them than lie between two updates of the counters: the first look after a pause shows the way, the
+next update how fast the motors are now."""
 
 
 class Guard(Protocol):
@@ -112,7 +115,9 @@ class WombatPort:
         receiver, reading = self._receiver, None
         receiver.collect()
         try:
-            for _ in range(self._polls):
+            for look in range(self._polls + LOOKS_AFTER_PAUSE):
+                if look >= self._polls and (reading is None or not self.dialect.averaged):
+                    break
                 self._ticker.wait()
                 time = self._clock.now()
                 reading = receiver.poll(self.dialect.command(self._outputs), time)

@@ -217,6 +217,20 @@ def test_wheels_that_stood_still_in_a_pause_are_no_fault(bench: Bench) -> None:
     assert all(each.position[0] is not None for each in seen[3:])
 
 
+@pytest.mark.parametrize("seconds", [0.06, 0.0731, 0.1, 0.102, 0.104, 0.5])
+def test_the_first_back_emf_after_a_pause_is_that_of_now(bench: Bench, seconds: float) -> None:
+    """They roll out meanwhile: a mean over the pause would be a multiple of it, or not 0 where they stand."""
+    bench.run(FORWARD, 100)
+    bench.port.write(Outputs())
+    bench.clock.advance(seconds)
+    first = bench.port.read().bemf[0]
+    bench.port.write(Outputs())
+    after = bench.port.read().bemf[0]
+    assert first is not None
+    assert after is not None
+    assert 0.65 * first - 25.0 <= after <= first + 25.0
+
+
 def test_motors_that_were_stopped_in_a_pause_and_start_again_are_no_fault(bench: Bench) -> None:
     pause_that_stops(bench)
     bench.run(FORWARD, 100)

@@ -118,6 +118,11 @@ class Dialect(Protocol):
         ...
 
     @property
+    def averaged(self) -> bool:
+        """Whether the last back-EMF is a mean over so long a time that it tells nothing of now."""
+        ...
+
+    @property
     def counters_stuck(self) -> bool:
         """Whether counters stand still that must not."""
         ...

@@ -136,6 +136,10 @@ class RaccoonDialect:
         return False
 
     @property
+    def averaged(self) -> bool:
+        return False
+
+    @property
     def counters_stuck(self) -> bool:
         return any(
             cycles >= STUCK_CYCLES and ticks > STUCK_TICKS

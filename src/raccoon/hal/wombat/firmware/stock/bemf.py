@@ -44,22 +44,27 @@ class StockBemf:
         self.fresh = False
         self.shortfall = [0.0] * MOTOR_PORTS
         """Counts that truncation has kept from each counter so far."""
+        self._standing = False  # as was told
         self._owed = 0.0  # updates that the time so far had room for beyond those that were counted
         self._updates = 0
         self._seconds = 0.0
-        self._mean = False  # whether `value` is one of so many updates that f may be anything by now
+        self.averaged = False
+        """Whether `value` is a mean of so many updates that f may be anything by now."""
 
     def update(self, differences: Counts, seconds: float) -> None:
         """Take what the counters did in the last `seconds`. `fresh` tells whether `value` is new."""
         self._since_news += seconds
-        fastest = 0.0 if self._mean else max(map(abs, self.value))
+        fastest = 0.0 if self.averaged else max(map(abs, self.value))
         moving = fastest > self.SURELY_STOPPED
         if not any(differences):
             patience = self.MISSED if moving else self.NEXT
-            self.fresh = fastest <= self.STOPPED_BY_FORCE and self._since_news > patience * self._period
-            if self.fresh:
-                self.value, self._mean = (0.0, 0.0, 0.0, 0.0), False
+            due = self._standing or self._since_news > patience * self._period
+            self.fresh = fastest <= self.STOPPED_BY_FORCE and due
+            if self.fresh:  # the updates so far added nothing: none of them is in the next difference
+                self.value, self.averaged = (0.0, 0.0, 0.0, 0.0), False
+                self._standing, self._since_news = True, 0.0
             return
+        self._standing = False
         updates = self._count(differences)
         if moving:
             self._updates += updates
@@ -67,7 +72,7 @@ class StockBemf:
         self._since_news = 0.0
         a, b, c, d = (self._made_up(port, each, updates) for port, each in enumerate(differences))
         self.value = (a, b, c, d)
-        self._mean = updates >= self.MANY
+        self.averaged = updates >= self.MANY
         self.fresh = True
 
     def _made_up(self, port: int, difference: int, updates: int) -> float:
@@ -85,7 +90,7 @@ class StockBemf:
         """
         periods = self._since_news / self._period
         port = max(range(MOTOR_PORTS), key=lambda each: abs(self.value[each]))
-        if self._mean or abs(self.value[port]) < 2 * self.SURELY_STOPPED:
+        if self.averaged or abs(self.value[port]) < 2 * self.SURELY_STOPPED:
             self._owed = 0.0
             return 1 if periods < 1.5 else round(periods)
         due = periods + self._owed
@@ -99,7 +104,7 @@ class StockBemf:
     @property
     def overdue(self) -> bool:
         """Whether counters that must move have stood still for more than two updates."""
-        if self._mean or self._since_news <= self.MISSED * self._period:
+        if self.averaged or self._since_news <= self.MISSED * self._period:
             return False
         return max(map(abs, self.value)) > self.STOPPED_BY_FORCE
 

@@ -134,6 +134,10 @@ class StockDialect:
         )
 
     @property
+    def averaged(self) -> bool:
+        return self._bemf.averaged
+
+    @property
     def counters_stuck(self) -> bool:
         return self._bemf.overdue
 

@@ -96,3 +96,13 @@ def test_a_motor_that_stopped_while_nobody_looked_is_no_hanging_firmware() -> No
         assert not bemf.overdue
     assert bemf.fresh
     assert bemf.value == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_a_long_rest_is_no_part_of_the_motion_after_it() -> None:
+    bemf = StockBemf(235.0)
+    for _ in range(10_000):
+        bemf.update((0, 0, 0, 0), 0.0025)
+    assert bemf.fresh
+    bemf.update((45, 0, 0, 0), 0.0025)
+    assert bemf.value == (46.5, 0.0, 0.0, 0.0)
+    assert bemf.shortfall == [1.5, 0.0, 0.0, 0.0]
