@@ -205,6 +205,15 @@ class Fusion:
         settings = self._settings
         self.drive.still(settings.standstill_velocity**2, settings.standstill_turn_rate**2)
 
+    def doubt_way(self, way: float) -> None:
+        """Add `way` m, along the heading, to what is not known of the place: to the last step, so that it
+        stays where steps are taken again."""
+        self.drive.widen_along(way * way)
+        if self._steps:
+            last = self._steps.pop()
+            reading = replace(last.reading, held=last.reading.held + way * way)
+            self._steps.append(replace(last, reading=reading, flat=self.drive.flat))
+
     def observe(self, seen: Seen, shift: Array, span: float, time: float | None) -> Observation:
         """Take something seen. shift: (3,) how far the pose has moved on since the last step, `span` s ago.
 

@@ -181,6 +181,12 @@ class Odometry:
         """
         return self._observe(line_seen(point, direction, sensor, std), time)
 
+    def doubt_way(self, way: float) -> None:
+        """Of the last `way` m (0 or more) that the wheels turned, the robot may have gone none: at a wall."""
+        if way > 0.0:
+            self._steps.fusion.doubt_way(way)
+            self._estimate = self._published()
+
     def mark(self) -> None:
         """Begin the way that `observe_distance` measures here; `reset` does so too."""
         self._steps.fusion.way = Way()

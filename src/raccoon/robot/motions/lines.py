@@ -31,6 +31,8 @@ WALL_SPEED_SHARE = 0.2
 WALL_TIME = 0.3
 PRESS_FORCE = 8.0
 """N a wheel, against a wall: tyres of 0.9 under half of 3 kg carry 13 N."""
+SLOWED_SHARE, SQUARING_SHARE = 0.9, 0.15
+"""Of the fastest speed on the way: slower wheels are at a wall; wheels that differ by twice that turn it."""
 
 
 def align_on_line(
@@ -163,6 +165,7 @@ def align_on_wall(
     def steps(robot: Robot) -> Steps[MotionResult]:
         begin, quiet = robot.time, 0.0
         wheel_speed = robot.drive.wheel_speed(speed)
+        at_wall = _AtWall(robot.drive.half_track)
         try:
             while quiet < WALL_TIME:
                 if robot.time - begin > timeout:
@@ -174,6 +177,7 @@ def align_on_wall(
                 started = robot.time - begin > WALL_TIME
                 unread = any(robot.odometry.silent_wheels)  # they say nothing, not that they stand
                 quiet = 0.0 if turns or unread or not started else quiet + robot.dt
+                at_wall.update(here.velocity, here.turn_rate, robot.dt, started)
                 # At first all of it: a robot that stands sticks.
                 force = PRESS_FORCE if started else math.inf
                 turning_at = here.left_speed, here.right_speed
@@ -181,6 +185,7 @@ def align_on_wall(
                 yield
         finally:
             robot.drive.stop()
+            robot.odometry.doubt_way(at_wall.way)
             robot.replan()
         off = 0.0
         said: tuple[str, ...] = ()
@@ -193,6 +198,24 @@ def align_on_wall(
         return MotionResult(0.0, 0.0, off, robot.time - begin, std, False, here.heading_std, remarks=said)
 
     return Action("align on a wall", steps)
+
+
+class _AtWall:
+    """Adds up in `way`, m, what the wheels turn from where the wall slows them until they stand: tyres slip
+    while they press, so the robot may have stood. Where it turns it rolls, and comes to the wall.
+    """
+
+    def __init__(self, half_track: float) -> None:
+        self.way = 0.0
+        self._half_track, self._fastest = half_track, 0.0
+
+    def update(self, velocity: float, turn_rate: float, dt: float, started: bool) -> None:
+        """Take a cycle: m/s, rad/s and s. started: it has had its time to come to its speed."""
+        speed = abs(velocity)
+        self._fastest = max(self._fastest, speed)
+        squares_up = abs(turn_rate) * self._half_track > SQUARING_SHARE * self._fastest
+        if started and speed < SLOWED_SHARE * self._fastest and not squares_up:
+            self.way += speed * dt
 
 
 def _observed_wall(robot: Robot, off: float, heading: float, std: float) -> tuple[str, ...]:

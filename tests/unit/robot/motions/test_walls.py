@@ -31,7 +31,7 @@ from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError, MotionTimeout
 from raccoon.core.port import Port
-from raccoon.core.readings import Status
+from raccoon.core.readings import Device, Status
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.hal.wombat.emulator import Firmware
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
@@ -49,8 +49,8 @@ def remembered(monkeypatch: pytest.MonkeyPatch) -> list[SimulatedPlant]:
     """The plants of the emulated robots that are opened from now on."""
     plants: list[SimulatedPlant] = []
 
-    def made(parameters: Parameters, world: World | None) -> SimulatedPlant:
-        plants.append(SimulatedPlant(parameters, world))
+    def made(parameters: Parameters, world: World | None, device: Device) -> SimulatedPlant:
+        plants.append(SimulatedPlant(parameters, world, device))
         return plants[-1]
 
     monkeypatch.setattr("raccoon.robot.emulated.SimulatedPlant", made)
