@@ -18,6 +18,15 @@ def test_an_offset_at_rest_is_not_taken_for_a_dead_back_emf() -> None:
     assert wheel.fine
 
 
+@pytest.mark.parametrize("fraction", [0.9, -0.9])
+def test_words_cut_to_whole_counts_are_no_dead_counter_however_long_it_waits(fraction: float) -> None:
+    """The counter keeps the fractions that each word loses; ten minutes are a long wait for a start."""
+    wheel = WheelTrack(0.0276)
+    for _ in range(30_000):
+        wheel.update(0.02, -fraction * TICK, 0.0)
+        assert wheel.stuck == ""
+
+
 def test_a_look_between_two_updates_of_the_back_emf_loses_nothing() -> None:
     """The stock firmware has a new word every 4.3 ms. Who looks every 2 ms sees counters that stand, too."""
     wheel = WheelTrack(0.0225)

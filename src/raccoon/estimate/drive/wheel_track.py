@@ -19,6 +19,8 @@ SPEED_SMOOTHING = 0.005
 """s, time constant of the speed handed to the speed loop."""
 STUCK_ANGLE = 0.15
 """rad that one of counter and back-EMF turned while the other stood still: the other is dead."""
+FORGOTTEN = 10.0
+"""s in which such evidence is: words are cut to whole counts, and a start may be minutes away."""
 BETWEEN = 0.012
 """s between two back-EMF words that follow each other; who looks more often sees none in between."""
 GAP = 0.1
@@ -141,7 +143,7 @@ class WheelTrack:
         # Summed with their signs, so that a resting counter's ticks and the offset between them cancel. What
         # both say is no evidence: forget over about half a radian.
         both = min(abs(turned), abs(moved)) + 0.1 * max(abs(turned), abs(moved))
-        keep = 1.0 - min(1.0, 2.0 * both)
+        keep = 1.0 - min(1.0, 2.0 * both + dt / FORGOTTEN)
         self._turned = (self._turned + turned) * keep
         self._moved = (self._moved + moved) * keep
         alone = abs(self._turned) - abs(self._moved)
