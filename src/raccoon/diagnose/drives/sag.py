@@ -5,8 +5,10 @@ Of a duty d at a wheel of speed w a battery of voltage V and resistance R_b give
     U = V - R_b I,    I = sum over the wheels of d (d U - K w) / R
 
 so what the wheels make of the reading is, as good as, straight in d^2 and d w of each wheel, behind the
-reading's filter; a battery that empties or recovers is so in the charge and in a slow mean of the current.
-All these are fitted together, whatever R_b, R and K are. Nothing adds voltage: what is left is 0, or a load.
+reading's filter. A back-EMF is late behind a filter of its own, which shows where wheels reverse at full
+power, so d w is taken with a share of d dw/dt. A battery that empties or recovers does so in the charge and
+in a slow mean of the current. All these are fitted together, whatever R_b, R and K are. Nothing adds voltage:
+what is left is 0, or a load.
 """
 
 from __future__ import annotations
@@ -53,6 +55,8 @@ ADDED = 0.02
 reading, as the stock firmware's does, has 4 % and more."""
 KEPT = 0.25
 """Part of the time in which wheels are powered that must be left."""
+QUICK = 7
+"""Columns up to which they follow the wheels at once; charge and recovery are behind them."""
 STAYS = 0.9
 """Part of the time in which what stays is seen."""
 
@@ -150,8 +154,8 @@ def _means(time: Array, values: Array) -> Array:
 
 
 def _columns(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
-    """(bins, 7), each of size 1: a constant; d^2 and d w of each wheel behind a filter of that time constant;
-    charge; recovery."""
+    """(bins, 9), each of size 1: a constant; d^2, d w and d dw/dt of each wheel behind a filter of that time
+    constant; charge; recovery."""
     from scipy.signal import lfilter
 
     def behind(values: Array, constant: float) -> Array:
@@ -162,7 +166,8 @@ def _columns(time: Array, duty: Array, speeds: list[Array], seconds: float) -> A
     for index, speed in enumerate(speeds):
         power = duty[:, index] * (duty[:, index] - _per_duty(duty[:, index], speed))
         drawn = drawn + np.maximum(power, 0.0)
-        made += [behind(duty[:, index] ** 2, seconds), behind(duty[:, index] * speed, seconds)]
+        for each in (duty[:, index], speed, np.gradient(speed)):
+            made.append(behind(duty[:, index] * each, seconds))
     charge = np.cumsum(drawn * np.diff(time, append=time[-1]))
     every = np.column_stack(
         [_means(time, each) for each in (np.ones(len(time)), *made, charge, behind(drawn, RECOVERY))]
@@ -181,16 +186,16 @@ def _starts(columns: Array, voltage: Array, known: Flags, noise: float) -> Array
     """Numbers of the columns (starts, columns) from which a fit goes: of all readings; of how they change
     within some tenths of a second, with the level of what is left at several heights, and of the same without
     charge and recovery, which make much of what they have not seen."""
-    quick = columns[:, 1:5]
+    quick = columns[:, 1:QUICK]
     both = known[EDGE:] & known[:-EDGE]
     found = np.zeros(columns.shape[1])
     changes = quick[EDGE:] - quick[:-EDGE], voltage[EDGE:] - voltage[:-EDGE]
-    found[1:5] = _solved(*changes, both, noise)
+    found[1:QUICK] = _solved(*changes, both, noise)
     left = voltage - columns @ found
     levels = np.tile(found, (len(LEVELS), 1))
     levels[:, 0] = np.percentile(left[known], LEVELS)
     without = np.zeros_like(levels)
-    without[:, :5] = _near(columns[:, :5], voltage, known, noise, levels[:, :5])
+    without[:, :QUICK] = _near(columns[:, :QUICK], voltage, known, noise, levels[:, :QUICK])
     return np.concatenate([_solved(columns, voltage, known, noise)[None], levels, without])
 
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from blind import drives
 from blind.generator import make
@@ -114,6 +115,26 @@ def test_a_reading_in_coarse_steps_is_no_load() -> None:
     columns = driven(6, ())
     columns["battery.voltage"] = 0.05 * np.round(columns["battery.voltage"] / 0.05)
     assert seen(columns).loads == ()
+
+
+def test_quick_reversals_behind_the_filter_of_a_back_emf_are_no_load() -> None:
+    time = np.arange(0.0, 24.0, 0.005)
+    duty = np.where((time // 1.6) % 2 > 0.0, -0.7, 0.7)
+    quick = (time > 9.0) & (time < 10.0)
+    duty[quick] = np.where((time[quick] // 0.09) % 2 > 0.0, -1.0, 1.0)
+    speed = behind(duty * 6.0, 0.03)
+    sag = 2.0 * 0.1 * duty * (6.8 * duty - 1.08 * speed) / 1.8  # of two wheels, at 0.1 ohm
+    noise = np.random.default_rng(3).normal(scale=0.01, size=len(time))
+    columns = {f"motor.{port}.bemf": behind(328.0 * speed, 0.0225) for port in (0, 1)}
+    columns |= {"motor.0.duty": duty, "motor.1.duty": duty, "t": time, "battery.voltage": 6.8 - sag + noise}
+    log = log_from_columns(columns, ROBOT)
+    assert with_loads(log, columns, ROBOT) is log
+
+
+def behind(values: Array, constant: float) -> Array:
+    """A low-pass of rows of 5 ms."""
+    keep = float(np.exp(-0.005 / constant))
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
 
 
 def test_without_a_battery_or_a_wheel_nothing_is_seen() -> None:
