@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.binned import bin_means, in_force, placed, runs, when
-from raccoon.diagnose.drives.log import SHORTEST_SECONDS, SLOWEST_ROW, Log, apart, settled
+from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
 from raccoon.diagnose.drives.sizes import full_voltage
 from raccoon.diagnose.drives.sizes import volts as volts_of
+from raccoon.diagnose.drives.slow_rows import SLOWEST_ROW
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
@@ -276,8 +277,7 @@ def _loaded(seen: _Seen, free_for: tuple[float, float]) -> Flags:
         gone = np.flatnonzero(~there[:, first:].all(axis=0))
         done = first + int(gone[0]) if len(gone) else len(found)
         free = load[:, row - reach : row].min(axis=1) + TOUCHES * LOAD * seen.full
-        touching = (load[:, :first] > free[:, None]).any(axis=0)
-        alone = np.flatnonzero(~touching)
+        alone = np.flatnonzero(~(load[:, :first] > free[:, None]).any(axis=0))
         found[max((alone[-1] if len(alone) else 0) - round(SOONER / BIN), 0) : done] = True
     return found
 

@@ -12,19 +12,14 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.sample_clock import SampleClock
+from raccoon.diagnose.drives.slow_rows import OWN_RATE, said_of_rows
 from raccoon.diagnose.drives.times import check_time
 from raccoon.trace.recording import usual_step
 
 Array = NDArray[np.float64]
 
 SHORTEST_SECONDS = 2.0
-SLOWEST_ROW = 0.0125
-"""S between rows of a controller that runs faster. A command changes somewhere within a row: of a clean drive
-at 200 Hz every second row is diagnosed as all are, every third makes an inertia 17 % too small of it."""
-OWN_RATE = 1.25
-"""Of the controller's cycle: how long rows may be that are one cycle each."""
 GAP = 0.1
 """S between rows from which nobody knows what was commanded; what shorter losses hide is found out
 (`habits/lost.py`)."""
@@ -166,10 +161,12 @@ def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     far apart, or too short.
     """
     time = _time(columns)
-    _check_rows(time, robot.controller.rate_hz)
     log = arranged(columns, robot)
+    wheels = [(log.duty[:, side], log.wheel(name)) for side, name in enumerate(("left", "right"))]
+    readings = [(duty, wheel.values) for duty, wheel in wheels if wheel is not None]
+    slow = said_of_rows(usual_step(time), robot.controller.rate_hz, readings)
     lost, notes = _lost(time, log.duty)
-    return replace(log, notes=notes, lost=lost)
+    return replace(log, notes=(*slow, *notes), lost=lost)
 
 
 def arranged(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
@@ -224,21 +221,6 @@ def _time(columns: Mapping[str, Array]) -> Array:
 def _rounded_down(seconds: float) -> float:
     """To ms. What is short by one of them must not read as if it were long enough."""
     return math.floor(1000.0 * seconds + 1e-6) / 1000.0
-
-
-def _check_rows(time: Array, rate_hz: float) -> None:
-    """Refuse rows in which a command's moment is not known: they name causes that are not there."""
-    row = usual_step(time)
-    if row <= max(SLOWEST_ROW, OWN_RATE / rate_hz):
-        return
-    own = (
-        f", or say in robot.toml that the controller itself is as slow (controller.rate_hz = {1.0 / row:.3g})"
-    )
-    raise TraceError(
-        f"the recording has a row every {1000.0 * row:.3g} ms, of a controller that runs at {rate_hz:g} Hz: "
-        f"when a command changed within a row is not known, and that looks like another inertia or friction; "
-        f"record at least every {1000.0 * SLOWEST_ROW:g} ms{own if CYCLE_RATE.allows(1.0 / row) else ''}"
-    )
 
 
 def _lost(time: Array, duty: Array) -> tuple[tuple[tuple[float, float], ...], tuple[str, ...]]:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from blind.generator import make
 from raccoon.core.config import RobotConfig, parse_robot
@@ -244,16 +245,28 @@ def test_time_in_another_unit_is_no_fault_of_a_reference_or_of_the_wheels(good: 
         diagnose_recording(columns, ROBOT)
 
 
-def test_rows_in_which_commands_change_are_refused(good: Columns) -> None:
-    """Every second row is enough. A controller whose cycles are as long has commands that are known."""
+@pytest.mark.parametrize("within", [False, True])
+def test_rows_in_which_wheels_answer_are_refused(within: bool) -> None:
+    """Of a command that changes one cycle after a row the next row shows 15 ms of answer; of one that changes
+    at a row it shows none, and every fourth row of 200 Hz is all there is to know."""
+    duty = np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 40), 60)
+    duty = np.concatenate([duty[:1], duty[:-1]]) if within else duty
+    speed = np.asarray(lfilter([0.15], [1.0, -0.85], np.concatenate([[0.0], duty[:-1]])), float)
+    wheels = {f"motor.{port}.duty": duty for port in (0, 1)}
+    wheels |= {f"motor.{port}.bemf": 1600.0 * speed for port in (0, 1)}
+    fourth = {key: each[::4] for key, each in ({"t": 0.005 * np.arange(2400.0)} | wheels).items()}
+    assert log_from_columns(fourth, parse_robot({"controller": {"rate_hz": 50.0}})).notes == ()
+    if within:
+        with pytest.raises(TraceError, match=r"a row every 20 ms.*known.*controller\.rate_hz = 50\)"):
+            log_from_columns(fourth, ROBOT)
+    else:
+        (note,) = log_from_columns(fourth, ROBOT).notes
+        assert "taken to be as slow as its rows, and controller.rate_hz = 50 in robot.toml says so" in note
+
+
+def test_rows_that_no_controller_has_are_refused(good: Columns) -> None:
     check({key: column[::2] for key, column in good.items()})
-    third = {key: column[::3] for key, column in good.items()}
-    with pytest.raises(TraceError, match=r"a row every 15 ms.*controller\.rate_hz = 66\."):
-        check(third)
-    check(third, parse_robot({"controller": {"rate_hz": 66.7}}))
-    with pytest.raises(
-        TraceError, match=r"a row every 60 ms.*at least every 12\.5 ms$"
-    ):  # no robot is as slow
+    with pytest.raises(TraceError, match=r"a row every 60 ms.*at least every 12\.5 ms$"):
         check({key: column[::12] for key, column in good.items()})
 
 
