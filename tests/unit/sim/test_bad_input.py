@@ -86,6 +86,7 @@ def test_impossible_parameters(value: Any) -> None:
         (lambda: Chain(coast_share=1.0), r"coast_share is 1\.0: allowed are numbers from 0\.0 to 0\.9"),
         (lambda: Chain(cycle=NAN), "cycle is nan"),
         (lambda: Chain(median=3), "median is 3: allowed are true and false"),  # type: ignore[arg-type]
+        (lambda: Chain(whole=1), "whole is 1: allowed are true and false"),  # type: ignore[arg-type]
         (lambda: Chain(slots=True, free_running=True), "slots and free_running are both true"),
         (lambda: Noise(bemf=-1.0), "bemf is -1.0"),
         (lambda: SimPort(plain(), physics_step=0.1), r"physics_step is 0\.1: allowed .* 1e-05 to 0\.005"),

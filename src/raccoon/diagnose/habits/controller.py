@@ -239,9 +239,10 @@ def with_lost_changes(
 
 
 def usual_chain(chain: Chain) -> Chain:
-    """That of `CHAINS` which this one is, but for the filter of the battery's readings and its cycle."""
+    """That of `CHAINS` which this one is, but for the filter of the battery's readings, its cycle, and what
+    the battery carries."""
     times = {each.battery_time_constant for each in CHAINS}
-    alike = (replace(chain, battery_time_constant=each, cycle=Chain().cycle) for each in times)
+    alike = (replace(chain, battery_time_constant=each, cycle=Chain().cycle, whole=False) for each in times)
     return next((each for each in alike if each in CHAINS), chain)
 
 
@@ -267,7 +268,7 @@ def other_chains(chain: Chain) -> list[Chain]:
     that is none of theirs. Whether all motors pause at once is asked last, and of no use unless all are
     sampled at once."""
     usual = usual_chain(chain)
-    others = [replace(each, cycle=chain.cycle) for each in CHAINS if each != usual]
-    if chain == replace(usual, cycle=chain.cycle):
+    others = [replace(each, cycle=chain.cycle, whole=chain.whole) for each in CHAINS if each != usual]
+    if chain == replace(usual, cycle=chain.cycle, whole=chain.whole):
         return others
     return [replace(each, battery_time_constant=chain.battery_time_constant) for each in others]

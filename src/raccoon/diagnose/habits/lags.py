@@ -104,7 +104,7 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
         return search, habits
     other = replace(habits, low_pass=False)
     if clock:
-        usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share)
+        usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share, whole=habits.chain.whole)
         other = with_battery(replace(other, chain=usual), habits.chain.battery_time_constant)
     problem = under(other)  # asked for in vain or not: without lags, the usual filter is far behind a clock
     fit = best_of(search, problem, _with_lags_instead(search, problem))
@@ -153,7 +153,8 @@ def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
     """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
     readings that suits them; one that was seen is kept. Whoever reads no back-EMF need not pause for it."""
     time = habits.chain.battery_time_constant
-    chain = as_it_pauses(FREE_RUNNING, habits.chain, search.problem.features.roles)
+    free = replace(FREE_RUNNING, whole=habits.chain.whole)
+    chain = as_it_pauses(free, habits.chain, search.problem.features.roles)
     times = {time}
     if time not in SLOW_BATTERY:
         times = {*QUICK_BATTERY, *(each.battery_time_constant for each in USUAL_CHAINS)}

@@ -72,6 +72,11 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             "wheels are taken to be read by a controller whose cycle has a clock of its own: readings are up "
             "to a cycle old when a row reads them, as commands are when it takes them up"
         )
+    if chain.whole:
+        notes.append(
+            "the battery is taken to carry all of both motors' currents, as its sags show: from a driver by "
+            "PWM it would be the share of the time in which that connects them"
+        )
     if pauses(chain):
         notes.append(
             f"motors are taken to coast for {100.0 * chain.coast_share:.0f} % of the time, in which their "

@@ -38,6 +38,9 @@ class Chain:
     together: motors coast all at once. While they are driven the battery sags under all of their current, and
     its readings are of then.
     cycle: s between two back-EMF samples.
+    whole: the battery carries all of each motor's current, whichever way it flows. A driver that connects a
+    motor for a share of the time, and shorts it for the rest, takes that share of its current from the
+    battery, or gives it back; whoever adds up currents alone does not know of it.
 
     The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
     firmware does, `Chain.stock()` what the stock one does.
@@ -52,9 +55,10 @@ class Chain:
     together: bool = False
     pause: float = 0.0
     cycle: float = 0.005
+    whole: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("median", "slots", "free_running", "together"):
+        for name in ("median", "slots", "free_running", "together", "whole"):
             if not isinstance(getattr(self, name), bool):
                 raise ConfigError(f"chain: {name} is {getattr(self, name)!r}: allowed are true and false")
         if self.slots and self.free_running:

@@ -149,6 +149,7 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
         *_dips(parameters),
         0.0,  # who knows the rows sets it; see `gyro_lag`
         *_low_pass_numbers(parameters),
+        1.0 if chain.whole else 0.0,
     )
 
 

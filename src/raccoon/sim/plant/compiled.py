@@ -63,6 +63,8 @@ def source(kind: Kind = ANY) -> str:
     tags += [f"# without effect: {each}" for each in kind.always]
     if kind is not ANY:
         tags.append("# world: contact")  # robots in lanes have no table
+    if kind.without:
+        tags.append("# chain: whole")  # see `_blocks` of `rollout.running`
     if not kind.creeping:
         tags.append("# creeping")
     texts = [_without(text, tuple(tags)) for text in texts]

@@ -49,9 +49,15 @@ def circuit(s: State, p: Plant, u: Command, h: float) -> Circuit:
     gain_right = u.right * wire_right
     volts_left = p.back_emf_left * left
     volts_right = p.back_emf_right * right
+    share_left = u.left
+    share_right = u.right
+    share_left = carried(u.left, source, volts_left, p.whole)  # chain: whole
+    share_right = carried(u.right, source, volts_right, p.whole)  # chain: whole
+    feed_left = share_left * wire_left
+    feed_right = share_right * wire_right
     # The voltage and the currents times `scale`: finding a limit exceeded then takes no division.
-    scale = 1.0 + sag * (gain_left * u.left + gain_right * u.right)
-    bus = source + sag * (gain_left * volts_left + gain_right * volts_right)
+    scale = 1.0 + sag * (feed_left * u.left + feed_right * u.right)
+    bus = source + sag * (feed_left * volts_left + feed_right * volts_right)
     free_left = gain_left * bus - wire_left * volts_left * scale
     free_right = gain_right * bus - wire_right * volts_right * scale
     # Currents are means over pauses for samples, a limit is that of a motor while it is driven.
@@ -63,17 +69,29 @@ def circuit(s: State, p: Plant, u: Command, h: float) -> Circuit:
     wire_right = wire_right if held_right == 0.0 else 0.0  # effect: motor.current_limit
     gain_left = gain_left if held_left == 0.0 else 0.0  # effect: motor.current_limit
     gain_right = gain_right if held_right == 0.0 else 0.0  # effect: motor.current_limit
-    source -= sag * (u.left * held_left + u.right * held_right)
-    share = 1.0 / (1.0 + sag * (gain_left * u.left + gain_right * u.right))
+    feed_left = feed_left if held_left == 0.0 else 0.0  # effect: motor.current_limit
+    feed_right = feed_right if held_right == 0.0 else 0.0  # effect: motor.current_limit
+    source -= sag * (share_left * held_left + share_right * held_right)
+    share = 1.0 / (1.0 + sag * (feed_left * u.left + feed_right * u.right))
     source *= share
     sag *= share
-    bus = source + sag * (gain_left * volts_left + gain_right * volts_right)
+    bus = source + sag * (feed_left * volts_left + feed_right * volts_right)
+    # What the battery carries of one motor is then not what the other one gets of its voltage: it is held for
+    # the step.
+    source += p.whole * (bus - source)  # chain: whole
+    sag -= p.whole * sag  # chain: whole
     return Circuit(
         source, sag, wire_left, wire_right, held_left, held_right,
         p.back_emf_left * gain_left, p.back_emf_right * gain_right,
         gain_left * bus - wire_left * volts_left + held_left,
         gain_right * bus - wire_right * volts_right + held_right,
     )  # fmt: skip
+
+
+def carried(duty: float, source: float, volts: float, whole: float) -> float:
+    """Share of a motor's current that the battery carries: its duty, or all of it, whichever way it flows."""
+    way = 1.0 if duty * source > volts else -1.0
+    return duty + whole * (way - duty)
 
 
 def beyond(current: float, bound: float, limit: float) -> float:
@@ -159,6 +177,8 @@ def moved(
     bus = c.source + c.sag * (c.pull_left * middle_left + c.pull_right * middle_right)
     current_left = c.wire_left * (u.left * bus - p.back_emf_left * middle_left) + c.held_left
     current_right = c.wire_right * (u.right * bus - p.back_emf_right * middle_right) + c.held_right
+    drawn = u.left * current_left + u.right * current_right
+    drawn += p.whole * (abs(current_left) + abs(current_right) - drawn)  # chain: whole
     yaw_rate = (rim_right - rim_left) * p.per_track
     followed = yaw_rate
     followed = passed(s, p, yaw_rate, h, per_h)  # effect: imu.low_pass
@@ -175,7 +195,7 @@ def moved(
         s.heading + angle, heading_cos, heading_sin,
         warmed(s.heat_left, current_left, h * p.heating_rate_left),
         warmed(s.heat_right, current_right, h * p.heating_rate_right),
-        s.charge + h * (u.left * current_left + u.right * current_right), current_left, current_right,
+        s.charge + h * drawn, current_left, current_right,
         c.source + c.sag * (c.pull_left * left + c.pull_right * right),
         grip_left, grip_right,
         *sampled_both(s, left, right, u.sample_left, u.sample_right),

@@ -133,6 +133,7 @@ class Plant(NamedTuple):
     gyro_lag: float  # s before the end of a row of commands, when the gyro looks
     low_pass: float  # s, time constant of the gyro's, 0: none
     low_pass_rate: float  # 1/s, of it
+    whole: float  # 1 where the battery carries all of each motor's current, 0: the share that is its duty
 
 
 class Command(NamedTuple):

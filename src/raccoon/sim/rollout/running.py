@@ -139,13 +139,14 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
     Each goes where least is computed for it; where that leaves lanes of a vector idle, others that the same
     text can run fill them.
     """
-    giving, seldom = _differ(plants, GIVING), _differ(plants, _SELDOM)
+    giving, whole = _differ(plants, GIVING), _differ(plants, {"whole": 0.0})
+    seldom = _differ(plants, _SELDOM) | whole
     anyone = np.ones(len(plants), bool)
     kinds = [(SELDOM_KIND, seldom, anyone), (GIVING_KIND, giving, giving), (PLAIN_KIND, ~giving, ~giving)]
     if readings_only:
         kinds = [
             (SELDOM_KIND, seldom & ~giving, anyone),
-            (LOOSE_KIND, _differ(plants, _LOOSE) & giving, giving),
+            (LOOSE_KIND, (_differ(plants, _LOOSE) | whole) & giving, giving),
             (ROLLING_KIND, (seldom | _differ(plants, {"creep": 0.0})) & giving, giving),
             (READ_KIND, giving, giving),
             (PLAIN_KIND, ~giving, ~giving),

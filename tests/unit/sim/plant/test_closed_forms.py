@@ -81,6 +81,20 @@ def test_motors_that_coast_together_load_the_battery_with_all_of_their_current_i
     assert together["battery.voltage"][0, -1] == pytest.approx(alone["battery.voltage"][0, -1], rel=1e-9)
 
 
+def test_a_battery_may_carry_all_of_each_current_whichever_way_it_flows() -> None:
+    robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
+    robot = robot.with_effect("battery.discharge", volts_per_coulomb=0.01).with_chain(Chain(whole=True))
+    sag = MODEL.battery.internal_resistance.value
+    ended = run(robot, 0.5, -0.25)
+    drawn = np.abs(ended["motor.0.current"][0]) + np.abs(ended["motor.1.current"][0])
+    charge = 0.002 * (np.sum(drawn) - 0.5 * (drawn[0] + drawn[-1]))
+    # Rows have the current of the step before.
+    expected = VOLTAGE - 0.01 * charge - sag * drawn[-1]
+    assert ended["battery.voltage"][0, -1] == pytest.approx(expected, abs=1e-4)
+    assert ended["motor.0.current"][0, -1] == pytest.approx(0.5 * expected / R, rel=1e-4)
+    assert ended["motor.1.current"][0, -1] == pytest.approx(-0.25 * expected / R, rel=1e-4)
+
+
 def test_a_reading_that_is_held_follows_a_falling_voltage_and_stays_below_a_rising_one() -> None:
     robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
     duty = np.where(TIME < 1.0, 1.0, 0.2)

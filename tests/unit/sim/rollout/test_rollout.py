@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import ConfigError
-from raccoon.sim.effects.chain import Noise
+from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.plant.lanes import (
     GIVING_KIND,
@@ -180,6 +180,9 @@ def test_each_robot_runs_once_and_where_least_is_computed_for_it() -> None:
     assert kinds_of(plant, readings_only=False) == [*[GIVING_KIND] * 8, *[SELDOM_KIND] * 24, PLAIN_KIND]
     idle = kinds_of(plant[[0, 1, 2, 16, 32]], readings_only=True)
     assert idle == [*[LOOSE_KIND] * 4, PLAIN_KIND]
+    whole = Lanes.of([each.with_chain(Chain(whole=True)) for each in giving]).plant
+    assert kinds_of(whole, readings_only=True) == [LOOSE_KIND] * 8
+    assert kinds_of(whole, readings_only=False) == [SELDOM_KIND] * 8
     creeping = Lanes.of([giving[0].with_effect("friction.presliding", creep=0.1)] * 8).plant
     assert kinds_of(creeping, readings_only=True) == [ROLLING_KIND] * 8
 

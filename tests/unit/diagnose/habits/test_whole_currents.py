@@ -1,0 +1,47 @@
+"""Whoever adds up both motors' currents has another battery than a driver by PWM makes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.habits.controller import other_chains, usual_chain
+from raccoon.diagnose.habits.notes import notes_of
+from raccoon.diagnose.habits.searching import _with_whole_currents
+from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.select.search import begun
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from simulated_drives import recorded
+from unit.diagnose.searches import standing
+
+ROBOT = RobotConfig()
+GIVING: dict[tuple[str, str | None], dict[str, float]] = {
+    ("friction.presliding", None): {"compliance": 0.001, "damping": 0.3}
+}
+USUAL = Habits(Chain.firmware(), brake=False)
+
+
+@pytest.mark.parametrize("whole", [False, True])
+def test_what_the_battery_carries_is_asked_for_where_something_is_named(whole: bool) -> None:
+    """Half the sag of a slow drive was taken for another resistance, beside six other causes."""
+    chain = replace(Chain.firmware(), whole=whole)
+    columns = recorded(Parameters(ROBOT, GIVING, chain), 6.0)
+    search, under = standing(columns, USUAL, {"battery.internal_resistance": 0.3})
+    search, habits = _with_whole_currents(search, USUAL, under, begun)
+    assert habits == replace(USUAL, chain=chain)
+    assert bool(search.fit.point.active) is not whole
+
+
+def test_it_stays_with_another_filter_and_is_said() -> None:
+    chain = replace(Chain.firmware(), whole=True)
+    assert usual_chain(chain) == Chain.firmware()
+    assert all(each.whole for each in other_chains(chain))
+    assert Chain.firmware() not in other_chains(Chain.firmware())
+    (note,) = notes_of(replace(USUAL, chain=chain), (), Spread(neutral_settings(ROBOT), (), np.zeros((0, 0))))
+    assert note.startswith("the battery is taken to carry all of both motors' currents")
