@@ -39,11 +39,20 @@ class Run:
 
 
 def load_runs(*paths: str | Path) -> list[Run]:
-    """The runs in a trace, a CSV, MCAP or EMPS file, an OptiOdom run or session, or a folder of any of these.
+    """The runs of these files, and of those in folders. Doubtful values are blank and listed in
+    `Recording.problems`.
+
+    Raises TraceError where there is nothing that can be read, FileNotFoundError where there is no such path.
+    """
+    return [load_run(file) for file in files_of(*paths)]
+
+
+def files_of(*paths: str | Path) -> list[Path]:
+    """The files that are named: a trace, a CSV, MCAP or EMPS file, an OptiOdom run or session, or a folder of
+    any of these.
 
     Of several paths each file once: a run that counts twice would make what it gives surer than it is.
-    Doubtful values are blank and listed in `Recording.problems`. Raises TraceError where there is nothing
-    that can be read, FileNotFoundError where there is no such path.
+    Raises TraceError for a folder without a recording.
     """
     files: dict[str, Path] = {}
     for path in map(Path, paths):
@@ -52,7 +61,7 @@ def load_runs(*paths: str | Path) -> list[Run]:
             raise TraceError(f"{path}: there is no recording in this folder")
         for file in found:
             files.setdefault(os.path.realpath(file), file)
-    return [load_run(file) for file in files.values()]
+    return list(files.values())
 
 
 def recording_file(path: str | Path) -> Path:

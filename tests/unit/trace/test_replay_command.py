@@ -217,6 +217,44 @@ def test_what_a_program_does_wrong_is_said_with_its_line(
         run(recorded, "--program", tmp_path / "team.py")
 
 
+def test_a_file_that_cannot_be_used_does_not_stop_the_others(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a folder every file is looked at; what is wrong with one is said, and the exit status is that of bad
+    input."""
+    shutil.copy(recorded, tmp_path / "b.jsonl.gz")
+    (tmp_path / "a.csv").write_text("t,motor.0.duty\n0,0\n")
+    (tmp_path / "c.jsonl").write_text("no trace\n")
+    out = tmp_path / "out.json"
+    assert run(tmp_path, tmp_path / "missing.csv", "--json", out) == 2
+    told = capsys.readouterr().out
+    assert f"{tmp_path / 'a.csv'}: not replayed: neither motor.0.position nor motor.0.bemf" in told
+    assert f"{tmp_path / 'missing.csv'}: not replayed: No such file or directory" in told
+    assert "identical to the estimate while driving" in told
+    results = json.loads(out.read_text())
+    assert [each["name"] for each in results["runs"]] == ["b.jsonl.gz"]
+    assert list(results["failed"]) == [str(tmp_path / name) for name in ("a.csv", "c.jsonl", "missing.csv")]
+
+
+def test_of_a_folder_without_a_file_that_can_be_used_nothing_is_drawn(tmp_path: Path) -> None:
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text("")
+    assert run(tmp_path, "--plot", tmp_path / "out.svg") == 2
+    assert not (tmp_path / "out.svg").exists()
+
+
+def test_a_program_is_replayed_on_every_trace_of_a_folder(
+    recorded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(recorded, tmp_path / "b.jsonl.gz")
+    write_csv(recording_of(read_trace(recorded)), tmp_path / "a.csv")
+    (tmp_path / "team.py").write_text(PROGRAM.format("seq(wait(0.2), straight(0.05))"))
+    assert run(tmp_path, "--program", tmp_path / "team.py") == 2
+    told = capsys.readouterr().out
+    assert "a.csv: not replayed: a program needs a trace" in told
+    assert "b.jsonl.gz: the same in all of" in told
+
+
 def test_a_picture_is_drawn(recorded: Path, tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     run(recorded, "--plot", tmp_path / "out.svg")

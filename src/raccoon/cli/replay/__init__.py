@@ -35,11 +35,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay, print, write. Exit status 0 when it ran, whatever it found."""
-    from raccoon.cli.replay.drive import replay_odometry
+    """Replay, print, write. Exit status 0 when it ran, whatever it found, and 2 where one of several files
+    cannot be used, which does not stop the others."""
+    from raccoon.cli.replay.each import BAD_FILE, replayed
     from raccoon.cli.replay.report import print_report, report, write_json
     from raccoon.core.config import load_robot
-    from raccoon.trace.loading import load_runs
+    from raccoon.trace.loading import files_of
 
     if not 0.0 <= args.tolerance < 1.0:
         raise ConfigError(f"--tolerance {args.tolerance}: allowed are numbers from 0 to below 1")
@@ -48,25 +49,27 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigError(f"--{name}: it is for what a --program commands; name one")
     _check_outputs(args)
     robot = None if args.robot is None else load_robot(args.robot)
-    runs = load_runs(*args.file)
+    files = files_of(*args.file)
     if args.program is not None:
         from raccoon.cli.replay.program import replay_program
 
-        return replay_program(args, runs, robot)
-    drives = [replay_odometry(run, robot) for run in runs]
-    results = report(drives)
+        return replay_program(args, files, robot)
+    from raccoon.cli.replay.drive import replay_odometry
+
+    drives, failed = replayed(files, lambda each: replay_odometry(each, robot))
+    results = report(drives, failed)
     try:  # files first: a pipe that is closed ends the command where it prints
         if args.json is not None:
             write_json(results, args.json)
-        if args.plot is not None:
+        if args.plot is not None and drives:
             from raccoon.cli.replay.picture import draw
 
             draw(drives, args.plot)
     finally:
         print_report(results)
-    if args.plot is not None:
+    if args.plot is not None and drives:
         print(f"drawn to {args.plot}")
-    return 0
+    return BAD_FILE if failed else 0
 
 
 def _check_outputs(args: argparse.Namespace) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from raccoon.cli.replay.each import BAD_FILE, not_replayed, replayed
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError, ReplayDiverged
 from raccoon.robot.actions.functions import perform
@@ -16,13 +17,14 @@ from raccoon.sweep.program import Mission, Program
 from raccoon.trace.loading import Run
 
 
-def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig | None) -> int:
-    """Replay a program on traces. Exit status 1 where it diverges from one of them."""
+def replay_program(args: argparse.Namespace, files: Sequence[Path], robot: RobotConfig | None) -> int:
+    """Replay a program on traces. Exit status 1 where it diverges from one of them, 2 where one of several
+    cannot be used."""
     program = read_program(args.program)
     with _told(program), no_robot_opened():
         mission = program.mission()
-    diverged = 0
-    for run in runs:
+
+    def same(run: Run) -> bool:
         if run.trace is None:
             raise ConfigError(f"{run.name}: a program needs a trace with its commands (.jsonl.gz)")
         try:
@@ -30,16 +32,22 @@ def replay_program(args: argparse.Namespace, runs: list[Run], robot: RobotConfig
                 ran = _replay(run, mission, args, robot)
             print(f"{run.name}: {_verdict(ran, len(run.trace.ticks), compared=not args.ignore_commands)}")
         except ReplayDiverged as difference:
-            diverged += 1
             print(f"{run.name}: {difference}")
+            return False
         except EOFError as end:
             print(f"{run.name}: the program still ran when {end}")
+        return True
+
+    found, failed = replayed(files, same)
+    for name, reason in failed.items():
+        print(not_replayed(name, reason))
+    diverged = not all(found)
     if diverged and not args.ignore_commands:
         print(
             f"mission(robot) of {args.program} is what ran, and nothing around it: "
             "it must do with the robot all that was done in the recording, waiting for the start too"
         )
-    return 1 if diverged else 0
+    return BAD_FILE if failed else int(diverged)
 
 
 def _replay(run: Run, mission: Mission, args: argparse.Namespace, robot: RobotConfig | None) -> int:

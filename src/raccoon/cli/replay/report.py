@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from raccoon.cli.replay.drive import COLUMNS, Drive
+from raccoon.cli.replay.each import not_replayed
 from raccoon.core.files import write_atomically
 from raccoon.trace.pose_error import pooled
 
 SHOWN_PROBLEMS = 5
 
 
-def report(drives: list[Drive]) -> dict[str, Any]:
-    """Everything that is known of the runs, as JSON values (m, rad, s)."""
+def report(drives: list[Drive], failed: Mapping[str, str]) -> dict[str, Any]:
+    """Everything that is known of the runs, as JSON values (m, rad, s). failed: by file, why not."""
     errors = [drive.error for drive in drives if drive.error is not None]
     return {
         "runs": [_run(drive) for drive in drives],
         "pooled": _finite(asdict(pooled(errors))) if errors else None,
+        "failed": dict(failed),
     }
 
 
@@ -46,8 +49,12 @@ def _finite(values: dict[str, float]) -> dict[str, float | None]:
 
 
 def print_report(results: dict[str, Any]) -> None:
-    """A line a run, and the pooled error where there is truth."""
+    """A line a run, and the pooled error where there is truth; files that cannot be used come first."""
+    for name, reason in results["failed"].items():
+        print(not_replayed(name, reason))
     runs = results["runs"]
+    if not runs:
+        return
     width = max([len(run["name"]) for run in runs] + [4])
     print(
         f"{'run':{width}}  cycles  seconds    end x, y (m)    heading    "

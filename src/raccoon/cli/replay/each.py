@@ -1,0 +1,36 @@
+"""Several recordings one after the other: one that cannot be used is said and does not stop the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from raccoon.core.errors import RaccoonError
+from raccoon.trace.loading import Run, load_run
+
+Result = TypeVar("Result")
+BAD_FILE = 2
+"""Exit status where a file cannot be used, as of any bad input."""
+
+
+def replayed(files: Sequence[Path], work: Callable[[Run], Result]) -> tuple[list[Result], dict[str, str]]:
+    """What comes of each file that can be used, and by the names of the others why not.
+
+    Raises as `load_run` and the work where there is one file alone.
+    """
+    found, failed = [], {}
+    for path in files:
+        try:
+            found.append(work(load_run(path)))
+        except (RaccoonError, OSError) as error:
+            if len(files) == 1:
+                raise
+            said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            failed[str(path)] = said.removeprefix(f"{path}: ").removeprefix(f"{path.name}: ")
+    return found, failed
+
+
+def not_replayed(name: str, reason: str) -> str:
+    """The line of a file that cannot be used."""
+    return f"{name}: not replayed: {reason}"
