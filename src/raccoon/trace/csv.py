@@ -23,6 +23,7 @@ from raccoon.trace.format import Event
 from raccoon.trace.mistaken import csv_separator
 from raccoon.trace.recording import (
     DUTY,
+    EVENT,
     SURFACE,
     Recording,
     allowed_instead,
@@ -35,7 +36,6 @@ MAX_BYTES = 1 << 30
 MAX_CELLS = 50_000_000
 MAX_PROBLEMS = 1000
 NOT_BACK = "allowed are numbers that do not go back"
-EVENT = "event"
 _COLORS = {"black": 1.0, "white": 0.0}
 _OURS = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estimate)\..+")
 """Columns of the format. What others hold is kept where it is numbers."""
@@ -230,6 +230,7 @@ def write_csv(recording: Recording, path: str | Path) -> None:
 
     Raises TraceError for an infinite value, which the format has no word for.
     """
+    recording.check_finite()
     names = sorted(recording.columns, key=_rank)
     events: dict[int, str] = {}
     for event in recording.events:
@@ -255,11 +256,6 @@ def _rank(name: str) -> tuple[int, list[tuple[int, str]]]:
 
 def _cells(recording: Recording, name: str) -> list[str]:
     column = recording[name]
-    if np.isinf(column).any():
-        row = int(np.flatnonzero(np.isinf(column))[0])
-        raise TraceError(
-            f"column {name}, row {row}: {float(column[row])}: allowed are finite numbers and NaN"
-        )
     if SURFACE.fullmatch(name):
         return ["" if value != value else "black" if value else "white" for value in column.tolist()]
     return ["" if value != value else repr(value).removesuffix(".0") for value in column.tolist()]

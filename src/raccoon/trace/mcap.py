@@ -25,7 +25,7 @@ from raccoon.core.files import replacing
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace.decode import MAX_TEXT
 from raccoon.trace.format import Event
-from raccoon.trace.recording import DUTY, Column, Recording, allowed_instead, check_unit_of_duty
+from raccoon.trace.recording import DUTY, EVENT, Column, Recording, allowed_instead, check_unit_of_duty
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -38,7 +38,6 @@ MAX_MESSAGE = 12 * MAX_TEXT + 100
 """Bytes; a letter of a remark may take twelve."""
 MOST_SECONDS = 1.8e10
 """64 bits of nanoseconds."""
-EVENT = "event"
 _PROFILE = "raccoon"
 _TICK = "position_counts_seconds"
 
@@ -46,8 +45,10 @@ _TICK = "position_counts_seconds"
 def write_mcap(recording: Recording, path: str | Path) -> None:
     """Write a recording as MCAP; the file appears whole or not at all.
 
-    Raises ConfigError where the package mcap is not installed, TraceError for times that MCAP cannot hold.
+    Raises ConfigError where the package mcap is not installed, TraceError for times that MCAP cannot hold and
+    for an infinite value.
     """
+    recording.check_finite()
     with _installed():
         from mcap.writer import Writer
 

@@ -18,6 +18,8 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.trace.format import Event
 
 Column = NDArray[np.float64]
+EVENT = "event"
+"""What remarks stand under, in every form of a recording."""
 TIME_UNITS = ((1e6, "nanoseconds"), (1e3, "microseconds"), (1.0, "milliseconds"))
 """By what a time that should be in seconds advances at least, a sample."""
 DUTY_UNITS = (
@@ -42,9 +44,9 @@ _FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
 class Recording:
     """Columns of equal length, `t` among them, by name.
 
-    events: remarks; their tick is the row. device: what a word of the recording is worth, SI_WORDS but for
-    the position counter, whose ticks differ between controllers, and who the controller is, as far as it is
-    known. problems: what a reader had to leave out.
+    events: remarks; their tick is the row. Numbers under the name `event` are remarks too. device: what a
+    word of the recording is worth, SI_WORDS but for the position counter, whose ticks differ between
+    controllers, and who the controller is, as far as it is known. problems: what a reader had to leave out.
     Raises TraceError where t is missing, not finite or goes back, or where lengths differ.
     """
 
@@ -61,6 +63,11 @@ class Recording:
             if column.shape != (len(self),):
                 raise TraceError(f"column {name} has shape {column.shape}: it must be ({len(self)},) as t")
         _check_time(self.columns["t"])
+        if EVENT in self.columns:  # of a program that counts its events; no form has two things of one name
+            numbers = self.columns.pop(EVENT)
+            rows = np.flatnonzero(np.isfinite(numbers)).tolist()
+            remarks = [Event(row, repr(float(numbers[row])).removesuffix(".0")) for row in rows]
+            self.events = sorted([*self.events, *remarks], key=lambda each: each.tick)
 
     def __len__(self) -> int:
         return len(self.columns["t"])
@@ -78,6 +85,14 @@ class Recording:
     def has_truth(self) -> bool:
         """Whether a reference system's pose is in it."""
         return all(f"truth.{name}" in self.columns for name in ("x", "y", "heading"))
+
+    def check_finite(self) -> None:
+        """Raise TraceError for an infinite value, which no form has a word for."""
+        for name, column in self.columns.items():
+            for row in np.flatnonzero(np.isinf(column))[:1].tolist():
+                raise TraceError(
+                    f"column {name}, row {row}: {float(column[row])}: allowed are finite numbers and NaN"
+                )
 
     def ports(self, kind: str, channel: str | None = None) -> list[int]:
         """Port numbers that have a column, such as ports("motor", "bemf") or ports("analog")."""

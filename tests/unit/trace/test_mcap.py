@@ -9,6 +9,7 @@ from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace import mcap as trace_mcap
 from raccoon.trace.columns import recording_of
+from raccoon.trace.csv import read_csv, write_csv
 from raccoon.trace.decode import MAX_TEXT
 from raccoon.trace.format import Event, read_trace
 from raccoon.trace.mcap import read_mcap, write_mcap
@@ -44,6 +45,36 @@ def test_worth_of_a_tick_equal_times_and_negative_times_survive(tmp_path: Path) 
     assert back.device.position_counts_seconds == 1.25
     np.testing.assert_array_equal(back["t"], [-0.1, 0.2, 0.2])
     np.testing.assert_array_equal(back["depth"], [np.nan, 2.0, 3.0])
+
+
+def test_an_infinite_value_is_refused_as_in_a_csv(tmp_path: Path) -> None:
+    """It would be missing in the file, and nobody told."""
+    with pytest.raises(TraceError, match=r"column x, row 1: -inf: allowed are finite numbers"):
+        write_mcap(Recording({"t": np.arange(2.0), "x": np.array([0.0, -np.inf])}), tmp_path / "run.mcap")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_numbers_under_the_name_of_remarks_are_remarks_in_every_form(tmp_path: Path) -> None:
+    columns = {"t": np.arange(3.0), "event": np.array([np.nan, 7.0, 0.5])}
+    recording = Recording(columns, [Event(0, "start"), Event(2, "end")])
+    write_mcap(recording, tmp_path / "run.mcap")
+    write_csv(recording, tmp_path / "run.csv")
+    asked = [Event(0, "start"), Event(1, "7"), Event(2, "end"), Event(2, "0.5")]
+    assert read_mcap(tmp_path / "run.mcap").events == asked
+    assert read_csv(tmp_path / "run.csv").events == [*asked[:2], Event(2, "end; 0.5")]
+
+
+def test_a_topic_of_numbers_with_the_name_of_remarks_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with path.open("wb") as file:
+        writer = mcap_writer.Writer(file)
+        writer.start()
+        for topic, value in (("/speed", 1.5), ("/event", 3)):
+            channel = writer.register_channel(topic, "json", 0)
+            writer.add_message(channel, 10**9, json.dumps({"value": value}).encode(), 10**9)
+        writer.finish()
+    found = read_mcap(path)
+    assert (list(found.columns), found.events) == (["speed", "t"], [Event(0, "3")])
 
 
 def test_the_longest_remark_of_a_trace_comes_back(tmp_path: Path) -> None:
