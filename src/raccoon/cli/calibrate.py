@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from raccoon.cli.motors import add_calibration, put_in_if_asked, recorded_in_simulation
+from raccoon.cli.outputs import check_folders, check_not_read
 from raccoon.core.config import Measured, RobotConfig, load_robot
 from raccoon.core.errors import CalibrationError, ConfigError, TraceError
 
@@ -82,6 +83,8 @@ def _calibrate_drive(args: argparse.Namespace) -> int:
 
     _check_lengths(args)
     robot = load_robot(args.robot)
+    if args.write:
+        check_folders(args.robot)
     runs = load_runs(*args.recording)
     for each in runs:
         if mistaken := mistaken_step(usual_step(each.recording["t"])):
@@ -183,10 +186,16 @@ def _add_tophats(kinds: Any) -> None:
 
 def _calibrate_tophats(args: argparse.Namespace) -> int:
     from raccoon.cli.tophat_sets import calibrate_recordings, show_store
+    from raccoon.estimate.tophat.store import TophatStore
+    from raccoon.trace.loading import recording_file
 
     if not args.set.strip():  # a variable of a script, say, that is empty: no program would find the set
         raise ConfigError("--set: the name of the set is empty")
     if args.recording:
+        if args.write:  # before the work, not after it
+            check_folders(args.store)
+            check_not_read([args.store], [*map(recording_file, args.recording), args.robot])
+            TophatStore(args.store).history()
         return calibrate_recordings(args.recording, args.robot, args.store, args.set, write=args.write)
     if not args.show:
         raise ConfigError("name a recording of a drive over a line, or say --show")

@@ -98,8 +98,9 @@ class MotorConfig:
     radians_per_tick: Measured | None = optional(
         "rad",
         "wheel angle of one tick of the position counter; derived from the model when absent",
-        # Both firmwares' ticks are 0.003 rad or far less; the coarsest encoder has some in a turn.
-        Bounds(1e-8, 1.0),
+        # Both firmwares' ticks are 0.004 rad and far less, a Create's 0.012; a coarse encoder has 90 in a
+        # turn. The same in degrees (0.2) is beyond that, and so are ticks a radian.
+        Bounds(1e-8, 0.1),
     )
     bemf_offset: Measured | None = optional("counts", "back-EMF reading at standstill", Bounds(-400.0, 400.0))
     power_factor: Measured = measured(

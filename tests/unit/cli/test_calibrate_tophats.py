@@ -72,6 +72,29 @@ def test_what_a_simulated_robot_read_is_told_to_be_that(
         assert said[-1].startswith("these are the simulated robot's values: measure again on the real one")
 
 
+@pytest.mark.parametrize(
+    ("store", "said"),
+    [
+        ("new/tophats.json", "there is no folder"),
+        ("drive.csv", "this command reads it"),
+        (".", "it is a folder; name a file"),
+        ("robot.toml", "this command reads it"),
+        ("notes.txt", "not a file of tophat calibrations"),
+    ],
+)
+def test_a_store_that_cannot_be_written_is_refused_before_the_work(
+    folder: Path, capsys: pytest.CaptureFixture[str], store: str, said: str
+) -> None:
+    (folder / "notes.txt").write_text("white is left", encoding="utf-8")
+    before = sorted(each.name for each in folder.iterdir())
+    words = [str(folder / "drive.csv"), "--robot", str(folder / "robot.toml"), "--store", str(folder / store)]
+    assert main(["calibrate", "tophats", *words, "--write"]) == 2
+    told = capsys.readouterr()
+    assert said in told.err
+    assert told.out == ""
+    assert sorted(each.name for each in folder.iterdir()) == before
+
+
 def test_without_write_nothing_is_stored(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command(folder, str(folder / "drive.csv"), "--robot", str(folder / "robot.toml"))
     assert "say --write" in capsys.readouterr().out
