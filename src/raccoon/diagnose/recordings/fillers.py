@@ -105,12 +105,12 @@ def command_of(role: str, columns: Mapping[str, Array], robot: RobotConfig) -> A
     found = {side: columns.get(f"motor.{port}.duty") for side, port in sides.items()}
     if role == "gyro":
         left, right = found["left"], found["right"]
-        return None if left is None or right is None else 0.5 * (_filled(right) - _filled(left))
+        return None if left is None or right is None else 0.5 * (until_next(right) - until_next(left))
     own = found.get(role.partition("_")[2])
-    return None if own is None else _filled(own)
+    return None if own is None else until_next(own)
 
 
-def _filled(values: Array) -> Array:
+def until_next(values: Array) -> Array:
     """Each number until the next one, 0 before the first."""
     latest = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(len(values)), -1))
     return np.where(latest < 0, 0.0, values[np.maximum(latest, 0)])

@@ -40,7 +40,8 @@ from raccoon.diagnose.recordings.partial import (
 from raccoon.diagnose.recordings.problems import said_once
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
-from raccoon.diagnose.recordings.repeated import without_held, without_repeated
+from raccoon.diagnose.recordings.repeated import without_repeated
+from raccoon.diagnose.recordings.rows import rows_of, rows_of_others
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
@@ -147,15 +148,14 @@ def diagnose_recording(
     columns, repeated = without_repeated(columns)
     kind = kind_of(columns, robot)
     check_drives([columns, *more], [kind, *(kind_of(each, robot) for each in more)])
-    if kind is Kind.DRIVE:
-        columns, held = without_held(columns)
-        repeated = (*repeated, *held)
+    columns, of_rows = rows_of(columns, kind)
+    more, of_others = rows_of_others(more, kind, "recording {}")
+    of_rows = (*repeated, *of_rows, *of_others)
     unused = ""
     if holdout is not None:
         with said_of_holdout():
-            holdout, _ = without_repeated(holdout)
-            if kind is Kind.DRIVE:
-                holdout, _ = without_held(holdout)
+            (holdout,), of_other = rows_of_others([holdout], kind, "the other recording")
+            of_rows = (*of_rows, *of_other)
             unused = not_judged_on(columns, holdout, kind, kind_of(holdout, robot))
     if kind is Kind.STEP:
         found = diagnose_step(columns, step_port(columns) or 0)
@@ -171,12 +171,11 @@ def diagnose_recording(
     else:
         open_robot, exact = with_usual_stds(robot)
         made_by = named(device, columns, robot, port)
-        more = [without_held(without_repeated(each)[0])[0] for each in more]
         found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
     if model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS):
         problems = (*problems, NO_MODEL)
-    notes = dict.fromkeys((*found.notes, *said_once(problems), *repeated, *filter(None, (unused,))))
+    notes = dict.fromkeys((*found.notes, *said_once(problems), *of_rows, *filter(None, (unused,))))
     return replace(found, notes=tuple(notes))
 
 

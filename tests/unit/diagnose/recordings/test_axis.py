@@ -10,7 +10,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis import model as axis_model
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
-from raccoon.diagnose.recordings.axis.fit import nice_stretch
+from raccoon.diagnose.recordings.axis.fit import cut, nice_stretch
 from raccoon.diagnose.recordings.axis.log import axis_log, held_back
 from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
 from raccoon.diagnose.recordings.kinds import diagnose_recording
@@ -115,6 +115,21 @@ def test_stretches_are_round_and_the_held_back_part_begins_at_a_step() -> None:
     assert nice_stretch(0.04) == pytest.approx(0.1)
     assert held_back(np.repeat([2.0, 4.0, -4.0, 0.0], [200, 151, 151, 158])) == 351
     assert held_back(np.sin(np.arange(1000.0))) == 700
+
+
+def test_a_speed_of_minutes_has_a_part_to_be_judged_on() -> None:
+    """Its runs have 60 s, and the last 30 % of 100 s hold none of them."""
+    parts = (slice(None, 7000), slice(7000, None))
+    columns = {"t": 0.01 * np.arange(10000.0), "motor.0.speed": np.ones(10000)}
+    columns["motor.0.voltage"] = np.repeat(np.random.default_rng(0).choice([-2.0, 2.0], 200), 50)
+    log = axis_log(columns, 0)
+    for part, seconds in zip(parts, (60.0, 30.0), strict=True):
+        flags = np.zeros(10000, bool)
+        flags[part] = True
+        found = cut(log, 0.05, flags.__getitem__, 1)
+        assert found is not None
+        assert found.weight.all()
+        assert found.count * found.every * log.step == pytest.approx(seconds, abs=0.05)
 
 
 def test_what_cannot_be_used_is_said() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.drives.binned import runs
 from raccoon.diagnose.recordings.axis.log import AxisLog
 from raccoon.diagnose.recordings.axis.model import NEUTRAL, Stretches, simulated
 
@@ -234,6 +235,11 @@ def cut(log: AxisLog, constant: float, keep: Keep, overlap: int) -> Stretches | 
         length = min(count, round(seconds / log.step) + 1)
     first = np.arange(0, count - length + 1, max(1, (length - 1) // overlap)).astype(np.intp)
     whole = [index for index in first if keep(np.arange(index, index + length, dtype=np.intp)).all()]
+    if log.is_speed and not whole:  # as where the last 30 % of 100 s are kept, and a run is 60 s
+        kept = keep(np.arange(count, dtype=np.intp))
+        begin, end = max(runs(kept), key=lambda each: each[1] - each[0], default=(0, 0))
+        length = min(length, end - begin)
+        whole = [np.intp(begin)] if length > 1 else []
     return _stretches(log, np.array(whole, np.intp), length, constant, keep) if whole else None
 
 
