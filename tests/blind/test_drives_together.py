@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,17 @@ def test_motors_that_heat_show_in_three_drives_of_seven_seconds_and_not_in_one()
     assert gain.value == pytest.approx(1.0, abs=2.5 * gain.std)
     unasked = {each.id for each in found.rejected if "each of several recordings" in each.reason}
     assert {"drive.slope", "battery.open_circuit_voltage", "imu.gyro_bias"} <= unasked
+
+
+def test_two_batteries_are_no_cause_of_both_drives() -> None:
+    """One of 0.05 ohm and one of 0.16 were one of 0.13 ohm, with a probability of 1."""
+    days = [Hidden("day", None, {}, {"rint": ohm}) for ohm in (0.05, 0.16)]
+    first, other = (make(9000 + day, [each], seconds=7.0, robot=4).columns for day, each in enumerate(days))
+    found = diagnose(first, RobotConfig(), more=[other])
+    assert found.causes == ()
+    (told,) = (each for each in found.notes if each.startswith("the recordings do not share a battery"))
+    low, high = (float(each) for each in re.findall(r"(\d\.\d+) ohm", told))
+    assert (low, high) == pytest.approx((0.05, 0.16), abs=0.015)
 
 
 def test_drives_are_fitted_together_from_the_command_line(

@@ -1,4 +1,4 @@
-"""From a recording to a diagnosis: the whole way in one place."""
+"""From a recording to a diagnosis: which searches are made of it, and which of their answers is taken."""
 
 from __future__ import annotations
 
@@ -10,17 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.drives.loads import loads_told
+from raccoon.diagnose.answer import Found, answered, faults_of
 from raccoon.diagnose.drives.log import WHEELS, Log
-from raccoon.diagnose.drives.moments import happened, without_moments
+from raccoon.diagnose.drives.moments import without_moments
 from raccoon.diagnose.drives.quality import moves
 from raccoon.diagnose.drives.unseen import said_of_holdout, with_channels_of
 from raccoon.diagnose.findings.anew import may_rub_anew
-from raccoon.diagnose.findings.bent import bent_notes
-from raccoon.diagnose.findings.extend import extended
+from raccoon.diagnose.findings.batteries import (
+    differ,
+    judged_apart,
+    may_differ,
+    with_own,
+    without_shared,
+)
 from raccoon.diagnose.findings.gain import HeldOut
-from raccoon.diagnose.findings.known_together import unmeasured_note
-from raccoon.diagnose.findings.naming import named_causes, rejections, suggestions
 from raccoon.diagnose.findings.over_ways import (
     ADDS_UP,
     adds_up,
@@ -30,39 +33,25 @@ from raccoon.diagnose.findings.over_ways import (
     tried_of_several,
 )
 from raccoon.diagnose.findings.proving import proven
-from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fit.noise import whiteness
-from raccoon.diagnose.fit.scan import play_of
 from raccoon.diagnose.habits.controller import drive_problem, with_lost_changes
-from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.searching import searched
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.result import (
-    LARGE_REST,
-    STOOD,
-    ChannelResult,
-    Curve,
     Diagnosis,
-    SensorFault,
     Unexplained,
     Verdict,
 )
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.silence import asked_for
 from raccoon.diagnose.rollout.understood import understood
-from raccoon.diagnose.rollout.variants import Habits
-from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
-from raccoon.diagnose.unknown.probes import PREFIX, RUBS_ANEW
-from raccoon.diagnose.unknown.shapes import shapes_of
+from raccoon.diagnose.unknown.probes import RUBS_ANEW
 from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.parameters import Parameters
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-RESISTANCE = ("battery.internal_resistance", None, "resistance")
 STRANGE = 6.0
 """Times the noise that a better model is off by on the recording of another robot, although it helps there.
 Robots of one robot.toml were off by 2 to 4.5."""
@@ -111,14 +100,6 @@ def diagnose(
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
-    """What one search says. moments: s, at which something happened in the drive that is nobody's fault."""
-
-    diagnosis: Diagnosis
-    moments: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Way:
     """From a log to its diagnosis: one search, and others where its answer asks for them. begin: when the
     diagnosis began, s. unseen: the log of another recording to judge on, where there is one."""
@@ -157,12 +138,23 @@ class Way:
 
     def _rubbing_anew(self, log: Log, unseen: Log | None) -> Found:
         """What is found, also with friction over time where it may be that: a load that was taken."""
-        first = self.once(log, unseen)
+        first = self._each_battery(log, unseen)
         if not may_rub_anew(first.diagnosis):
             return first
         tell("asking whether friction changed in the drive")
         again = self.once(replace(log, rubs_anew=True), unseen)
         return again if RUBS_ANEW in again.diagnosis.unexplained.depends_on else first
+
+    def _each_battery(self, log: Log, unseen: Log | None) -> Found:
+        """What is found, also with a battery of each recording's own where several may not share one."""
+        first = self.once(log, unseen)
+        if not (log.runs and may_differ(first.diagnosis)):
+            return first
+        tell("asking whether the recordings share a battery")
+        again = replace(self, causes=without_shared(self.causes)).once(with_own(log), unseen)
+        if not differ(again.diagnosis):
+            return first
+        return replace(again, diagnosis=judged_apart(again.diagnosis))
 
     def once(self, log: Log, unseen: Log | None) -> Found:
         """What one search finds, judged on the end of the log or on the unseen one."""
@@ -174,7 +166,7 @@ class Way:
             other = drive_problem(unseen, robot, causes, habits, model)
             other = replace(other, neutral=search.problem.neutral, base=search.problem.base)
         search, judged = proven(search, other)
-        found = _diagnosis(log, search, judged, habits, self.begin)
+        found = answered(log, search, judged, habits, self.begin)
         if other is None:
             return found
         notes = (*found.diagnosis.notes, *_not_the_same(found.diagnosis, judged))
@@ -209,92 +201,5 @@ def _nothing_to_see(log: Log, begin: float) -> Diagnosis:
         time.perf_counter() - begin,
         None,
         (*log.notes, note),
-        sensor_faults=_faults(log),
-    )
-
-
-def _faults(log: Log) -> tuple[SensorFault, ...]:
-    return tuple(SensorFault(column, STOOD, text) for column, text in log.stood)
-
-
-def _diagnosis(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Found:
-    spread = Spread.of(search)
-    causes = named_causes(search, judged, spread)
-    depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
-    features, rest = search.problem.features, search.linear.residual
-    regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
-    bursts = bursting(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
-    depends_on += (DEPENDS_ON,) if bursts.told else ()
-    left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
-    verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
-    resistance = search.problem.settings(search.fit.point)[RESISTANCE]
-    white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
-    found = Diagnosis(
-        verdict,
-        _channels(log, judged, whiteness(white)),
-        causes,
-        rejections(search, log),
-        Unexplained(left, depends_on),
-        suggestions(search, causes, log),
-        time.perf_counter() - begin,
-        extended(search.problem, spread, causes, habits.chain),
-        (
-            *log.notes,
-            *loads_told(log, resistance),
-            *bursts.told,
-            *((happened(bursts.moments),) if bursts.moments else ()),
-            *notes_of(habits, causes, spread),
-            *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
-            *unmeasured_note(search),
-            *_not_in_model(search),
-        ),
-        sensor_faults=_faults(log),
-        curves=_curves(log, judged),
-        shapes=shapes_of(search),
-    )
-    return Found(found, bursts.moments)
-
-
-def _not_in_model(search: Search) -> tuple[str, ...]:
-    """What the simulator cannot be told in a model.toml."""
-    own = [name for name in search.fit.point.active if search.problem.causes[name].own is not None]
-    return tuple(f"{name} is Python of yours: a model.toml does not hold it" for name in own)
-
-
-def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
-    """Every channel on data that was not fitted, for pictures."""
-    measured, (before, after) = judged.measured, judged.residual
-    return tuple(
-        Curve(
-            each.name,
-            each.unit,
-            judged.time,
-            measured[:, index],
-            (measured - before)[:, index],
-            (measured - after)[:, index],
-        )
-        for index, each in enumerate(log.channels)
-    )
-
-
-def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
-    """causes: whether any that matters was named. left: as `HeldOut` has it, of what is beyond chance."""
-    if unknown:
-        return Verdict.PARTLY if causes else Verdict.UNKNOWN
-    if not causes:
-        return Verdict.UNKNOWN if is_far else Verdict.ADEQUATE
-    return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
-
-
-def _channels(log: Log, judged: HeldOut, p_values: Array) -> tuple[ChannelResult, ...]:
-    return tuple(
-        ChannelResult(
-            each.name,
-            each.unit,
-            float(judged.before[index]),
-            float(judged.after[index]),
-            float(judged.floor[index]),
-            float(p_values[index]),
-        )
-        for index, each in enumerate(log.channels)
+        sensor_faults=faults_of(log),
     )

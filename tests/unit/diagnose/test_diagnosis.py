@@ -11,7 +11,8 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.diagnosis import SAME_ROBOT, Found, Way, _not_the_same, diagnose
+from raccoon.diagnose.answer import Found
+from raccoon.diagnose.diagnosis import SAME_ROBOT, Way, _not_the_same, diagnose
 from raccoon.diagnose.findings import proving
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fleet.summary import fleet_of

@@ -76,7 +76,7 @@ class Log:
     the wheels on the battery; nothing is compared while they act either. stood: wheels that did not turn
     although they were driven (`standing.py`), a column and a sentence each. runs: the recordings that it was
     joined of (`joined.py`), none where it is one. rubs_anew: whether friction may be another from some moment
-    on.
+    on. own_batteries: whether each of `runs` has a battery of its own.
     """
 
     time: Array
@@ -92,6 +92,7 @@ class Log:
     stood: tuple[tuple[str, str], ...] = ()
     runs: tuple[Run, ...] = ()
     rubs_anew: bool = False
+    own_batteries: bool = False
 
     @property
     def seconds(self) -> float:

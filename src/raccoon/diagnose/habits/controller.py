@@ -72,7 +72,9 @@ def drive_problem(
     """The problem of a drive under a controller's habits."""
     own = [each.own for each in causes if each.own is not None]
     by_name = {each.name: each for each in causes}
-    settings = starting_settings(robot, model) | run_settings(len(log.runs)) | encoder_settings(log)
+    battery = robot.model.battery.internal_resistance.value if log.own_batteries else 0.0
+    settings = starting_settings(robot, model) | encoder_settings(log)
+    settings |= run_settings(len(log.runs), battery)
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
@@ -89,7 +91,7 @@ def drive_problem(
                 wombat=habits.wombat,
             ),
             *encoder_coordinates(log),
-            *run_coordinates(len(log.runs)),
+            *run_coordinates(len(log.runs), battery),
         ),
         by_name,
         told(by_name, log),

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from blind.drives import exciting
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.diagnosis import Found, Way, diagnose
+from raccoon.diagnose.answer import Found
+from raccoon.diagnose.diagnosis import Way, diagnose
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log

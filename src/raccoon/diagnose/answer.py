@@ -1,0 +1,139 @@
+"""What a search found, as the diagnosis that a team reads."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.drives.loads import loads_told
+from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.moments import happened
+from raccoon.diagnose.findings.batteries import batteries_told
+from raccoon.diagnose.findings.bent import bent_notes
+from raccoon.diagnose.findings.extend import extended
+from raccoon.diagnose.findings.gain import HeldOut
+from raccoon.diagnose.findings.known_together import unmeasured_note
+from raccoon.diagnose.findings.naming import named_causes, rejections, suggestions
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.fit.noise import whiteness
+from raccoon.diagnose.fit.scan import play_of
+from raccoon.diagnose.habits.notes import notes_of
+from raccoon.diagnose.hypotheses.runs import RESISTANCE
+from raccoon.diagnose.result import (
+    LARGE_REST,
+    STOOD,
+    ChannelResult,
+    Curve,
+    Diagnosis,
+    SensorFault,
+    Unexplained,
+    Verdict,
+)
+from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
+from raccoon.diagnose.unknown.probes import PREFIX
+from raccoon.diagnose.unknown.shapes import shapes_of
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What one search says. moments: s, at which something happened in the drive that is nobody's fault."""
+
+    diagnosis: Diagnosis
+    moments: tuple[float, ...]
+
+
+def faults_of(log: Log) -> tuple[SensorFault, ...]:
+    """The wheels' readings that stood while they were driven, as broken sensors."""
+    return tuple(SensorFault(column, STOOD, text) for column, text in log.stood)
+
+
+def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Found:
+    """What a search found, judged on data that it did not fit. begin: when the diagnosis began, s."""
+    spread = Spread.of(search)
+    causes = named_causes(search, judged, spread)
+    depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
+    features, rest = search.problem.features, search.linear.residual
+    regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
+    bursts = bursting(features.roles, features.measured, rest, features.time, regimes, play=bool(play))
+    depends_on += (DEPENDS_ON,) if bursts.told else ()
+    left = judged.left if judged.is_far or depends_on else 0.0  # what chance makes is no part of it
+    verdict = _verdict(not all(each.little for each in causes), bool(depends_on), left, judged.is_far)
+    resistance = search.problem.settings(search.fit.point)[RESISTANCE]
+    white = search.whitener(search.linear.residual[None])[0].reshape(search.linear.residual.shape)
+    found = Diagnosis(
+        verdict,
+        _channels(log, judged, whiteness(white)),
+        causes,
+        rejections(search, log),
+        Unexplained(left, depends_on),
+        suggestions(search, causes, log),
+        time.perf_counter() - begin,
+        extended(search.problem, spread, causes, habits.chain),
+        (
+            *log.notes,
+            *batteries_told(search.problem.settings(search.fit.point), log),
+            *loads_told(log, resistance),
+            *bursts.told,
+            *((happened(bursts.moments),) if bursts.moments else ()),
+            *notes_of(habits, causes, spread),
+            *bent_notes(search, unknown=bool(depends_on) or verdict is Verdict.UNKNOWN),
+            *unmeasured_note(search),
+            *_not_in_model(search),
+        ),
+        sensor_faults=faults_of(log),
+        curves=_curves(log, judged),
+        shapes=shapes_of(search),
+    )
+    return Found(found, bursts.moments)
+
+
+def _not_in_model(search: Search) -> tuple[str, ...]:
+    """What the simulator cannot be told in a model.toml."""
+    own = [name for name in search.fit.point.active if search.problem.causes[name].own is not None]
+    return tuple(f"{name} is Python of yours: a model.toml does not hold it" for name in own)
+
+
+def _curves(log: Log, judged: HeldOut) -> tuple[Curve, ...]:
+    """Every channel on data that was not fitted, for pictures."""
+    measured, (before, after) = judged.measured, judged.residual
+    return tuple(
+        Curve(
+            each.name,
+            each.unit,
+            judged.time,
+            measured[:, index],
+            (measured - before)[:, index],
+            (measured - after)[:, index],
+        )
+        for index, each in enumerate(log.channels)
+    )
+
+
+def _verdict(causes: bool, unknown: bool, left: float, is_far: bool) -> Verdict:
+    """causes: whether any that matters was named. left: as `HeldOut` has it, of what is beyond chance."""
+    if unknown:
+        return Verdict.PARTLY if causes else Verdict.UNKNOWN
+    if not causes:
+        return Verdict.UNKNOWN if is_far else Verdict.ADEQUATE
+    return Verdict.EXPLAINED if left < LARGE_REST else Verdict.PARTLY
+
+
+def _channels(log: Log, judged: HeldOut, p_values: Array) -> tuple[ChannelResult, ...]:
+    return tuple(
+        ChannelResult(
+            each.name,
+            each.unit,
+            float(judged.before[index]),
+            float(judged.after[index]),
+            float(judged.floor[index]),
+            float(p_values[index]),
+        )
+        for index, each in enumerate(log.channels)
+    )

@@ -1,0 +1,89 @@
+"""Recordings that do not share a battery: what is said of them, and when it is asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.drives.log import Log, Run
+from raccoon.diagnose.findings.batteries import (
+    OWN,
+    TOLD,
+    batteries_told,
+    differ,
+    judged_apart,
+    may_differ,
+    without_shared,
+)
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.hypotheses.coordinates import Settings
+from raccoon.diagnose.hypotheses.runs import (
+    DIFFERS,
+    RESISTANCE,
+    RUN,
+    resistances,
+    run_coordinates,
+    run_settings,
+)
+from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, Unexplained, Verdict
+
+LOG = Log(np.zeros(2), np.zeros((2, 2)), (), runs=(Run(0.0, (None, None)), Run(9.0, (None, None))))
+
+
+def found(verdict: Verdict, *causes: CauseResult, notes: tuple[str, ...] = ()) -> Diagnosis:
+    return Diagnosis(verdict, (), causes, (), Unexplained(0.0), (), 0.0, None, notes)
+
+
+def of_resistance() -> CauseResult:
+    return CauseResult(RESISTANCE[0], None, 1, {}, Gain(1.0, 0.5, 0.5), 1.0, (), "")
+
+
+def settings(*ohm: float) -> Settings:
+    own = {(RUN, str(number), RESISTANCE[0]): each - 0.05 for number, each in enumerate(ohm)}
+    return dict.fromkeys(DIFFERS, 0.0) | {RESISTANCE: 0.05} | run_settings(len(ohm), 0.05) | own
+
+
+@pytest.mark.parametrize(
+    ("ohm", "told"),
+    [((0.05, 0.16), True), ((0.05, 0.058), False), ((0.16, 0.17), False), ((0.008, 0.02), False)],
+)
+def test_batteries_that_differ_are_said_with_the_resistance_of_each(
+    ohm: tuple[float, float], told: bool
+) -> None:
+    asked = settings(*ohm)
+    assert resistances(asked, 2) == pytest.approx(ohm)
+    said = batteries_told(asked, replace(LOG, own_batteries=True))
+    assert bool(said) is told
+    if told:
+        assert said[0].startswith(f"{TOLD}0.050 ohm in recording 1, 0.160 ohm in recording 2")
+    assert batteries_told(asked, LOG) == ()
+
+
+def test_it_is_asked_for_where_a_battery_is_named_or_something_is_left() -> None:
+    assert may_differ(found(Verdict.EXPLAINED, of_resistance()))
+    assert may_differ(found(Verdict.UNKNOWN))
+    assert may_differ(found(Verdict.PARTLY))
+    assert not may_differ(found(Verdict.EXPLAINED))
+    assert not may_differ(found(Verdict.ADEQUATE))
+
+
+def test_a_battery_for_each_is_taken_where_they_differ_and_is_no_cause() -> None:
+    assert not differ(found(Verdict.ADEQUATE))
+    own = found(Verdict.ADEQUATE, notes=(f"{TOLD}...",))
+    assert differ(own)
+    assert [(each.id, each.reason) for each in judged_apart(own).rejected] == [(RESISTANCE[0], OWN)]
+
+
+def test_no_battery_is_asked_for_that_recordings_share_once_each_has_its_own() -> None:
+    names = {each.id for each in drive_causes()}
+    assert names - {each.id for each in without_shared(drive_causes())} == {RESISTANCE[0]}
+
+
+def test_an_own_resistance_is_never_below_none() -> None:
+    coordinates = [each for each in run_coordinates(2, 0.05) if each.name.startswith(RESISTANCE[0])]
+    assert len(coordinates) == 2
+    for each in coordinates:
+        assert 0.05 + each.value(each.low) > 0.0175  # by which robot.toml's may be less
+        assert 0.05 + each.value(each.high) > 0.3
+        assert each.value(0.0) == 0.0
+    assert not any(each.name.startswith(RESISTANCE[0]) for each in run_coordinates(2))
