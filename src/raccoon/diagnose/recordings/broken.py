@@ -16,7 +16,9 @@ from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.findings.bent import without_bent
 from raccoon.diagnose.recordings.fillers import command_of, without_fillers
 from raccoon.diagnose.recordings.partial import absence
+from raccoon.diagnose.recordings.polled import without_held_voltage
 from raccoon.diagnose.recordings.reference.faults import reference_faults
+from raccoon.diagnose.recordings.sagging import not_sagging
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
 
 Array = NDArray[np.float64]
@@ -28,7 +30,13 @@ COARSE = {"gyro": 8, "bemf": 4, "speed": 4, "battery": 4}
 """Different values of a reading that say next to nothing, by its kind: those of a gyro in whole rad/s."""
 COARSE_VOLTS = 0.25
 """Of a battery, that they are apart by at least: a stiff one has few values next to each other."""
-LEFT_OUT = {"stuck": "it is stuck", "saturated": "it is cut off", "coarse": "it is rounded too coarsely"}
+LEFT_OUT = {
+    "stuck": "it is stuck",
+    "saturated": "it is cut off",
+    "coarse": "it is rounded too coarsely",
+    "steady": "it does not sag",
+    "rare": "it was read too rarely",
+}
 """Faults for which a whole channel is left out, and how that is said."""
 FEWEST = 50
 JITTER = 0.5
@@ -80,6 +88,9 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
             _stuck(name, role, values, moved) or _clipped(name, role, values) or _coarse(name, role, values)
         )
         found = [] if whole is None else [whole]
+        if whole is None and role == "battery":
+            kept[name], whole = without_held_voltage(name, columns["t"], values)
+            found, values = [] if whole is None else [whole], kept[name]
         if whole is None:
             command = command_of(role, columns, robot)
             kept[name], wrong = without_fillers(name, role, columns["t"], values, command)
@@ -87,6 +98,9 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
         faults += found
         if any(each.fault in LEFT_OUT for each in found):
             del kept[name]
+    if steady := not_sagging(kept, robot):
+        faults.append(steady)
+        del kept[steady.channel]
     pose, lost = reference_faults(kept, robot)
     kept |= pose
     about_time = _about_time(columns["t"])

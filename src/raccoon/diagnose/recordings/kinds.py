@@ -196,13 +196,17 @@ def _drive(
     sound = without_broken(counted.columns, robot)
     columns = sound.columns
 
-    def whole(other: Columns) -> Columns:
-        return without_broken(with_counted(other, robot, device).columns, robot).columns
+    others: list[str] = []
+
+    def whole(other: Columns, which: str) -> Columns:
+        part = without_broken(with_counted(other, robot, device).columns, robot)
+        others.extend(f"{which}: {each.text}" for each in part.faults)
+        return part.columns
 
     if holdout is not None:
         with said_of_holdout():
-            holdout = whole(holdout)
-    more = [whole(each) for each in more]
+            holdout = whole(holdout, "the other recording")
+    more = [whole(each, f"recording {number}") for number, each in enumerate(more, 2)]
     firmware = firmware_of(device)
     if firmware is not None and made_by.said:
         firmware = replace(firmware, units=False)
@@ -238,7 +242,7 @@ def _drive(
     found = counted.told(judged_again(found, columns, sound, robot))
     gravity = strange_acceleration(columns)
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
-    found = replace(found, notes=(*found.notes, *unit, *made_by.notes))
+    found = replace(found, notes=(*found.notes, *unit, *made_by.notes, *others))
     return _with_tophats(found, columns, robot, model, truth_free)
 
 

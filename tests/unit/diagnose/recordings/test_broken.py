@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.bent import ADVICE
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.result import (
@@ -23,14 +24,23 @@ ROBOT = RobotConfig()
 RNG = np.random.default_rng(3)
 TIME = 0.01 * np.arange(1000)
 DUTY = np.sign(np.sin(TIME))
+
+
+def behind(values: np.ndarray, seconds: float) -> np.ndarray:
+    keep = np.exp(-0.01 / seconds)
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values))
+
+
+TURNS = behind(DUTY, 0.03)
+"""Of the wheels, of what they turn at last."""
 GOOD = {
     "t": TIME,
     "motor.0.duty": DUTY,
     "motor.1.duty": DUTY,
-    "motor.0.bemf": 1500.0 * DUTY + 4.0 * RNG.standard_normal(1000),
-    "motor.1.bemf": 1500.0 * DUTY + 4.0 * RNG.standard_normal(1000),
+    "motor.0.bemf": 1500.0 * behind(TURNS, 0.0225) + 4.0 * RNG.standard_normal(1000),
+    "motor.1.bemf": 1500.0 * behind(TURNS, 0.0225) + 4.0 * RNG.standard_normal(1000),
     "imu.gyro.z": 0.01 * RNG.standard_normal(1000),
-    "battery.voltage": 6.8 - 0.01 * (np.arange(1000) % 3),
+    "battery.voltage": 6.8 - 0.05 * (DUTY * (6.8 * DUTY - 4.94 * TURNS) / 0.9) - 0.01 * (np.arange(1000) % 3),
 }
 
 
@@ -165,7 +175,7 @@ def circling(**changes: np.ndarray) -> dict[str, np.ndarray]:
     rate, speed = 1.0, 0.5
     heading = rate * TIME
     columns = {
-        **GOOD,
+        **{name: each for name, each in GOOD.items() if name != "battery.voltage"},
         "motor.0.bemf": np.full(1000, 1300.0) + RNG.standard_normal(1000),
         "motor.1.bemf": np.full(1000, 1800.0) + RNG.standard_normal(1000),
         "imu.gyro.z": rate + 0.01 * RNG.standard_normal(1000),
@@ -215,12 +225,46 @@ def test_a_reference_that_lost_the_robot_is_said() -> None:
     assert "truth.heading is not in the recording" in fault.text
 
 
+@pytest.mark.parametrize(("ohm", "told"), [(0.0, True), (0.003, True), (0.03, False), (0.2, False)])
+def test_a_battery_that_does_not_sag_is_no_reading_of_it(ohm: float, told: bool) -> None:
+    """A number that stands for one, with some noise, was four causes with a probability of 1."""
+    amps = DUTY * (6.8 * DUTY - 4.94 * TURNS) / 0.9
+    volts = 12.0 - ohm * behind(amps, 0.1) + 0.005 * RNG.standard_normal(1000)
+    sound = without_broken({**GOOD, "battery.voltage": volts}, ROBOT)
+    assert [each.fault for each in sound.faults] == ["steady"] * told
+    assert ("battery.voltage" in sound.columns) is not told
+    if told:
+        assert sound.left_out == {"battery.voltage": "it does not sag"}
+    supply = replace(ROBOT.model.battery, internal_resistance=Measured(0.01, 0.002))
+    stiff = replace(ROBOT, model=replace(ROBOT.model, battery=supply))  # of a bench, as robot.toml says
+    assert without_broken({**GOOD, "battery.voltage": volts}, stiff).faults == ()
+
+
+def test_a_battery_whose_wheels_are_not_read_is_believed() -> None:
+    blind = {name: each for name, each in GOOD.items() if not name.endswith(".bemf")}
+    assert (
+        without_broken({**blind, "battery.voltage": 6.8 + 0.01 * RNG.standard_normal(1000)}, ROBOT).faults
+        == ()
+    )
+
+
+def test_a_battery_that_is_read_now_and_then_counts_where_it_was_read() -> None:
+    every = {seconds: GOOD["battery.voltage"][np.arange(1000) // round(100 * seconds) * round(100 * seconds)]
+             for seconds in (0.1, 5.0)}  # fmt: skip
+    sound = without_broken({**GOOD, "battery.voltage": every[0.1]}, ROBOT)
+    assert sound.faults == ()
+    kept = np.flatnonzero(np.isfinite(sound.columns["battery.voltage"]))
+    assert set(kept) <= set(range(0, 1000, 10))
+    assert faults(**{"battery.voltage": every[5.0]}) == [("battery.voltage", "rare")]
+
+
 def test_a_battery_that_never_changes_was_not_read() -> None:
     """A number of robot.toml in its place was a battery without a resistance, with a probability of 1."""
     assert faults(**{"battery.voltage": np.full(1000, 6.8)}) == [("battery.voltage", "stuck")]
     volts = np.where(np.arange(1000) % 7 == 0, 6.0, 7.0)
     assert faults(**{"battery.voltage": volts}) == [("battery.voltage", "coarse")]
-    stiff = np.where(np.arange(1000) % 7 == 0, 6.80, 6.81)
+    stiff = np.round(GOOD["battery.voltage"], 1)
+    assert len(np.unique(stiff)) < 8
     assert faults(**{"battery.voltage": stiff}) == []
 
 
