@@ -188,6 +188,11 @@ def in_words(each: FleetCause, fleet: Fleet) -> str:
     return f"{middle}: {said}" if len(each.recordings) > 1 else said
 
 
+def count_text(each: FleetCause) -> str:
+    """How many name it of those that can tell, also those whose number is in another unit."""
+    return f"{round(each.share * each.telling)} of {each.telling}"
+
+
 def kind_text(each: FleetCause, fleet: Fleet) -> str:
     """Whether a cause is common, one robot's, or of single recordings."""
     if each.common:

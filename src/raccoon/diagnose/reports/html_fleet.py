@@ -15,6 +15,7 @@ from raccoon.diagnose.fleet.model import Foreseen
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause
 from raccoon.diagnose.reports.fleet_text import (
     change_lines,
+    count_text,
     far_text,
     in_words,
     kind_text,
@@ -45,7 +46,8 @@ def save_fleet_html(
     page = template("fleet.html").render(
         results={f"{name}{whose(fleet, name)}": _row(each) for name, each in fleet.results.items()},
         causes=[
-            (each, kind_text(each, fleet), in_words(each, fleet), far_text(each)) for each in fleet.causes
+            (each, kind_text(each, fleet), count_text(each), in_words(each, fleet), far_text(each))
+            for each in fleet.causes
         ],
         numbers=[(each, usual_text(each), far_text(each)) for each in fleet.numbers],
         notes=note_lines(fleet.results),
@@ -92,7 +94,7 @@ def _whom(each: FleetCause, fleet: Fleet) -> str:
     """Who has a cause that is not common; of many recordings how many, as their names are in the table."""
     told = kind_text(each, fleet)
     many = len(each.recordings) > FEW and not told.startswith(("only robot", "robots"))
-    return f"{len(each.recordings)} of {each.telling} recordings" if many else told
+    return f"{count_text(each)} recordings" if many else told
 
 
 def fleet_figure(fleet: Fleet) -> Any:

@@ -61,7 +61,9 @@ def error_figure(diagnosis: Diagnosis) -> Any:
         (0.2, after, _improved(diagnosis), AFTER),
     ):
         bars = axes.barh(rows + shift, values, 0.38, label=label, color=color)
-        axes.bar_label(bars, fmt="%.2g", padding=3, fontsize=9)
+        for text in axes.bar_label(bars, fmt=_times, padding=3, fontsize=9):
+            # So that the line of the noise does not run through it.
+            text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 0.5})
     axes.axvline(1.0, color="0.3", linewidth=1.0, linestyle="--", label="noise")
     axes.set_yticks(rows, names)
     axes.invert_yaxis()
@@ -70,6 +72,11 @@ def error_figure(diagnosis: Diagnosis) -> Any:
     axes.legend(fontsize=9, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     _plain(axes)
     return figure
+
+
+def _times(value: float) -> str:
+    """Two digits, and all before the point: 0.97, 1.0, 12, 374."""
+    return f"{value:.2g}" if value < 0.995 else f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
 
 def cause_figure(diagnosis: Diagnosis) -> Any:

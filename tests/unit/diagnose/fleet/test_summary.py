@@ -11,6 +11,7 @@ import pytest
 
 from raccoon.diagnose.fleet.series import _deviation, _far
 from raccoon.diagnose.fleet.summary import FleetCause, FleetNumber, fleet_of
+from raccoon.diagnose.reports import html_fleet
 from raccoon.diagnose.reports.fleet_text import fleet_report
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.result import (
@@ -112,6 +113,18 @@ def test_numbers_in_other_units_count_and_are_not_compared() -> None:
     assert friction.share == 1.0
     assert friction.unit == "N m"
     assert max(friction.values) < 0.01
+
+
+def test_the_page_counts_what_the_terminal_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that names it in volts was left out of the page's count: 21 of 22 beside `common to 22 of 22`."""
+    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    fleet = {str(i): diagnosis(cause("friction.coulomb", 0.008, "left", "N m")) for i in range(4)}
+    fleet["volts"] = diagnosis(cause("friction.coulomb", 0.3, "left", "V"))
+    fleet |= {f"none-{i}": diagnosis() for i in range(5)}
+    save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
+    page = (tmp_path / "fleet.html").read_text()
+    assert ">5 of 10<" in page
+    assert "friction.coulomb@left: 5 of 10 recordings." in page
 
 
 def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_path: Path) -> None:

@@ -93,6 +93,22 @@ def test_it_is_said_when_a_channel_is_furthest_off_and_whether_the_rest_is_white
     assert found.to_dict()["channels"][0]["whiteness_p"] is None
 
 
+def test_what_white_means_is_said_where_it_is_said() -> None:
+    assert "White: each error is independent" in page(FOUND, "run")
+    axis = replace(FOUND, curves=())  # of an axis nobody asks
+    assert "White:" not in page(axis, "run")
+    assert "what is left" not in page(axis, "run")
+
+
+def test_bars_say_whole_numbers_and_hide_no_digit_behind_the_line() -> None:
+    (channel,) = FOUND.channels
+    near, far = replace(channel, rmse_before=3740.0), replace(channel, rmse_before=10.0, rmse_after=9.72)
+    figures = [error_figure(replace(FOUND, channels=(each,))) for each in (near, far)]
+    texts = [text for each in figures for text in each.axes[0].texts]
+    assert [text.get_text() for text in texts] == ["374", "1.1", "1.0", "0.97"]
+    assert all(text.get_bbox_patch().get_facecolor()[3] == 1.0 for text in texts)
+
+
 def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
     (shape,) = FOUND.shapes
     assert shape.size.value == pytest.approx(0.02)
