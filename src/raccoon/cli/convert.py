@@ -27,7 +27,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Convert one recording; what had to be left out is printed."""
-    from raccoon.trace.loading import load_run, recording_file
+    from raccoon.trace.loading import load_run
+    from raccoon.trace.record import recording_file
 
     source: Path = args.source
     target: Path = args.target

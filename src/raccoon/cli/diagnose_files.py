@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
-from raccoon.trace.loading import counted, recording_file, recordings_in
+from raccoon.trace.loading import counted, recordings_in
+from raccoon.trace.record import recording_file
 
 
 def recordings(paths: Sequence[Path]) -> list[Path]:

@@ -18,6 +18,7 @@ from raccoon.core.readings import Device, Inputs, Outputs
 from raccoon.trace.decode import parse_cycle, parse_device, parse_line
 from raccoon.trace.encode import Values
 from raccoon.trace.header import Header, parse_header
+from raccoon.trace.record import recording_file
 
 MAX_LINE_BYTES = 1 << 20
 MAX_BYTES = 1 << 30
@@ -81,10 +82,11 @@ class Trace:
 def read_trace(path: str | Path, *, max_bytes: int = MAX_BYTES, max_ticks: int = MAX_TICKS) -> Trace:
     """Read a recording, gzipped or not, up to its end or its first damage.
 
+    path: the file, or the name that the recording was made under (`run`, where there is `run.jsonl.gz`).
     max_bytes bounds what a file may grow to when unpacked, max_ticks how many cycles are kept.
     Raises TraceError where there is not even a header; FileNotFoundError where there is no file.
     """
-    path = Path(path)
+    path = recording_file(path)
     with path.open("rb") as raw:
         packed = raw.read(2) == b"\x1f\x8b"
         raw.seek(0)

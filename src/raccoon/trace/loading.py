@@ -13,7 +13,7 @@ from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import read_csv
 from raccoon.trace.foreign import emps, fleet_steps, motor_steps, optiodom
 from raccoon.trace.format import Trace, read_trace
-from raccoon.trace.record import already_there
+from raccoon.trace.record import recording_file
 from raccoon.trace.recording import Recording
 
 SWEEP = ".sweep.json"
@@ -62,13 +62,6 @@ def files_of(*paths: str | Path) -> list[Path]:
         for file in found:
             files.setdefault(os.path.realpath(file), file)
     return list(files.values())
-
-
-def recording_file(path: str | Path) -> Path:
-    """The path itself where it exists, and where nothing does; else the recording that was made under this
-    name: `run` and `run.jsonl` are packed into `run.jsonl.gz` when the run has ended."""
-    path = Path(path)
-    return path if path.exists() else already_there(path) or path
 
 
 def counted(path: Path) -> list[list[tuple[int, str]]]:

@@ -161,3 +161,10 @@ def recording_paths(path: str | Path) -> tuple[Path, Path]:
 def already_there(path: str | Path) -> Path | None:
     """The file that a recording of this name would replace; None where there is none."""
     return next((each for each in recording_paths(path) if each.exists()), None)
+
+
+def recording_file(path: str | Path) -> Path:
+    """The path itself where it exists, and where nothing does; else the recording that was made under this
+    name: `run` and `run.jsonl` are packed into `run.jsonl.gz` when the run has ended."""
+    path = Path(path)
+    return path if path.exists() else already_there(path) or path

@@ -83,3 +83,11 @@ def test_two_simulated_runs_from_one_seed_are_the_same() -> None:
         with open_robot(config, port=port) as robot:
             ends.append(mission(robot))
     assert ends[0] == ends[1]
+
+
+@pytest.mark.parametrize("name", ["run", "run.jsonl"])
+def test_the_name_that_it_was_recorded_under_finds_it(
+    recorded: tuple[Path, tuple[float, float, float]], name: str
+) -> None:
+    path, end = recorded
+    assert replay(path.with_name(name), mission) == end

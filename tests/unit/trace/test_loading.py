@@ -7,7 +7,8 @@ import pytest
 from raccoon.cli.diagnose_files import recordings
 from raccoon.core.errors import TraceError
 from raccoon.trace.csv import write_csv
-from raccoon.trace.loading import load_run, load_runs, recording_file, recordings_in
+from raccoon.trace.loading import load_run, load_runs, recordings_in
+from raccoon.trace.record import recording_file
 from raccoon.trace.recording import Recording
 from unit.trace.recordings import record
 

@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _check_outputs(args: argparse.Namespace) -> None:
     """Before the work, not after it."""
-    from raccoon.trace.loading import recording_file
+    from raccoon.trace.record import recording_file
 
     if args.plot is not None and args.plot.suffix not in PICTURES:
         raise ConfigError(f"--plot {args.plot}: allowed are the endings {', '.join(PICTURES)}")
