@@ -12,7 +12,7 @@ from raccoon.core.readings import ANALOG_PORTS, SIMULATOR
 from raccoon.robot.actions.actions import Action, Steps, check_actions
 from raccoon.robot.actions.condition import each_of
 from raccoon.robot.actions.functions import NOTHING_RUN, perform
-from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_port
+from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_port, check_robot
 from raccoon.robot.calibration.light import tell_light, tell_no_lamp, word
 from raccoon.robot.deadline import Alarm, MatchOver, real_deadline
 from raccoon.robot.remarks import say, tell
@@ -160,6 +160,7 @@ def run_match(
 
     Raises RuntimeError for a second match: open the robot again for each.
     """
+    check_robot(robot, "run_match()")
     if isinstance(program, list | tuple):
         raise TypeError(
             "run_match() takes one action, not a list of them: write seq(*actions) or mission(*actions)"

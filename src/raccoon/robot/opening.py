@@ -86,6 +86,10 @@ def open_robot(
     """
     if not isinstance(config, RobotConfig | str | Path):
         raise TypeError(f"config is {config!r}: it must be the name of a robot.toml, or a RobotConfig")
+    if port is not None and not hasattr(port, "read"):
+        raise TypeError(
+            f"port is {port!r}: it must be a Port; without one robot.toml's controller.port is opened"
+        )
     if seed is not None and (not hasattr(seed, "__index__") or seed < 0):
         raise ValueError(f"seed is {seed!r}: it must be a whole number from 0")
     return Opening(_opened(config, port, record, seed))

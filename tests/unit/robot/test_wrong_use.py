@@ -24,12 +24,14 @@ from raccoon import (
     blocked,
     calibrate_drive,
     calibrate_light,
+    calibrate_tophats,
     deg,
     do,
     drive,
     drive_to,
     follow_line,
     follow_path,
+    load_tophats,
     mission,
     motors,
     move,
@@ -145,6 +147,7 @@ def loose(value: object) -> Any:
             lambda: motors(0.5, 0.5, tuned_at=70),
             r"tuned_at is 70: allowed are numbers from 3\.1 to 30 V",
         ),
+        (lambda: motors(80, 80), r"left duty is 80: allowed are numbers from -1 to 1 \(80 % are 0.8\)"),
         (lambda: motors(0.5, 0.5, tuned_at=NAN), "tuned_at is nan: it must be a finite number"),
         (lambda: pressed(10), "digital port 10: there are 0 to 9"),
         (lambda: pressed(loose(5.0)), r"digital port 5\.0: there are 0 to 9"),
@@ -244,6 +247,10 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: motors(0.5, 0.5, tuned_at=loose("7")), "tuned_at is '7': it must be a number"),
         (lambda: motors(True, True), "left duty is True: it must be a number"),
         (lambda: wait(True), "seconds is True: it must be a number"),
+        (
+            lambda: follow_path(loose(0.1), 0.2),
+            r"points is 0.1: it must be a list of \(x, y\), m of the field",
+        ),
         (lambda: follow_path([(0.1, False)]), r"y of points\[0\] is False: it must be a number"),
         (lambda: servo("claw", True), "to is True: it must be a number, a pulse in us, or a name"),
         (
@@ -329,6 +336,31 @@ def test_what_opens_no_robot_is_refused_by_its_name() -> None:
     with open_robot(replace(CONFIG, name="drumbot"), port=simulated(), seed=loose(np.int64(3))) as robot:
         robot.tick()
         assert repr(robot) == "<Robot drumbot: x 0.000 m, y 0.000 m, heading 0.0 deg, ok>"
+
+
+def test_what_is_no_port_is_refused_by_its_name() -> None:
+    with pytest.raises(TypeError, match=r"port is 'sim': it must be a Port; .* controller\.port is opened"):
+        open_robot(CONFIG, port=loose("sim"))
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: calibrate_tophats(loose(0.6)), r"first, not 0.6: write calibrate_tophats\(robot,"),
+        (lambda: load_tophats(loose("hall.json")), r"load_tophats\(\) takes .* first, not 'hall.json'"),
+        (lambda: calibrate_drive(loose(lambda: 0.6), ANY), r"calibrate_drive\(\) takes the robot first"),
+        (lambda: calibrate_light(loose(5), ANY, ANY), r"calibrate_light\(\) takes the robot first, not 5"),
+        (lambda: run_match(loose(straight(0.1)), ANY), r"run_match\(\) takes .* first, not <Action straight"),
+    ],
+)  # fmt: skip
+def test_a_robot_that_was_left_out_is_asked_for(make: Callable[[], object], said: str) -> None:
+    with pytest.raises(TypeError, match=said):
+        make()
+
+
+def test_a_robot_that_is_not_open_yet_says_so_wherever_it_is_handed_in() -> None:
+    with pytest.raises(AttributeError, match="there is no robot yet"):
+        run_match(loose(open_robot(CONFIG, port=simulated())), straight(0.1))
 
 
 def test_a_cycle_within_a_cycle_is_refused() -> None:

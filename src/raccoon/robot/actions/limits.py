@@ -179,6 +179,16 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
     raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")
 
 
+def check_robot(robot: object, where: str) -> None:
+    """Raise TypeError where something else stands in the robot's place: it was left out, or exchanged.
+
+    A robot that is not open yet says so itself.
+    """
+    if not hasattr(type(robot), "__enter__"):
+        call = f"{where.removesuffix(')')}robot, ...)"
+        raise TypeError(f"{where} takes the robot first, not {robot!r}: write {call}")
+
+
 def check_function(function: object, where: str, *of: str) -> None:
     """Raise TypeError where `function` is none that takes so many arguments. of: what they are called."""
     if callable(function) and takes(function, *of):

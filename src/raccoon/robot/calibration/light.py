@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.readings import ANALOG_PORTS, Inputs, Status
 from raccoon.robot.actions.actions import Action, Steps, wait
-from raccoon.robot.actions.limits import check_function, check_number, check_port
+from raccoon.robot.actions.limits import check_function, check_number, check_port, check_robot
 from raccoon.robot.calibration.drives import watched
 from raccoon.robot.remarks import say
 
@@ -27,6 +27,7 @@ def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) 
     where the lamp makes too little difference or the port reads nothing, ValueError where there is no such
     port, TypeError where `switched_on` is no function.
     """
+    check_robot(robot, "calibrate_light()")
     check_port("analog", port, ANALOG_PORTS)
     check_function(switched_on, "calibrate_light()")
     from raccoon.estimate.start_light import calibrate_start_light

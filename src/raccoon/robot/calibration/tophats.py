@@ -12,7 +12,7 @@ from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.files import near_program
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import seq, wait
-from raccoon.robot.actions.limits import check_way
+from raccoon.robot.actions.limits import check_robot, check_way
 from raccoon.robot.calibration.drives import driven, watched
 from raccoon.robot.motions.driving import search
 from raccoon.robot.remarks import say
@@ -49,6 +49,7 @@ def calibrate_tophats(
     from raccoon.estimate.tophat import calibrate
     from raccoon.estimate.tophat.quality import restless
 
+    check_robot(robot, "calibrate_tophats()")
     check_way(distance=distance)
     velocity = robot.config.motion.speed if speed is None else speed
     if distance < 0.0:
@@ -103,6 +104,7 @@ def load_tophats(
     """
     from raccoon.estimate.tophat.store import TophatStore
 
+    check_robot(robot, "load_tophats()")
     shelf = TophatStore(near_program(store))
     entries = {name: shelf.latest(name, set_name) for name in robot.tophats}
     missing = [name for name, entry in entries.items() if entry is None]

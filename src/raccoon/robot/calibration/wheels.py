@@ -9,7 +9,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import wait
-from raccoon.robot.actions.limits import check_function, check_limits, check_way
+from raccoon.robot.actions.limits import check_function, check_limits, check_robot, check_way
 from raccoon.robot.calibration.drives import driven, watched
 from raccoon.robot.motions.goals import straight
 from raccoon.robot.remarks import say
@@ -39,6 +39,7 @@ def calibrate_drive(
     from raccoon.estimate.drive_calibration.disturbed import disturbance
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
+    check_robot(robot, "calibrate_drive()")
     check_function(taped, "calibrate_drive()")
     check_limits(tape_std=tape_std)
     readings: list[Inputs] = []

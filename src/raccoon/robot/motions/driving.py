@@ -119,7 +119,7 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
     for name, duty in (("left", left), ("right", right)):
         check_number(f"{name} duty", duty, "from -1 to 1")
         if not -1.0 <= duty <= 1.0:
-            raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+            raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1 (80 % are 0.8)")
     if tuned_at is not None:
         check_battery_voltage(tuned_at=tuned_at)
     scaling = None if tuned_at is None else VoltageScaling(tuned_at)

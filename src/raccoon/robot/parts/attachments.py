@@ -74,5 +74,5 @@ def named(group: str, known: Mapping[str, T], name: str) -> T:
     try:
         return known[name]
     except KeyError:
-        names = ", ".join(known) or "none"
+        names = ", ".join(known) or f"none: [{group}.NAME] makes one"
         raise ConfigError(f"there is no {group} {name!r} in robot.toml; there is {names}") from None

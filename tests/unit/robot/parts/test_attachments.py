@@ -159,6 +159,12 @@ def test_unknown_names_are_said_with_those_there_are(name: str, to: str, error: 
         robot.run(servo(name, to))
 
 
+def test_where_there_is_none_it_is_said_what_makes_one() -> None:
+    said = r"no servo 'claw' in robot.toml; there is none: \[servo.NAME\] makes one"
+    with open_robot(RobotConfig(), port=Spy()) as robot, pytest.raises(ConfigError, match=said):
+        robot.run(servo("claw", "open"))
+
+
 def test_a_pulse_the_mechanism_does_not_stand_is_refused() -> None:
     with (
         open_robot(CONFIG, port=Spy()) as robot,
