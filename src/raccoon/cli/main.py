@@ -99,9 +99,12 @@ def _without_word(given: list[str]) -> list[str]:
 
 def _told(error: Exception) -> str:
     """What went wrong; of a file its name first, and how to come to a robot.toml where there is none."""
-    if not isinstance(error, OSError) or error.filename is None or error.strerror is None:
+    if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
+    said = f"{error.strerror[0].lower()}{error.strerror[1:]}"
+    if error.filename is None:  # it was on its way to the output
+        return said
     hint = ""
     if isinstance(error, FileNotFoundError) and Path(error.filename).name == "robot.toml":
         hint = "; `raccoon init` writes one to start from"
-    return f"{error.filename}: {error.strerror[0].lower()}{error.strerror[1:]}{hint}"
+    return f"{error.filename}: {said}{hint}"

@@ -176,7 +176,8 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
         # What the library raises on purpose says what to do; a mistake of the program says hardly where.
         line = None if isinstance(error, RaccoonError) else match.program.line_of(error)
         reason = f"{type(error).__name__}: {error}" + ("" if line is None else f" (line {line})")
-    return _row(match, port, reason[:MAX_REASON])
+    reason = reason if len(reason) <= MAX_REASON else f"{reason[: MAX_REASON - 3]}..."
+    return _row(match, port, reason)
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """The command line itself: help, version, mistakes, Ctrl-C."""
 
 import argparse
+import errno
 import os
 import runpy
 import sys
@@ -127,6 +128,17 @@ def test_a_file_without_a_folder_is_named_as_it_was_given(
 def test_bad_input_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["demo", "--jobs", "0"]) == 2
     assert capsys.readouterr().err == "raccoon demo: --jobs 0: allowed are whole numbers from 1\n"
+
+
+def test_an_output_that_takes_nothing_more_is_one_plain_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("raccoon.cli.init.run", full)
+    assert main(["init", "-"]) == 2
+    assert capsys.readouterr().err == "raccoon init: no space left on device\n"
 
 
 def test_a_file_whose_name_is_no_text_can_be_spoken_of(

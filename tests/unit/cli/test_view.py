@@ -8,12 +8,13 @@ import pytest
 
 from raccoon import open_robot, straight, wait
 from raccoon.cli.main import main
-from raccoon.cli.view.drawing import _outline
+from raccoon.cli.view.drawing import _extent, _outline
 from raccoon.cli.view.drive import drive_of
 from raccoon.core.config import BodyConfig, ControllerConfig, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
+from raccoon.sim.world.table import World
 from raccoon.trace.record import RecordingPort
 
 TABLES = Path(__file__).resolve().parents[3] / "examples" / "tables"
@@ -71,6 +72,17 @@ def test_the_robot_is_drawn_as_long_and_as_wide_as_it_was_recorded(tmp_path: Pat
         assert corners[:, 0].tolist() == pytest.approx([front, -0.09, -0.09, front])
         assert corners[:, 1].tolist() == pytest.approx([0.09, 0.09, -0.09, -0.09])
         assert line.tolist() == pytest.approx([0.0, front])
+
+
+@pytest.mark.parametrize("world", [World.default(), World.empty()], ids=["table", "no table"])
+def test_the_whole_robot_is_in_the_picture_wherever_it_ends(recording: Path, world: World) -> None:
+    """Beyond the border of the table half of it was cut off."""
+    drive = drive_of(recording, (1.9, 0.4, 0.0))
+    low, high = _extent(world, drive)
+    for row in range(0, 41, 8):
+        corners, _ = _outline(drive.best, row, drive.body)
+        assert (corners >= low).all()
+        assert (corners <= high).all()
 
 
 def test_what_the_robot_believed_is_drawn_of_a_converted_recording_too(tmp_path: Path) -> None:

@@ -105,6 +105,7 @@ def test_a_program_of_no_known_encoding_is_named(tmp_path: Path) -> None:
         ("1 / 0", "ZeroDivisionError: division by zero (line 4)"),
         ("return False", "mission returned False"),
         ("raise SystemExit(3)", "SystemExit: 3 (line 4)"),
+        ("raise RuntimeError('no ' * 100)", f"RuntimeError: {'no ' * 61}..."),
         ("robot.run(wait(60))", "not done after 3 s"),
         (
             "\n    while True:\n        try: robot.run(wait(1))\n        except Exception: pass",

@@ -49,5 +49,5 @@ def _draw_one(axes: Axes, drive: Drive) -> None:
         axes.errorbar(
             x[-1], y[-1], xerr=spread, yerr=spread, color="tab:orange", capsize=2, label="end, 2 sd"
         )
-    axes.set(title=title, xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    axes.set(title=title, xlabel="x, m", ylabel="y, m", aspect="equal")
     axes.legend(fontsize="small")

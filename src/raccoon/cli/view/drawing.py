@@ -88,8 +88,8 @@ def _table(world: World, drive: Drive) -> tuple[Any, Any]:
     low, high = _extent(world, drive)
     axes.set_xlim(low[0] - MARGIN, high[0] + MARGIN)
     axes.set_ylim(low[1] - MARGIN, high[1] + MARGIN)
-    axes.set_xlabel("x / m", fontsize=8)
-    axes.set_ylabel("y / m", fontsize=8)
+    axes.set_xlabel("x, m", fontsize=8)
+    axes.set_ylabel("y, m", fontsize=8)
     axes.tick_params(labelsize=7)
     _furniture(axes, world)
     return figure, axes
@@ -155,10 +155,11 @@ def _extent(world: World, drive: Drive) -> tuple[tuple[float, float], tuple[floa
     paths = [each for each in (drive.truth, drive.estimate) if each is not None]
     xs = np.concatenate([each.x for each in paths])
     ys = np.concatenate([each.y for each in paths])
-    low, high = (float(xs.min()), float(ys.min())), (float(xs.max()), float(ys.max()))
+    reach = float(np.hypot(max(drive.body.front, drive.body.back), 0.5 * drive.body.width))  # to a corner
+    low = float(xs.min()) - reach, float(ys.min()) - reach
+    high = float(xs.max()) + reach, float(ys.max()) + reach
     if world.area is None:
-        reach = max(drive.body.front, drive.body.back, 0.5 * drive.body.width)
-        return (low[0] - reach, low[1] - reach), (high[0] + reach, high[1] + reach)
+        return low, high
     area = world.area
     return (
         (min(low[0], area.low[0]), min(low[1], area.low[1])),
