@@ -96,11 +96,16 @@ def _calibrate_drive(args: argparse.Namespace) -> int:
 
 def _check_lengths(args: argparse.Namespace) -> None:
     """Raise ConfigError for lengths that no tape measures."""
+    from raccoon.robot.actions.limits import LONGEST
+
     if not 0.0 < args.tape_std < math.inf:
         raise ConfigError(f"--tape-std {args.tape_std:g}: allowed are numbers above 0 (m)")
     if args.straight is not None:
-        if not math.isfinite(args.straight) or args.straight == 0.0:
-            raise ConfigError(f"--straight {args.straight:g}: allowed are numbers other than 0 (m)")
+        if not 0.0 < abs(args.straight) <= LONGEST:
+            raise ConfigError(
+                f"--straight {args.straight:g}: allowed are numbers other than 0, up to {LONGEST:g} m either "
+                "way (60 cm are 0.60)"
+            )
         if args.tape_std >= 0.5 * abs(args.straight):
             raise ConfigError(
                 f"--tape-std {args.tape_std:g}: it must be below half of --straight {args.straight:g} (m)"
@@ -135,21 +140,29 @@ def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]
     taped = [_taped(text, args.tape_std) for text in args.tape]
     if taped and len(runs) != 1:
         raise ConfigError(f"--tape is for one recording: there are {len(runs)}")
-    made = [manoeuvre(run.recording.columns, robot, taped=taped, device=run.recording.device) for run in runs]
-    found = calibrate_drive(robot, made, device=runs[0].recording.device)
+    try:
+        made = [
+            manoeuvre(run.recording.columns, robot, taped=taped, device=run.recording.device) for run in runs
+        ]
+        found = calibrate_drive(robot, made, device=runs[0].recording.device)
+    except CalibrationError as error:
+        raise CalibrationError(f"{error}; of one straight drive say its length: --straight METRES") from None
     print(f"weighted error {found.error_before:.2f} before, {found.error_after:.2f} after")
     return found.entries(robot)
 
 
 def _taped(text: str, std: float) -> TapedWay:
     from raccoon.estimate.drive_calibration.columns import TapedWay
+    from raccoon.robot.actions.limits import LONGEST
 
     try:
         begin, end, metres = (float(part) for part in text.split(":"))
     except ValueError:
         raise ConfigError(f"--tape {text}: allowed is BEGIN:END:METRES, such as 2.0:6.5:0.60") from None
-    if not (math.isfinite(metres) and metres != 0.0 and begin < end):
-        raise ConfigError(f"--tape {text}: BEGIN must be before END, and METRES not 0")
+    if not (0.0 < abs(metres) <= LONGEST and begin < end):
+        raise ConfigError(
+            f"--tape {text}: BEGIN must be before END, and METRES not 0, up to {LONGEST:g} (60 cm are 0.60)"
+        )
     return TapedWay(begin, end, metres, std)
 
 
@@ -177,7 +190,7 @@ def _add_tophats(kinds: Any) -> None:
         "--store", type=Path, default=Path("tophats.json"), help="file of the calibrations (tophats.json)"
     )
     parser.add_argument(
-        "--set", default="default", help="name of the surface, such as practice-table (default)"
+        "--set", help="name of the surface, such as practice-table (default); with --show only this one"
     )
     parser.add_argument("--show", action="store_true", help="show the stored calibrations and their history")
     parser.add_argument("--write", action="store_true", help="store the result (else only show it)")
@@ -189,14 +202,17 @@ def _calibrate_tophats(args: argparse.Namespace) -> int:
     from raccoon.estimate.tophat.store import TophatStore
     from raccoon.trace.loading import recording_file
 
-    if not args.set.strip():  # a variable of a script, say, that is empty: no program would find the set
+    # A variable of a script, say, that is empty: no program would find the set.
+    if args.set is not None and not args.set.strip():
         raise ConfigError("--set: the name of the set is empty")
     if args.recording:
         if args.write:  # before the work, not after it
             check_folders(args.store)
             check_not_read([args.store], [*map(recording_file, args.recording), args.robot])
             TophatStore(args.store).history()
-        return calibrate_recordings(args.recording, args.robot, args.store, args.set, write=args.write)
+        return calibrate_recordings(
+            args.recording, args.robot, args.store, args.set or "default", write=args.write
+        )
     if not args.show:
         raise ConfigError("name a recording of a drive over a line, or say --show")
-    return show_store(args.store)
+    return show_store(args.store, args.set)

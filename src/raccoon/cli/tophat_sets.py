@@ -43,11 +43,16 @@ class Layout:
         )
 
 
-def show_store(path: Path) -> int:
-    """Print every stored calibration, oldest first; exit status 1 where there is none."""
-    entries = TophatStore(path).history()
-    if not entries:
+def show_store(path: Path, set_name: str | None = None) -> int:
+    """Print every stored calibration of a set, or of all; oldest first. Exit status 1 where there is none."""
+    stored = TophatStore(path).history()
+    entries = [each for each in stored if set_name in (None, each.set_name)]
+    if not stored:
         print(f"{path}: no tophat calibrations yet")
+        return 1
+    if not entries:
+        sets = ", ".join(dict.fromkeys(each.set_name for each in stored))
+        print(f"{path}: no set {set_name}; there is {sets}")
         return 1
     layout = Layout.of((entry.sensor for entry in entries), (entry.set_name for entry in entries))
     print(layout.header)

@@ -47,6 +47,10 @@ def test_long_names_leave_their_columns_apart(folder: Path, capsys: pytest.Captu
     for name in ("practice-table", "hall"):
         assert command(folder, *drive, "--set", name, "--write") == 0
     capsys.readouterr()
+    assert command(folder, "--show", "--set", "hall") == 0
+    assert "practice-table" not in capsys.readouterr().out
+    assert command(folder, "--show", "--set", "default") == 1
+    assert "no set default; there is practice-table, hall\n" in capsys.readouterr().out
     assert command(folder, "--show") == 0
     header, *rows = capsys.readouterr().out.splitlines()
     at = {name: header.index(name) for name in ("set", "time", "verdict")}
