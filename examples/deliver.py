@@ -1,7 +1,6 @@
 """Find the black line, turn along it, rest 20 cm further: a mission for `raccoon sweep`."""
 
-from raccoon import calibrate_tophats, deg, drive, on_black, open_robot, seq, straight, turn
-from raccoon.robot.robot import Robot
+from raccoon import Robot, calibrate_tophats, deg, drive, on_black, open_robot, seq, straight, turn
 
 
 def mission(robot: Robot) -> None:
