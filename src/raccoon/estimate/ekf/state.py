@@ -62,7 +62,8 @@ class OdometrySettings:
     slip_noise: m of wheel travel after one metre; grows with the square root of the travel.
     acceleration, turn_acceleration: how much velocity and turn rate change, (m/s)/sqrt(s) and
     (rad/s)/sqrt(s).
-    gyro_bias_walk, offset_walk, scale_walk: wandering in one second, rad/s, counts, 1; grows with sqrt(time).
+    gyro_bias_walk, offset_walk_counts, scale_walk: wandering in one second, rad/s, counts, 1; grows with
+    sqrt(time).
     gyro_bias: rad/s, smallest prior. uncalibrated_offset_counts, uncalibrated_scale: priors of a motor that
     robot.toml holds no calibration of. calibrated_scale: smallest prior of one that is calibrated.
     standstill_velocity (m/s), standstill_turn_rate (rad/s): what "stands still" means as a measurement.

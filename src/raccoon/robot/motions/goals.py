@@ -49,6 +49,8 @@ def straight(
     """Drive `distance` m straight (negative: backwards), ending at rest on the mark.
 
     speed: m/s, the highest on the way; robot.toml's `motion.speed` when None. tolerance: m.
+    timeout: s until it gives up; twice the time that it should take and 2 s more when None. Raises ValueError
+    for numbers that are not allowed, when it is made; MotionTimeout, saying why, where it does not get there.
     """
     check_way(distance=distance)
     check_speed(speed=speed)
@@ -88,7 +90,7 @@ def turn(
     """Turn on the spot by `angle` rad (left is positive), ending at rest.
 
     rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
-    most full turns that are meant. tolerance: rad.
+    most full turns that are meant. tolerance: rad. timeout: s. Raises as `straight`.
     """
     check_limits(tolerance=tolerance, timeout=timeout)
     check_angle(turns, angle=angle)
@@ -106,7 +108,10 @@ def turn_to(
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Action[MotionResult]:
-    """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started."""
+    """Turn the shorter way to a heading of the field, rad counter-clockwise from where the robot started.
+
+    The rest as `turn`.
+    """
     check_heading(heading=heading)
     check_rate(rate=rate)
     check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
@@ -157,6 +162,7 @@ def arc(
 
     The centre is on the side it turns to (on the other one where it drives backwards). speed: m/s of the
     outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of the way.
+    timeout: s. Raises as `straight`.
     """
     check_limits(tolerance=tolerance, timeout=timeout)
     check_angle(turns, angle=angle)
@@ -184,7 +190,7 @@ def pivot(
     """Turn by `angle` rad (left is positive) about one wheel, which stands still: "left" or "right".
 
     speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
-    tolerance: m of the robot's middle.
+    tolerance: m of the robot's middle. timeout: s. Raises as `straight`.
     """
     check_limits(tolerance=tolerance, timeout=timeout)
     check_angle(turns, angle=angle)
