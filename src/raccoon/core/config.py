@@ -73,6 +73,8 @@ BYTE_ORDER_MARK = "\ufeff"
 _SLIPS = (
     (r"=\s*(True|False)\b", "; true and false are written small"),
     (r"=\s*-?\d+,\d", "; a number has a decimal point"),
+    (r"=\s*[^\W\d][\w-]*\s*(#|$)", "; a text stands in quotes"),
+    (r"=\s*(#|$)", "; write a value, or leave the line out"),
 )
 """What is no TOML and common, with what to write."""
 

@@ -145,8 +145,10 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
         ("[motion]\nspeed = 0,15", r"'speed = 0,15'; a number has a decimal point$"),
         (
             "[battery]\ntuned_at =  # V, resting voltage\n",
-            r"not a TOML file: Invalid value \(at line 2, column \d+\): 'tuned_at =  # V, resting voltage'$",
+            r"Invalid value \(at line 2, column \d+\): 'tuned_at =  # V, resting voltage'; write a value",
         ),
+        ("[controller]\nport = sim", r"'port = sim'; a text stands in quotes$"),
+        ("[controller]\nport = wombat-raccoon  # ours", r"; a text stands in quotes$"),
         (
             "[model.battery]\nopen_circuit_voltage = 2.0",
             r"model.battery.open_circuit_voltage = 2.0: allowed are numbers from 3.1 to 30",
