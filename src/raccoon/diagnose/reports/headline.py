@@ -34,8 +34,11 @@ _FROM = re.compile(r"; would show from about (.*) on")
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
-    """The verdict as a sentence. That nothing is wrong is not said where next to nothing would have shown,
-    nor of a robot whose motors did not answer."""
+    """The verdict as a sentence; of what is unknown with what it depends on. That nothing is wrong is not said
+    where next to nothing would have shown, nor of a robot whose motors did not answer."""
+    depends_on = ", ".join(diagnosis.unexplained.depends_on)
+    if diagnosis.verdict is Verdict.UNKNOWN and depends_on:
+        return f"{VERDICTS[Verdict.UNKNOWN].removesuffix('.')}: it depends on {depends_on}."
     if diagnosis.verdict is not Verdict.ADEQUATE:
         return VERDICTS[diagnosis.verdict]
     if any(each.fault == STOOD for each in diagnosis.sensor_faults):

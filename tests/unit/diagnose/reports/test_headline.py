@@ -34,6 +34,15 @@ def test_that_nothing_is_wrong_is_not_said_of_what_could_not_have_shown_it() -> 
         assert "Errors from this size on would have shown: K_E 4.9 %." in text
 
 
+def test_what_is_unknown_is_said_with_what_it_depends_on() -> None:
+    found = replace(adequate(0), verdict=Verdict.UNKNOWN, unexplained=Unexplained(0.8, ("wheel angle left",)))
+    said = "in a way that no known cause describes: it depends on wheel angle left."
+    assert terminal_report(found).splitlines()[0].endswith(said)
+    assert page(found, "run").partition("<pre")[0].count(said) == 1
+    nothing = replace(found, unexplained=Unexplained(0.8))
+    assert "that no known cause describes." in terminal_report(nothing)
+
+
 def test_a_motor_that_did_not_turn_comes_first() -> None:
     stood = SensorFault("motor.0.duty", "stood", "from 3.0 to 9.0 s motor 0 did not turn")
     found = replace(adequate(2), sensor_faults=(stood,))
