@@ -34,7 +34,7 @@ _FROM = re.compile(r"; would show from about (.*) on")
 
 
 def verdict_text(diagnosis: Diagnosis) -> str:
-    """The verdict as a sentence; of what is unknown with what it depends on. That nothing is wrong is not said
+    """The verdict as a sentence; of what is unknown what it depends on. That nothing is wrong is not said
     where next to nothing would have shown, nor of a robot whose motors did not answer."""
     depends_on = ", ".join(diagnosis.unexplained.depends_on)
     if diagnosis.verdict is Verdict.UNKNOWN and depends_on:
