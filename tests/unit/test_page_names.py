@@ -28,6 +28,20 @@ IDENTIFIER = re.compile(r"\b(?:[A-Za-z]\w*_\w+|[A-Z][a-z]+[A-Z]\w*|[a-z]\w*(?=\(
 OF_OTHERS = {"--quiet", "--editable", "--now", "--system-site-packages", "--timeout"}
 """Options of pip, systemctl, venv and pytest."""
 OF_THE_WOMBAT = {"i2c_arm", "i2c_arm_baudrate", "stm32_data_reader"}
+OF_KIPR = {
+    "ao",
+    "bmd",
+    "cmpc",
+    "create_connect",
+    "disable_servo",
+    "enable_servos",
+    "freeze",
+    "gmpc",
+    "gyro_z",
+}
+OF_KIPR |= {"mav", "motor", "motor_power", "mrp", "msleep", "mtp", "off", "power_level", "push_button"}
+OF_KIPR |= {"gyro_z", "set_servo_position", "shut_down_in"}
+"""Functions of KIPR's library, on the page for those who come from it."""
 
 
 def options_of(parser: argparse.ArgumentParser, words: str = "raccoon") -> Iterator[tuple[str, set[str]]]:
@@ -98,7 +112,7 @@ def not_there(text: str) -> list[str]:
         found += sorted(set(OPTION.findall(said)) - known_options(said) - OF_OTHERS)
         found += [file for file in FILE.findall(said) if file.removeprefix("../") not in ends]
         found += [name for name in DOTTED.findall(said) if not is_name(name)]
-        names = set(IDENTIFIER.findall(said)) - OF_THE_WOMBAT
+        names = set(IDENTIFIER.findall(said)) - OF_THE_WOMBAT - OF_KIPR
         found += sorted(name for name in names if name not in words)
     return found
 
