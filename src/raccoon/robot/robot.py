@@ -10,14 +10,14 @@ import math
 from contextlib import ExitStack
 from threading import RLock, get_ident
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, NoReturn, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Never, NoReturn, Self, TypeVar
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError, Stopped
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Action, Steps, close
-from raccoon.robot.actions.limits import check_kind
+from raccoon.robot.actions.limits import SEVERAL, check_kind
 from raccoon.robot.deadline import end_match
 from raccoon.robot.instead import instead
 from raccoon.robot.knowledge import Knowledge, numbers
@@ -84,7 +84,7 @@ class Robot(Knowledge):
 
     # -- the loop -----------------------------------------------------------------------------------------
 
-    def run(self, action: Action[T]) -> T:
+    def run(self, action: Action[T], *more: Never) -> T:
         """Do an action to its end and return its result. The motors are stopped however it ends.
 
         An error of the action comes through. What runs in the background stands still until the next `run`
@@ -92,8 +92,8 @@ class Robot(Knowledge):
         moves what `action.check` finds wrong (ConfigError, ValueError), HardwareError where the robot is
         closed, RuntimeError where its match is over or in another `run`; Stopped where `stop` ends it.
         """
-        hint = ": write seq(*actions) for a list" if isinstance(action, list | tuple) else ""
-        check_kind(action, Action, "run()", hint)
+        given = (action, *more) if more else action
+        check_kind(given, Action, "run()", SEVERAL if isinstance(given, list | tuple) else "")
         body = action.start(self)
         self._begin(f"run({action.name})", "compose actions with seq, parallel or then")
         try:

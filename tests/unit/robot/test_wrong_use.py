@@ -470,6 +470,10 @@ def test_running_what_is_no_action_is_refused() -> None:
             robot.run(ANY)
         with pytest.raises(TypeError, match=r"not \[<Action wait 1 s>\]: write seq\(\*actions\) for a list"):
             robot.run(loose([wait(1.0)]))
+        with pytest.raises(
+            TypeError, match=r"not \(<Action wait 1 s>, <Action wait 2 s>\): write seq\(\*actions\)"
+        ):
+            robot.run(wait(1.0), loose(wait(2.0)))
         with pytest.raises(TypeError, match=r"run\(\) takes an Action, not None"):
             robot.run(loose(None))
         with pytest.raises(TypeError, match=r"what then\(\) is given must make takes an Action, not None"):

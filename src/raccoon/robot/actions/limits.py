@@ -20,6 +20,8 @@ MOST_TURNS = 4.0
 """Full turns of a heading, which counts those that were made; more is an angle in degrees."""
 ROUNDING = 1e-9
 """Share by which a sum of degrees may miss a full turn."""
+SEVERAL = ": write seq(*actions) for a list"
+"""What is said to several actions where one is run."""
 LONGEST_WAIT = 600.0
 """s, five matches: more are milliseconds."""
 FASTEST_TURN = RATE.high
