@@ -200,7 +200,7 @@ def _add_tophats(kinds: Any) -> None:
 def _calibrate_tophats(args: argparse.Namespace) -> int:
     from raccoon.cli.tophat_sets import calibrate_recordings, show_store
     from raccoon.estimate.tophat.store import TophatStore
-    from raccoon.trace.loading import recording_file
+    from raccoon.trace.record import recording_file
 
     # A variable of a script, say, that is empty: no program would find the set.
     if args.set is not None and not args.set.strip():
