@@ -10,6 +10,8 @@ import pytest
 
 from raccoon import Robot, RobotConfig, deg, motors, open_robot, race, seq, straight, turn, wait
 from raccoon.cli import replay
+from raccoon.cli.replay import picture
+from raccoon.cli.replay.drive import replay_odometry
 from raccoon.cli.view.drive import drive_of
 from raccoon.core.config import ControllerConfig
 from raccoon.core.errors import ConfigError, TraceError
@@ -20,6 +22,7 @@ from raccoon.sim.world.table import World
 from raccoon.trace.columns import recording_of
 from raccoon.trace.csv import write_csv
 from raccoon.trace.format import read_trace
+from raccoon.trace.loading import load_run
 from raccoon.trace.recording import Recording
 
 PROGRAM = "from raccoon import seq, straight, wait\n\ndef mission(robot):\n    robot.run({})\n"
@@ -260,6 +263,18 @@ def test_a_picture_is_drawn(recorded: Path, tmp_path: Path) -> None:
     run(recorded, "--plot", tmp_path / "out.svg")
     assert "<svg" in (tmp_path / "out.svg").read_text()
     assert [each.name for each in tmp_path.iterdir()] == ["out.svg"]
+
+
+def test_a_straight_drive_is_no_strip_that_its_legend_hides(recorded: Path) -> None:
+    figure = pytest.importorskip("matplotlib.figure").Figure(figsize=(4.5, 4.3), layout="constrained")
+    axes = figure.subplots()
+    picture._draw_one(axes, replay_odometry(load_run(recorded)))
+    figure.draw_without_rendering()
+    box = axes.get_window_extent()
+    assert box.height > 0.7 * box.width
+    (low, high), (left, right) = axes.get_ylim(), axes.get_xlim()
+    assert (high - low) / (right - left) == pytest.approx(box.height / box.width)  # a turn looks as it is
+    assert axes.get_title().startswith("run.jsonl.gz\noff by 0.")
 
 
 def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:

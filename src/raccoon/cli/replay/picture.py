@@ -41,7 +41,9 @@ def _draw_one(axes: Axes, drive: Drive) -> None:
     if drive.error is not None:
         true_x, true_y, _ = field_truth(drive.run.recording)
         axes.plot(true_x, true_y, color="0.2", linewidth=1.0, label="truth")
-        title += f"\nrms {1000 * drive.error.rms:.1f} mm, final {1000 * drive.error.final:.1f} mm"
+        title += (
+            f"\noff by {1000 * drive.error.rms:.1f} mm (rms), {1000 * drive.error.final:.1f} mm at the end"
+        )
     x, y = drive.estimate["x"], drive.estimate["y"]
     axes.plot(x, y, color="tab:orange", linewidth=1.2, label="odometry")
     if len(x):
@@ -49,5 +51,7 @@ def _draw_one(axes: Axes, drive: Drive) -> None:
         axes.errorbar(
             x[-1], y[-1], xerr=spread, yerr=spread, color="tab:orange", capsize=2, label="end, 2 sd"
         )
-    axes.set(title=title, xlabel="x, m", ylabel="y, m", aspect="equal")
+    axes.set(xlabel="x, m", ylabel="y, m")
+    axes.set_title(title, fontsize="medium")
+    axes.set_aspect("equal", adjustable="datalim")  # a straight drive leaves room for the legend
     axes.legend(fontsize="small")
