@@ -141,7 +141,7 @@ def test_tables_and_picture(ends: dict[str, Ends], tmp_path: Path) -> None:
         (["--condition", "moonlight"], "allowed are battery 6.1-7.0 V, battery sags"),
         (["--robots", "0"], "--robots is 0: it must be 1 or more"),
         (["--robots", "5", "--quick"], "--robots 5: --quick means 2; leave one of them out"),
-        (["--processes", "0"], "--processes is 0: it must be 1 or more"),
+        (["--workers", "0"], "--workers is 0: it must be 1 or more"),
         (["--plot", "map.bmp"], "--plot map.bmp: allowed are the endings .svg, .png, .pdf"),
         (["--tape", "1"], "--tape is 1.0 m: allowed are numbers from 0 to 0.1"),
     ],

@@ -90,6 +90,18 @@ def test_the_help_tells_what_every_argument_is() -> None:
     assert not [name for name, each in arguments.items() if not each.help]
 
 
+def test_what_several_commands_ask_has_one_name() -> None:
+    """How many processes to use was --jobs, --processes and --workers."""
+    parser = build_parser()
+    (commands,) = (each for each in parser._actions if isinstance(each, argparse._SubParsersAction))
+    asked = {
+        name: {each.option_strings[0] for each in command._actions if "processes" in (each.help or "")}
+        for name, command in commands.choices.items()
+    }
+    assert asked["demo"] == asked["compare-mitigations"] == {"--workers"}
+    assert set().union(*asked.values()) == {"--workers", "--executor"}
+
+
 def test_init_writes_a_file_that_can_be_read_and_never_overwrites(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -126,8 +138,8 @@ def test_a_file_without_a_folder_is_named_as_it_was_given(
 
 
 def test_bad_input_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["demo", "--jobs", "0"]) == 2
-    assert capsys.readouterr().err == "raccoon demo: --jobs 0: allowed are whole numbers from 1\n"
+    assert main(["demo", "--workers", "0"]) == 2
+    assert capsys.readouterr().err == "raccoon demo: --workers 0: allowed are whole numbers from 1\n"
 
 
 def test_an_output_that_takes_nothing_more_is_one_plain_line(

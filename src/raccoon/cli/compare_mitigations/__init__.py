@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--robots", type=int, help="simulated robots a column (without it the full table, 24 to 200)"
     )
     parser.add_argument("--seed", type=int, default=1, help="of everything random (1)")
-    parser.add_argument("--processes", type=int, default=1, help="processes to use (1)")
+    parser.add_argument("--workers", type=int, default=1, help="processes to use (1)")
     parser.add_argument(
         "--tape", type=float, default=0.001, help="m, standard deviation of the tape that all go by (0.001)"
     )
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     found = measured(
         robots,
         args.seed,
-        args.processes,
+        args.workers,
         tape_std=args.tape,
         known=known,
         done=_note(args, sum(robots.values())),
@@ -111,8 +111,8 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
         raise ConfigError(f"--robots {args.robots}: --quick means {QUICK}; leave one of them out")
     if args.robots is not None and args.robots < 1:
         raise ConfigError(f"--robots is {args.robots}: it must be 1 or more")
-    if args.processes < 1:
-        raise ConfigError(f"--processes is {args.processes}: it must be 1 or more")
+    if args.workers < 1:
+        raise ConfigError(f"--workers is {args.workers}: it must be 1 or more")
     if not 0.0 <= args.tape < 0.1:
         raise ConfigError(f"--tape is {args.tape} m: allowed are numbers from 0 to 0.1")
     full = full_table()

@@ -14,7 +14,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=Path("raccoon-demo"), help="folder for the picture and the trace"
     )
     parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes to use (default 2)")
+    parser.add_argument("--workers", type=int, default=2, help="processes to use (default 2)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -23,4 +23,4 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.slow import remark_slow
 
     remark_slow()
-    return show(args.out, args.seed, args.jobs)
+    return show(args.out, args.seed, args.workers)

@@ -38,17 +38,17 @@ TRACE = "mission.jsonl.gz"
 Results = list[tuple[Trial, Outcome, Outcome]]
 
 
-def show(folder: Path, seed: int, jobs: int) -> int:
+def show(folder: Path, seed: int, workers: int) -> int:
     """The whole demo; 0 when the library keeps its promises."""
-    if jobs < 1:
-        raise ConfigError(f"--jobs {jobs}: allowed are whole numbers from 1")
+    if workers < 1:
+        raise ConfigError(f"--workers {workers}: allowed are whole numbers from 1")
     check_seed(seed)
     begin = time.perf_counter()
     if folder.exists() and not folder.is_dir():
         raise ConfigError(f"--out {folder}: it is a file; name a folder")
     _check_trace(folder / TRACE)
     folder.mkdir(parents=True, exist_ok=True)
-    results, claims = _drive_all(folder, seed, jobs)
+    results, claims = _drive_all(folder, seed, workers)
     good = _print_drives(results, claims)
     good = _print_tophats(tophat_results(seed)) and good
     _print_replay(folder / TRACE)
@@ -70,17 +70,17 @@ def _check_trace(trace: Path) -> None:
         raise ConfigError(f"{there}: it is there, and no recording of a demo; name another --out")
 
 
-def _drive_all(folder: Path, seed: int, jobs: int) -> tuple[Results, Claims]:
+def _drive_all(folder: Path, seed: int, workers: int) -> tuple[Results, Claims]:
     record = folder / TRACE
     for each in recording_paths(record):
         each.unlink(missing_ok=True)
     every = trials(seed)
-    if jobs == 1:
+    if workers == 1:
         times = measure_times(seed)
         return [both(trial, times, record if trial == every[0] else None) for trial in every], measure_claims(
             seed
         )
-    with process_crew(jobs) as crew:
+    with process_crew(workers) as crew:
         pool = crew.executor
         claims = pool.submit(measure_claims, seed)
         times = pool.submit(measure_times, seed).result()
