@@ -14,6 +14,10 @@ class Pose:
     y: float = 0.0
     heading: float = 0.0
 
+    def __str__(self) -> str:
+        """For people: to the millimetre and a tenth of a degree."""
+        return f"x {self.x:z.3f} m, y {self.y:z.3f} m, heading {math.degrees(self.heading):z.1f} deg"
+
     def ahead(self, distance: float) -> Pose:
         """The pose `distance` m further along this heading."""
         return Pose(

@@ -6,7 +6,6 @@ recording. Nothing here reads a clock, a file or a random number: time comes wit
 
 from __future__ import annotations
 
-import math
 from contextlib import ExitStack
 from threading import RLock, get_ident
 from types import TracebackType
@@ -71,9 +70,7 @@ class Robot(Knowledge):
         self._stopping = False  # as `stop` has asked
 
     def __repr__(self) -> str:
-        here = self.estimate
-        place = f"x {here.x:z.3f} m, y {here.y:z.3f} m, heading {math.degrees(here.heading):z.1f} deg"
-        return f"<Robot {self.config.name}: {place}, {here.status}>"
+        return f"<Robot {self.config.name}: {self.pose}, {self.estimate.status}>"
 
     if not TYPE_CHECKING:  # a type checker knows that it has nothing else
 

@@ -60,6 +60,14 @@ class MotionResult:
         turned, and it may stand at a wall or has pushed something nearly as heavy."""
         return self.held == 0.0
 
+    def __str__(self) -> str:
+        """For people: what is off, in mm and degrees."""
+        wall = () if self.arrived else (f"may stand {self.held:.3f} m before its goal",)
+        along, across, std = 1e3 * self.along, 1e3 * self.across, 1e3 * self.std
+        off = f"{along:+z.1f} mm along, {across:+z.1f} mm across (+- {std:.1f})"
+        turned = f"{math.degrees(self.heading):+z.2f} deg, in {self.duration:.2f} s"
+        return "; ".join((f"{off}, {turned}", *wall, *self.remarks))
+
 
 class Pace:
     """Walks a profile in time, waiting for a robot that cannot keep up.

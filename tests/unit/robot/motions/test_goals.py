@@ -10,7 +10,9 @@ import pytest
 
 from raccoon import (
     Action,
+    MotionResult,
     MotionTimeout,
+    Pose,
     Robot,
     RobotConfig,
     after_angle,
@@ -228,3 +230,12 @@ def test_drives_that_are_too_short_to_come_to_their_speed_are_told(seconds: floa
         for _ in range(20):
             robot.run(drive(0.1).until(after_time(seconds)))
         assert any("begins anew" in each for each in robot.drive.remarks.values()) is told
+
+
+def test_a_result_and_a_pose_are_printed_for_people() -> None:
+    """All digits of a float, in m and rad, are nothing to read at a table."""
+    result = MotionResult(0.00123, -0.0001, deg(-0.5), 2.375, 0.0113, False)
+    assert str(result) == "+1.2 mm along, -0.1 mm across (+- 11.3), -0.50 deg, in 2.38 s"
+    held = replace(result, held=0.12, remarks=("the left wheel slips",))
+    assert str(held).endswith("in 2.38 s; may stand 0.120 m before its goal; the left wheel slips")
+    assert str(Pose(0.4, -1e-9, deg(90))) == "x 0.400 m, y 0.000 m, heading 90.0 deg"
