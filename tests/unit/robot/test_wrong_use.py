@@ -476,7 +476,7 @@ def test_running_what_is_no_action_is_refused() -> None:
             robot.run(wait(1.0), loose(wait(2.0)))
         with pytest.raises(TypeError, match=r"run\(\) takes an Action, not None"):
             robot.run(loose(None))
-        with pytest.raises(TypeError, match=r"what then\(\) is given must make takes an Action, not None"):
+        with pytest.raises(TypeError, match=r"from its function then\(\) takes an Action, not None"):
             robot.run(wait(0.1).then(loose(lambda _: None)))
         with pytest.raises(TypeError, match=r"action 'straight 1 m' is neither true nor false"):
             robot.run(wait_for(when(loose(lambda _: straight(1.0)))))

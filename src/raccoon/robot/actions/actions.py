@@ -126,7 +126,7 @@ class Action(Generic[T_co]):
         def steps(robot: Robot) -> Steps[U]:
             result = yield from self.start(robot)
             made = following(result)
-            check_kind(made, Action, f"{self.name}: what then() is given must make")
+            check_kind(made, Action, f"{self.name}: from its function then()")
             return (yield from made.start(robot))
 
         return Action(f"{self.name}, then", steps, self.check)
