@@ -92,6 +92,19 @@ def test_a_fit_that_forgets_is_as_sure_as_what_it_remembers(memory: float, doubt
         assert fit.std(index) == pytest.approx(math.hypot(0.1, doubt) * math.sqrt(3.0 / memory), rel=0.06)
 
 
+def test_what_is_forgotten_is_known_as_well_as_before_any_data_and_no_worse() -> None:
+    """Of rows that tell the first two numbers only together; the covariance stays one."""
+    spread = (1.0, 2.0, 3.0)
+    fit = RecursiveFit((0.0, 0.0, 0.0), spread, noise=0.1, memory=5.0)
+    for _ in range(200):
+        fit.add((1.0, 0.5, 0.0), 1.0)
+        covariance = np.array(fit.covariance)
+        assert (np.diag(covariance) <= np.square(spread) * (1.0 + 1e-9)).all()
+        np.testing.assert_allclose(covariance, covariance.T, atol=1e-12)
+        assert np.linalg.eigvalsh(covariance).min() > -1e-9
+    assert fit.std(2) == pytest.approx(3.0)
+
+
 def test_data_that_cannot_tell_is_refused() -> None:
     with pytest.raises(ValueError, match="at least 6 are needed"):
         fit_voltages([((1.0, 2.0, 0.0), 3.0)] * 3)

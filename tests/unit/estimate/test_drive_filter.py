@@ -168,6 +168,22 @@ def said(delay: float) -> tuple[Array, float, float, float, float]:
     return A @ A.T, found.x, found.y, found.heading, found.velocity_std
 
 
+def test_a_place_is_unsure_the_way_it_moves() -> None:
+    """By the time by which a reading may be early or late, and across that way not at all."""
+    stds = []
+    for heading in (0.0, 0.5 * math.pi):
+        mean = MEAN.copy()
+        mean[State.HEADING], mean[State.VELOCITY] = heading, 0.3
+        mean[State.TURN_RATE] = mean[State.GYRO_DELAY] = 0.0
+        fusion = Fusion(DriveFilter(mean, 1e-8 * np.eye(SIZE), GEOMETRY, STILL), OdometrySettings())
+        found = published(fusion, DriveReadings(RobotConfig(), 0.0), OdometrySettings())
+        stds.append((found.x_std, found.y_std))
+    along, across = stds[0]
+    assert across == pytest.approx(1e-4)
+    assert along > 2.0 * across
+    assert stds[1] == pytest.approx((across, along))
+
+
 @pytest.mark.parametrize(("delay", "lead"), [(0.012, 0.006), (-0.012, -0.012)])
 def test_the_pose_is_that_of_now_whoever_of_wheels_and_gyro_is_late(delay: float, lead: float) -> None:
     """Half of a gyro's delay is the wheels' lead; wheels behind a gyro are late themselves."""

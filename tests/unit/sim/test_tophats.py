@@ -10,6 +10,7 @@ import pytest
 from raccoon.core.config import RobotConfig, TophatConfig
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.tophats import Tophat, darkness
+from raccoon.sim.world.table import World
 
 
 def test_it_looks_ahead_of_the_axis_and_to_the_left() -> None:
@@ -37,6 +38,23 @@ def test_the_dark_share_of_a_spot_is_the_part_of_a_disc_beyond_the_edge(distance
     assert darkness(0.004 * distance, 0.004) == pytest.approx(part, abs=1e-5)
 
 
-def test_a_spot_is_all_white_or_all_black_away_from_the_edge() -> None:
-    assert darkness(0.005, 0.004) == 0.0
-    assert darkness(-0.005, 0.004) == 1.0
+def test_half_the_spot_is_dark_on_the_edge() -> None:
+    assert darkness(0.0, 0.003) == pytest.approx(0.5)
+    assert darkness(0.003, 0.003) == 0.0
+    assert darkness(-0.003, 0.003) == 1.0
+    assert darkness(0.001, 0.003) + darkness(-0.001, 0.003) == pytest.approx(1.0)
+
+
+def test_a_tophat_reads_the_same_whether_or_not_it_looked_before() -> None:
+    world = World.default()
+    config = TophatConfig(analog=0, forward=0.1)
+    parameters = Parameters.from_robot(RobotConfig(tophats={"front": config}))
+    walker = Tophat(config, parameters)
+    random = np.random.default_rng(3)
+    x = y = heading = 0.0
+    for _ in range(3000):
+        x += 0.002 * math.cos(heading)
+        y += 0.002 * math.sin(heading)
+        heading += random.normal(0.0, 0.05) + 0.02
+        pose = (x, y, math.cos(heading), math.sin(heading))
+        assert walker.read(world, *pose, 0.0) == Tophat(config, parameters).read(world, *pose, 0.0)

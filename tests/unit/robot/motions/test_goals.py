@@ -27,6 +27,7 @@ from raccoon import (
     turn,
     turn_to,
     wait,
+    when,
 )
 from raccoon.core.config import ControllerConfig, Measured, MotorConfig
 from raccoon.core.port import Port
@@ -55,6 +56,21 @@ def run(action: Action[Any], port: Port | None = None) -> tuple[Any, Truth, Robo
         assert robot.inputs is not None
         assert robot.inputs.truth is not None
         return result, robot.inputs.truth, robot
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_the_outer_wheel_of_an_arc_has_the_speed_that_was_asked_for(way: float) -> None:
+    fastest = [0.0, 0.0]
+
+    def seen(robot: Robot) -> bool:
+        for side, speed in enumerate((robot.estimate.left_speed, robot.estimate.right_speed)):
+            fastest[side] = max(fastest[side], 0.0345 * speed)
+        return False
+
+    run(arc(0.2, way * deg(90), speed=0.15).until(when(seen)))
+    inner, outer = fastest if way > 0.0 else fastest[::-1]
+    assert outer == pytest.approx(0.15, abs=0.01)
+    assert inner == pytest.approx(0.15 * (0.2 - 0.08) / (0.2 + 0.08), abs=0.01)
 
 
 @pytest.mark.parametrize("distance", [0.6, -0.3, 0.03])

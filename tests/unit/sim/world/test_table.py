@@ -10,7 +10,6 @@ from raccoon.core.readings import Outputs
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.tophats import Tophat, darkness
 from raccoon.sim.world.collision import Obstacles
 from raccoon.sim.world.table import Box, Line, Ramp, Thing, Wall, World, walls_around
 
@@ -26,27 +25,6 @@ PARAMETERS = Parameters.from_robot(
 def test_distance_to_the_edge_of_a_line(x: float, y: float, distance: float) -> None:
     world = World(lines=(Line(((0.0, 0.0), (1.0, 0.0))),))
     assert world.line_distance(x, y) == pytest.approx(distance)
-
-
-def test_half_the_spot_is_dark_on_the_edge() -> None:
-    assert darkness(0.0, 0.003) == pytest.approx(0.5)
-    assert darkness(0.003, 0.003) == 0.0
-    assert darkness(-0.003, 0.003) == 1.0
-    assert darkness(0.001, 0.003) + darkness(-0.001, 0.003) == pytest.approx(1.0)
-
-
-def test_a_tophat_reads_the_same_whether_or_not_it_looked_before() -> None:
-    world = World.default()
-    config = TophatConfig(analog=0, forward=0.1)
-    walker = Tophat(config, PARAMETERS)
-    random = np.random.default_rng(3)
-    x = y = heading = 0.0
-    for _ in range(3000):
-        x += 0.002 * math.cos(heading)
-        y += 0.002 * math.sin(heading)
-        heading += random.normal(0.0, 0.05) + 0.02
-        pose = (x, y, math.cos(heading), math.sin(heading))
-        assert walker.read(world, *pose, 0.0) == Tophat(config, PARAMETERS).read(world, *pose, 0.0)
 
 
 def test_crossing_a_line_shows_in_the_word_and_in_the_truth() -> None:
@@ -226,3 +204,13 @@ def test_a_robot_that_turns_on_a_slope_does_not_pitch() -> None:
         inputs = port.read()
         assert inputs.gyro is not None
         assert inputs.gyro[1] == 0.0
+
+
+def test_a_slope_along_a_way_counts_by_the_part_of_it_that_lies_on_the_ramp() -> None:
+    world = World(
+        ramps=(Ramp(Box((0.0, 0.0), (1.0, 1.0)), 0.1, -0.2), Ramp(Box((0.0, 0.6), (1.0, 2.0)), 0.3))
+    )
+    assert world.slope_along(0.5, -0.25, 0.0, 0.5) == pytest.approx((0.05, -0.1))  # half of it on the first
+    assert world.slope_along(0.5, 0.4, 0.0, 0.4) == pytest.approx((0.1 + 0.5 * 0.3, -0.2))
+    assert world.slope_along(0.5, 0.5, 0.0, 0.0) == pytest.approx(world.slope(0.5, 0.5))
+    assert world.slope_along(-0.5, 0.5, 0.2, 0.0) == (0.0, 0.0)
