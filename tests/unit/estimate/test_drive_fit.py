@@ -110,6 +110,21 @@ def test_gyro_and_one_taped_side_give_everything() -> None:
     assert found.left.std / found.left.value > 0.002, "cannot be better than the tape"
 
 
+def test_four_ways_taped_with_one_tape_are_twice_as_sure_as_one() -> None:
+    """Of a poor one, beside which the rest does not matter: 1 cm of a side."""
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    shares = []
+    for count in (1, 4):
+        taped = []
+        for begin, end in ((1.0 + 5.4 * side, 5.1 + 5.4 * side) for side in range(count)):
+            rows = np.searchsorted(table["t"], [begin, end])
+            way = math.hypot(*np.diff(table["truth.x"][rows]), *np.diff(table["truth.y"][rows]))
+            taped.append(TapedWay(begin, end, way, 0.01))
+        found = calibrate_drive(ROBOT, [manoeuvre(without(table, "truth"), ROBOT, taped=taped)])
+        shares.append(found.left.std / found.left.value)
+    assert shares == pytest.approx([0.01 / 0.6, 0.5 * 0.01 / 0.6], rel=0.15)
+
+
 def test_motion_capture_that_is_slower_than_the_rows_gives_everything() -> None:
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
     rows = np.arange(len(table["t"]))

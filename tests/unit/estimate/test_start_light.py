@@ -13,6 +13,7 @@ from raccoon.estimate.start_light import (
     StartLightReading,
     calibrate_start_light,
 )
+from raccoon.estimate.start_light.bulb import SlowBulb
 
 RATE = 200
 LAMP_ON = 3.0  # s, in the tests with a lamp over steady ambient light
@@ -356,3 +357,15 @@ def test_a_calibration_of_touching_wires_is_refused() -> None:
     for off in (0.0, 3000.0):
         with pytest.raises(CalibrationError, match="wires that touch"):
             calibrate_start_light([off] * 20, [0.0] * 20)
+
+
+@pytest.mark.parametrize(("tail", "warm"), [(0.12, False), (0.36, True), (0.72, False)])
+def test_a_bulb_is_told_by_how_its_light_comes_to_rest(tail: float, warm: bool) -> None:
+    """From 15 to 75 % in 0.6 s, and from there to 90 % in so many; an exponential takes 0.75 of the former."""
+    times, shares = np.cumsum([0.0, 1.0, 0.75, tail, 0.2]), [0.0, 0.0, 0.75, 0.9, 1.0]
+    bulb, seen = SlowBulb(), False
+    for time in np.arange(0.0, 4.0, 0.005):
+        light = 1.0 + 30.0 * float(np.interp(time, times, shares))
+        bulb.add(float(time), 4095.0 / (1.0 + light))
+        seen = seen or bulb.is_warm(1.0)
+    assert seen is warm
