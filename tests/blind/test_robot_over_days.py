@@ -14,7 +14,7 @@ from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 
 WEAK = Hidden("motor.back_emf_constant", "right", {"factor": 0.9}, {"ke_r": 0.9 * NEUTRAL["ke_r"]})
-ASKED = [each for each in drive_causes() if each.id.startswith(("motor.", "battery.", "friction.coulomb"))]
+ASKED = [each for each in drive_causes() if each.id.startswith(("motor.", "battery.internal"))]
 """What may be wrong with this robot: what many have in common does not depend on what else is looked for."""
 AGED = Hidden("battery.internal_resistance", None, {"resistance": 0.2}, {"rint": 0.2})
 

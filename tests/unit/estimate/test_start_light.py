@@ -361,7 +361,7 @@ def test_a_calibration_of_touching_wires_is_refused() -> None:
 
 @pytest.mark.parametrize(("tail", "warm"), [(0.12, False), (0.36, True), (0.72, False)])
 def test_a_bulb_is_told_by_how_its_light_comes_to_rest(tail: float, warm: bool) -> None:
-    """From 15 to 75 % in 0.6 s, and from there to 90 % in so many; an exponential takes 0.75 of the former."""
+    """From 15 to 75 % in 0.6 s, and from there to 90 % in so many; an exponential takes 0.75 of that."""
     times, shares = np.cumsum([0.0, 1.0, 0.75, tail, 0.2]), [0.0, 0.0, 0.75, 0.9, 1.0]
     bulb, seen = SlowBulb(), False
     for time in np.arange(0.0, 4.0, 0.005):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 TESTS = Path(__file__).resolve().parents[3]
 WHOLE, GROWTH = 512, 200
-"""MB: of a whole process, and of what 40 s take beside a drive of 8. Measured were 311 and 106."""
+"""MB: of a whole process, and of what 40 s take beside a drive of 4."""
 PROGRAM = """
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.diagnosis import diagnose
@@ -22,7 +22,7 @@ def peak():
         return next(int(line.split()[1]) // 1024 for line in file if line.startswith("VmHWM"))
 
 robot = RobotConfig()
-for seconds in (8.0, 40.0):
+for seconds in (4.0, 40.0):
     found = diagnose(recorded(Parameters.from_robot(robot), seconds), robot)
     print(peak(), found.verdict.value)
 """

@@ -38,7 +38,7 @@ def test_a_leg_there_and_back_of_a_sound_robot_names_nothing(tmp_path: Path) -> 
 def test_long_legs_at_one_speed_name_nothing(tmp_path: Path) -> None:
     """Twelve of twelve had a latency of 4 ms, with a probability of 1: the wheel loop answered what
     the readings were off by within the same 20 ms."""
-    program = seq(wait(1.0), straight(1.5), straight(-1.5), wait(1.0))
+    program = seq(wait(1.0), straight(1.5, 0.3), straight(-1.5, 0.3), wait(1.0))
     said = driven(tmp_path / "run.jsonl", program, 0)
     assert said.verdict is Verdict.ADEQUATE
     assert not said.causes
