@@ -22,13 +22,6 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> FakeI2c:
     return fake
 
 
-@pytest.fixture
-def bus(kernel: FakeI2c, tmp_path: Path) -> I2cBus:
-    device = tmp_path / "i2c-1"
-    device.touch()
-    return I2cBus(str(device))
-
-
 def test_registers_are_read_and_written(bus: I2cBus, kernel: FakeI2c) -> None:
     bus.write(0x69, 0x10, b"\x01\x02\x03")
     assert bus.read(0x69, 0x11, 2) == b"\x02\x03"

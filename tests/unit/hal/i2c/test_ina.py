@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -28,14 +27,6 @@ def kernel(monkeypatch: pytest.MonkeyPatch) -> FakeI2c:
     fake = FakeI2c({})
     monkeypatch.setattr("smbus2.smbus2.ioctl", fake.ioctl)
     return fake
-
-
-@pytest.fixture
-def bus(kernel: FakeI2c, tmp_path: Path) -> Iterator[I2cBus]:
-    (tmp_path / "i2c-1").touch()
-    ready = I2cBus(str(tmp_path / "i2c-1"))
-    yield ready
-    ready.close()
 
 
 class Robot:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -27,14 +26,6 @@ def kernel(monkeypatch: pytest.MonkeyPatch, chip: MpuChip) -> FakeI2c:
     fake = FakeI2c({0x69: chip})
     monkeypatch.setattr("smbus2.smbus2.ioctl", fake.ioctl)
     return fake
-
-
-@pytest.fixture
-def bus(kernel: FakeI2c, tmp_path: Path) -> Iterator[I2cBus]:
-    (tmp_path / "i2c-1").touch()
-    ready = I2cBus(str(tmp_path / "i2c-1"))
-    yield ready
-    ready.close()
 
 
 class Robot:
