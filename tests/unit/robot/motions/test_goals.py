@@ -4,12 +4,10 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import pytest
 
 from raccoon import (
-    Action,
     MotionResult,
     MotionTimeout,
     Pose,
@@ -29,33 +27,13 @@ from raccoon import (
     wait,
     when,
 )
-from raccoon.core.config import ControllerConfig, Measured, MotorConfig
-from raccoon.core.port import Port
-from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
+from raccoon.core.config import ControllerConfig
+from raccoon.core.readings import Inputs, Outputs
 from raccoon.robot.emulated import open_emulated
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
-
-# Both motors are calibrated, as before a match: motions are tested here, not the learning of scales.
-SCALE = Measured(SIMULATOR.bemf_volts / RobotConfig().model.left.back_emf_constant.value, 1e-6)
-CONFIG = RobotConfig(motors={port: MotorConfig(radians_per_tick=SCALE) for port in (0, 1)})
-
-
-def simulated(seed: int = 1, battery: float = 6.8) -> SimPort:
-    parameters = Parameters.from_robot(CONFIG).with_effect("battery.open_circuit_voltage", voltage=battery)
-    return SimPort(parameters, World.empty(), robot=CONFIG, seed=seed)
-
-
-def run(action: Action[Any], port: Port | None = None) -> tuple[Any, Truth, Robot]:
-    """Result, true end pose and the robot, after a second of standing still at first."""
-    with open_robot(CONFIG, port=port or simulated()) as robot:
-        robot.run(wait(1.0))
-        result = robot.run(action)
-        robot.run(wait(0.3))
-        assert robot.inputs is not None
-        assert robot.inputs.truth is not None
-        return result, robot.inputs.truth, robot
+from robots import CONFIG, run, simulated
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -104,7 +82,7 @@ def test_arc_ends_where_the_circle_does(angle_deg: float) -> None:
 
 @pytest.mark.parametrize("battery", [6.1, 7.0])
 def test_the_battery_does_not_matter(battery: float) -> None:
-    port = simulated(battery=battery)
+    port = simulated(effects={"battery.open_circuit_voltage": {"voltage": battery}})
     _, end, _ = run(straight(0.5), port)
     assert end.x == pytest.approx(0.5, abs=0.003)
 
