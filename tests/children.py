@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 @contextmanager
 def heeding(*numbers: signal.Signals) -> Iterator[None]:
-    """Children that are started meanwhile heed these signals.
+    """This process, and children that are started meanwhile, heed these signals.
 
     nohup ignores SIGHUP and a shell's background job SIGINT, and their children inherit that: what a test
     sends would then end nothing.

@@ -179,7 +179,8 @@ def test_other_ways_out_close_as_well(way: Callable[[], None]) -> None:
             return super().read()
 
     port = Ended()
-    with pytest.raises((SystemExit, MemoryError)), open_robot(RobotConfig(), port=port) as robot:
+    ended = pytest.raises((SystemExit, MemoryError))
+    with heeding(signal.SIGHUP), ended, open_robot(RobotConfig(), port=port) as robot:
         robot.run(drive(0.1))
     assert port.commands[99].duty[0] > 0.0
     assert port.commands[-1] == STOP
