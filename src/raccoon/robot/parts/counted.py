@@ -7,26 +7,79 @@ import math
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.readings import Device, Fault, Inputs
 from raccoon.estimate.drive.wheel_track import HOLD
-from raccoon.estimate.drive.wheels import lag_seconds, resting_counts
+from raccoon.estimate.drive.wheels import lag_seconds
 from raccoon.model.bemf import radians_per_count
 
 REST_COUNTS = 12.0
-"""Back-EMF counts below which an unpowered motor stands still: offsets are smaller, motions larger."""
+"""Back-EMF counts beyond its offset below which an unpowered motor stands still: motions are larger."""
+STEADY, SETTLE = 15.0, 0.3
+"""Counts by which the words of a motor that stands scatter, and s of that before it is believed."""
+SMOOTHING = 0.1
+"""s."""
+LARGEST_OFFSET = 120.0
+"""Counts; up to 77 were measured."""
+
+
+class RestingOffset:
+    """What a motor's back-EMF reads at standstill, learnt while it is not powered: the words of one that is
+    turned change, an offset does not.
+
+    known: counts, where robot.toml has them. Where it has not, the very first word is taken for it, and the
+    first that is learnt may be any; later ones only creep: further off, something turns the motor.
+    """
+
+    def __init__(self, known: float | None, nominal: float) -> None:
+        self.counts = nominal if known is None else known
+        self.learnt = known is not None
+        self._first = True
+        self._smooth: float | None = None
+        self._steady = 0.0
+        self._way = 0.0  # rad that were counted while it stood
+
+    def moved(self) -> None:
+        """It is driven, or does not tell."""
+        self._steady = self._way = 0.0
+        self._smooth = None
+
+    def rest(self, bemf: float, way: float, dt: float) -> float:
+        """Take a word of an unpowered motor and the rad counted with it; how many to take back."""
+        if self._first and not self.learnt and abs(bemf) <= LARGEST_OFFSET:
+            self.counts = bemf
+        self._first = False
+        smooth = bemf if self._smooth is None else self._smooth
+        self._smooth = smooth + min(dt / SMOOTHING, 1.0) * (bemf - smooth)
+        if abs(bemf - smooth) > STEADY:
+            self._steady = self._way = 0.0
+            return 0.0
+        self._steady += dt
+        self._way += way
+        if self._steady < SETTLE:
+            return 0.0
+        found, back = self._smooth, 0.0
+        if not self.learnt and abs(found) <= LARGEST_OFFSET:
+            self.learnt, back = True, self._way
+        elif abs(found - self.counts) > REST_COUNTS:
+            return 0.0
+        self.counts = found
+        return back
 
 
 class CountedAngle:
     """Angle and rate of one mechanism's motor.
 
-    angle: rad. rate: rad/s, as the board filtered it. Over a motor at rest the counter is not believed, so
-    its offset adds up to nothing. A controller that restarts forgets what its filter still held and counts
-    nothing meanwhile; its motors coast then, and that way is guessed from the rate before.
+    angle: rad. rate: rad/s, as the board filtered it. Over a motor at rest the counter is not believed, and
+    its offset is learnt there (`RestingOffset`), so it adds up to nothing. A controller that restarts forgets
+    what its filter still held and counts nothing meanwhile; its motors coast then, and that way is guessed
+    from the rate before.
     """
 
     def __init__(self, robot: RobotConfig, config: MechanismConfig, sign: float) -> None:
         self._robot = robot
         self._port = config.motor
         self._sign = sign
-        self._offset = resting_counts(robot, config.motor)
+        known = robot.motor(config.motor).bemf_offset
+        self._offset = RestingOffset(None if known is None else known.value, robot.model.bemf.offset.value)
+        self._driven = False  # ever: before, it is taken to stand until its offset is known
         self._slowing = robot.model.friction.coulomb.value / config.inertia  # rad/s2 while it coasts
         self._device: Device | None = None
         self._scale = 0.0
@@ -49,16 +102,25 @@ class CountedAngle:
         self._silent = self._silent + dt if bemf is None and ticks is None else 0.0
         self._since += dt
         way = self._guessed(inputs) if inputs.faults else 0.0
+        # In its dead zone a controller counts nothing, not even the offset.
+        blind = bemf == 0.0 and inputs.device.bemf_dead_zone > 0.0
+        offset = 0.0 if blind else self._offset.counts
         if bemf is not None:
-            self.rate = (bemf - self._offset) * self._scale
-        if ticks is None:
-            return
-        if self._ticks is not None:
-            counts = (ticks - self._ticks) * inputs.device.position_counts_seconds
-            way += (counts - self._offset * self._since) * self._scale
-        self._ticks, self._since = ticks, 0.0
-        if powered or abs(self.rate) > REST_COUNTS * abs(self._scale):
-            self.angle += way
+            self.rate = (bemf - offset) * self._scale
+        if ticks is not None:
+            if self._ticks is not None:
+                counts = (ticks - self._ticks) * inputs.device.position_counts_seconds
+                way += (counts - offset * self._since) * self._scale
+            self._ticks, self._since = ticks, 0.0
+        self._driven = self._driven or powered
+        tells = self._driven or self._offset.learnt
+        turns = powered or (tells and abs(self.rate) > REST_COUNTS * abs(self._scale))
+        counted = way if turns else 0.0
+        if powered or blind:
+            self._offset.moved()
+        elif bemf is not None:
+            counted -= self._offset.rest(bemf, counted, dt)
+        self.angle += counted
 
     def _know(self, device: Device) -> None:
         constant = self._robot.model.left.back_emf_constant.value

@@ -1,10 +1,11 @@
 """The angle of a mechanism, across cycles in which its controller says nothing or restarts."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
-from raccoon import RobotConfig, deg, move, open_robot
+from raccoon import RobotConfig, deg, move, open_robot, wait
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MechanismConfig, MotorConfig
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
@@ -18,15 +19,22 @@ CONFIG = RobotConfig(mechanisms={"arm": MechanismConfig(motor=3)})
 CYCLE = 0.005
 
 
-class Restarting(WombatPort):
-    """An emulated Wombat that restarts in its 40th cycle, in the middle of a move."""
+class Emulated(WombatPort):
+    """An emulated Wombat with an arm."""
 
-    def __init__(self, firmware: Firmware) -> None:
+    def __init__(self, firmware: Firmware, config: RobotConfig = CONFIG, offset: float = 0.0) -> None:
         clock = SteppedClock()
-        self.plant = SimulatedPlant(Parameters.from_robot(CONFIG))
+        self.config = config
+        self.plant = SimulatedPlant(Parameters.from_robot(config))
         self.emulator = Emulator(self.plant, firmware, clock=clock)
+        self.emulator.faults.bemf_offset = (0.0, 0.0, 0.0, offset)
+        clock.advance(0.5)  # it was switched on before the program began
         super().__init__(self.emulator, clock=clock)
         self.cycle = 0
+
+
+class Restarting(Emulated):
+    """One that restarts in its 40th cycle, in the middle of a move."""
 
     def read(self) -> Inputs:
         self.cycle += 1
@@ -44,6 +52,44 @@ def test_an_arm_arrives_across_a_restart_and_it_is_said(firmware: Firmware) -> N
         (said,) = robot.drive.remarks.values()
         assert "restarted" in said
         assert "how far arm turned" in said
+
+
+@pytest.mark.parametrize("rest", [0.005, 0.5])
+@pytest.mark.parametrize("offset", [-77.0, 31.5])
+@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+def test_an_offset_that_nobody_calibrated_does_not_make_an_arm_creep(
+    firmware: Firmware, offset: float, rest: float
+) -> None:
+    """As they were measured on real boards."""
+    port = Emulated(firmware, offset=offset)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(rest))
+        robot.run(move("arm", deg(45.0)))
+        arrived = math.degrees(port.plant.free_motors[3].angle)
+        assert arrived == pytest.approx(45.0, abs=3.0)
+        robot.run(wait(2.0))
+        assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(arrived, abs=2.0)
+
+
+def test_an_offset_that_a_dead_zone_hides_does_not_make_an_arm_creep() -> None:
+    port = Emulated(21, replace(CONFIG, motors={3: MotorConfig(bemf_offset=Measured(20.0, 1.0))}))
+    with open_robot(port.config, port=port) as robot:
+        robot.run(move("arm", deg(45.0)))
+        robot.run(wait(2.0))
+        assert robot.mechanism("arm").angle == pytest.approx(deg(45.0), abs=deg(2.0))
+        assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(45.0, abs=4.0)
+
+
+def test_an_arm_that_is_turned_by_hand_is_followed() -> None:
+    counted, ticks = CountedAngle(CONFIG, CONFIG.mechanisms["arm"], 1.0), 0.0
+    for cycle in range(400):
+        turning = 100 <= cycle < 200
+        bemf = 30.0 + (250.0 if turning else 0.0)
+        ticks += bemf * CYCLE / SIMULATOR.position_counts_seconds
+        words = Inputs(CYCLE * cycle, SIMULATOR, bemf=(0.0, 0.0, 0.0, bemf), position=(0.0, 0.0, 0.0, ticks))
+        counted.sense(words, CYCLE, powered=False)
+    scale = SIMULATOR.bemf_volts / CONFIG.model.left.back_emf_constant.value
+    assert counted.angle == pytest.approx(250.0 * 100 * CYCLE * scale, rel=0.02)
 
 
 def test_a_known_offset_adds_nothing_in_a_gap() -> None:
