@@ -9,6 +9,7 @@ from raccoon.core.readings import Device, Fault, Inputs
 from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wheels import lag_seconds
 from raccoon.model.bemf import radians_per_count
+from raccoon.robot.parts.speeds import READ_SHARE
 
 REST_COUNTS = 12.0
 """Back-EMF counts beyond its offset below which an unpowered motor stands still: motions are larger."""
@@ -39,7 +40,7 @@ class RestingOffset:
     def moved(self) -> None:
         """It is driven, or does not tell."""
         self._steady = self._way = 0.0
-        self._smooth = None
+        self._smooth, self._first = None, False
 
     def rest(self, bemf: float, way: float, dt: float) -> float:
         """Take a word of an unpowered motor and the rad counted with it; how many to take back."""
@@ -88,6 +89,12 @@ class CountedAngle:
         self._silent = 0.0
         self.angle = 0.0
         self.rate = 0.0
+
+    @property
+    def readable(self) -> float:
+        """Rad/s up to which its back-EMF is surely read; a counter whose motor is faster stands still."""
+        reach = None if self._device is None else self._device.bemf_range
+        return math.inf if reach is None else READ_SHARE * reach * abs(self._scale)
 
     @property
     def unread(self) -> bool:

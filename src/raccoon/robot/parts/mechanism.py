@@ -58,6 +58,10 @@ class Mechanism:
         """Rad/s, as measured."""
         return self._counted.rate
 
+    def planned_speed(self, wanted: float) -> float:
+        """Rad/s, at most `wanted`, at which its angle is still read."""
+        return min(wanted, self._counted.readable)
+
     @property
     def stalled(self) -> bool:
         """Power and no motion."""
@@ -119,5 +123,6 @@ class Mechanism:
             return 0.0, 0.0
         # Where it is not read it seems to stand, and would be asked to catch up.
         top = self._asked_when_read if self._counted.unread else max(self.config.speed, abs(goal.velocity))
+        top = min(top, self._counted.readable)
         speed = max(-top, min(top, goal.velocity + PULL * off))
         return float(speed), float(goal.acceleration)  # NumPy's stop here, as in Drive.velocity

@@ -17,6 +17,7 @@ from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
 from raccoon.robot.actions.limits import check_angle, check_finite, check_limits, check_rate
 from raccoon.robot.parts.holding import held, require_free
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.robot.parts.mechanism import Mechanism
@@ -81,9 +82,10 @@ def spin(name: str, speed: float) -> Action[None]:
     def steps(robot: Robot) -> Steps[None]:
         turned = robot.mechanism(name)
         with held(turned, label):
+            rate = math.copysign(_planned(robot, turned, abs(speed)), speed)
             try:
                 while True:
-                    turned.goal = ProfileState(turned.angle, speed, 0.0)
+                    turned.goal = ProfileState(turned.angle, rate, 0.0)
                     yield
             finally:
                 turned.release()
@@ -131,7 +133,8 @@ def _move(
 ) -> Steps[float]:
     moved = robot.mechanism(name)
     start, config = moved.angle, moved.config
-    walk = profile(way(start), config.speed if speed is None else speed, config.acceleration, 0.0)
+    top = _planned(robot, moved, config.speed if speed is None else speed)
+    walk = profile(way(start), top, config.acceleration, 0.0)
     goal, sign = start + walk.distance, math.copysign(1.0, walk.distance)
     allowed = 2.0 * walk.duration + MARGIN_TIME if timeout is None else timeout
     begin = walked = robot.time
@@ -155,6 +158,18 @@ def _move(
         if not arrived:
             moved.release()
     return moved.angle
+
+
+def _planned(robot: Robot, moved: Mechanism, wanted: float) -> float:
+    """Rad/s to turn it with; where its angle would not be read at those that are `wanted`, that is said."""
+    top = moved.planned_speed(wanted)
+    if top < wanted:
+        say(
+            robot,
+            f"{moved.name} is turned at {top:.2f} rad/s at most: the controller reads no back-EMF of faster "
+            "motors, and nobody would know its angle",
+        )
+    return top
 
 
 def _explain(moved: Mechanism, goal: float, elapsed: float) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon import RobotConfig, deg, move, open_robot, wait
+from raccoon import RobotConfig, after_time, deg, move, open_robot, parallel, spin, straight, wait
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MechanismConfig, MotorConfig
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
@@ -78,6 +78,35 @@ def test_an_offset_that_a_dead_zone_hides_does_not_make_an_arm_creep() -> None:
         robot.run(wait(2.0))
         assert robot.mechanism("arm").angle == pytest.approx(deg(45.0), abs=deg(2.0))
         assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(45.0, abs=4.0)
+
+
+@pytest.mark.parametrize("firmware", ["stock", 17, 21])
+def test_an_arm_that_comes_fast_stands_where_it_arrives(firmware: Firmware) -> None:
+    """What it reads while it rolls out is no offset."""
+    port = Emulated(firmware)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.3))
+        robot.run(move("arm", deg(120.0), 5.0))
+        arrived = math.degrees(port.plant.free_motors[3].angle)
+        robot.run(wait(1.0))
+        assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(arrived, abs=2.0)
+        assert arrived == pytest.approx(120.0, abs=3.0)
+
+
+@pytest.mark.parametrize("firmware", [17, 21])
+def test_an_arm_is_no_faster_than_it_is_read_and_costs_the_wheels_nothing(firmware: Firmware) -> None:
+    """On a battery that would turn it beyond the 2000 counts that RaccoonOS reads."""
+    port = Emulated(firmware)
+    pack = replace(CONFIG.model.battery, open_circuit_voltage=Measured(7.4, 0.1))
+    model = replace(CONFIG.model, battery=pack)
+    port.plant.become(Parameters.from_robot(replace(CONFIG, model=model)))
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.3))
+        robot.run(parallel(straight(0.15), move("arm", deg(330.0), 12.0)))
+        robot.run(spin("arm", 12.0).until(after_time(0.4)))
+        assert port.plant.pose[0] == pytest.approx(robot.pose.x, abs=0.003)
+        assert port.plant.pose[0] == pytest.approx(0.15, abs=0.005)
+        assert any("arm is turned at 5.80 rad/s at most" in said for said in robot.drive.remarks.values())
 
 
 def test_an_arm_that_is_turned_by_hand_is_followed() -> None:

@@ -73,7 +73,7 @@ class Monitor:
         self._first: float | None = None
         self._time = 0.0
         self._cycles = 0
-        self._stuck = False
+        self._stuck = (False,) * MOTOR_PORTS
         self._analog_from = -math.inf
         self.frozen = False
         self.fault_counts: Counter[Fault] = Counter()
@@ -110,13 +110,15 @@ class Monitor:
             return self._close(Inputs(time, self._dialect.device, faults=self._named(faults)))
         if self._stale(reading, time, duties, faults):
             position, bemf = NOTHING, None
+        else:
+            self._look_at_counters(faults)
         if bemf is not None:
             # 0 is rest all the same: a dead zone hides an offset.
             self._bemf = [each and each - rest for each, rest in zip(bemf, self._resting_bemf, strict=True)]
             self._watch_motors(bemf, time, duties, faults)
         self._watch_board(reading, time, faults)
         fresh, analog = self._imu_fresh(reading, time, faults), time >= self._analog_from
-        words = bemf or NOTHING
+        position, words = self._counting(position), self._counting(bemf or NOTHING)
         inputs = self._dialect.inputs(reading, time, position, words, self._named(faults), fresh, analog)
         if fresh:
             self._judge_imu(inputs)
@@ -146,16 +148,22 @@ class Monitor:
                 f"{Fault.STALE}: the controller has repeated itself for {life.silence:.2f} s: its main loop"
                 " hangs or its link has stopped; only a reset or the power switch helps"
             )
-        return life.stale or self._stand_still(faults)
+        return life.stale
 
-    def _stand_still(self, faults: list[Fault]) -> bool:
-        """Whether counters do not count; once they do again, the way in between is missing from them."""
-        before, self._stuck = self._stuck, self._dialect.counters_stuck
-        if self._stuck:
+    def _counting(self, words: Words) -> Words:
+        """The words of the motors whose counters count."""
+        stuck = self._stuck
+        if not any(stuck):
+            return words
+        return tuple(None if still else word for still, word in zip(stuck, words, strict=True))
+
+    def _look_at_counters(self, faults: list[Fault]) -> None:
+        """See which counters do not count; once one does again, the way in between is missing from it."""
+        before, self._stuck = self._stuck, self._dialect.stuck_counters
+        if any(self._stuck):
             faults.append(Fault.BEMF_INVALID)
-        elif before:
+        if any(was and not still for was, still in zip(before, self._stuck, strict=True)):
             faults.append(Fault.POSITION_JUMP)
-        return self._stuck
 
     def _watch_motors(self, bemf: Bemf, time: float, duties: Sequence[float], faults: list[Fault]) -> None:
         if self._motors.update(duties, bemf, time):

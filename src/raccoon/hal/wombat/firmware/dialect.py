@@ -123,8 +123,8 @@ class Dialect(Protocol):
         ...
 
     @property
-    def counters_stuck(self) -> bool:
-        """Whether counters stand still that must not."""
+    def stuck_counters(self) -> tuple[bool, ...]:
+        """Of each motor, whether its counter stands still and must not."""
         ...
 
     def inputs(

@@ -140,8 +140,8 @@ class RaccoonDialect:
         return False
 
     @property
-    def counters_stuck(self) -> bool:
-        return any(
+    def stuck_counters(self) -> tuple[bool, ...]:
+        return tuple(
             cycles >= STUCK_CYCLES and ticks > STUCK_TICKS
             for cycles, ticks in zip(self._still, self._missing, strict=True)
         )

@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Sequence
 
-from raccoon.core.readings import Device, Fault, Inputs, Outputs, Words
+from raccoon.core.readings import MOTOR_PORTS, Device, Fault, Inputs, Outputs, Words
 from raccoon.hal.wombat.firmware.counters import Bemf, Counts, near_zero
 from raccoon.hal.wombat.firmware.devices import STOCK_BEMF_RATE_HZ, STOCK_COUNTS_PER_TICK, stock_device
 from raccoon.hal.wombat.firmware.dialect import LARGEST_BEMF, Reading
@@ -138,8 +138,8 @@ class StockDialect:
         return self._bemf.averaged
 
     @property
-    def counters_stuck(self) -> bool:
-        return self._bemf.overdue
+    def stuck_counters(self) -> tuple[bool, ...]:
+        return (self._bemf.overdue,) * MOTOR_PORTS
 
     def inputs(
         self,
