@@ -25,7 +25,7 @@ from raccoon.robot.actions.limits import (
     check_speed,
     check_way,
 )
-from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, at_rest, finish
+from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, finish
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -63,13 +63,12 @@ def straight(
         start = robot.plan
         wanted = motion.speed if speed is None else float(speed)
         top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration)
-        near = motion.distance_tolerance if tolerance is None else tolerance
         walk = profile(distance, top, acceleration, motion.jerk)
         pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted)
         for state in pace.states(lambda: start.offset_of(robot.estimate.x, robot.estimate.y)[0], start.ahead):
             along, across = start.offset_of(robot.estimate.x, robot.estimate.y)
             off = robot.estimate.heading - start.heading
-            if pace.finished and at_rest(robot) and abs(distance - along) <= near:
+            if pace.may_end(distance - along, tolerance):
                 break
             velocity, turn_rate = line_command(state, along, across, off, GAINS)
             robot.drive.follow(velocity, turn_rate, state.acceleration)
@@ -136,12 +135,11 @@ def turning(
     angle = float(angle)
     wanted = motion.turn_rate if rate is None else float(rate)
     top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
-    near = motion.heading_tolerance if tolerance is None else tolerance
     walk = profile(angle, top, acceleration, motion.turn_jerk)
     pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn")
     for state in pace.states(lambda: robot.estimate.heading - start.heading, start.turned):
         turned = robot.estimate.heading - start.heading
-        if pace.finished and at_rest(robot) and abs(angle - turned) <= near:
+        if pace.may_end(angle - turned, tolerance):
             break
         robot.drive.follow(0.0, turn_command(state, turned, GAINS), 0.0, state.acceleration)
         yield
@@ -222,7 +220,6 @@ def _arc(
     outer = 1.0 + robot.drive.half_track / abs(signed)  # the outer wheel keeps the limit
     wanted = (motion.speed if speed is None else float(speed)) / outer
     top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
-    near = motion.distance_tolerance if tolerance is None else tolerance
     pace = Pace(
         robot,
         profile(signed * angle, top, acceleration, motion.jerk),
@@ -245,7 +242,7 @@ def _arc(
         done = turned()
         along, here = signed * done, start.along_arc(signed, done)
         _, across = here.offset_of(robot.estimate.x, robot.estimate.y)
-        if pace.finished and at_rest(robot) and abs(signed * angle - along) <= near:
+        if pace.may_end(signed * angle - along, tolerance):
             break
         off = robot.estimate.heading - here.heading
         velocity, turn_rate = line_command(state, along, across, off, GAINS)

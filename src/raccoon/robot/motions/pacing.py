@@ -27,6 +27,10 @@ REST_RATE = 0.12
 # S that a wheel may be driven without turning before the motion gives up.
 STALL_PATIENCE = 0.4
 
+CLOSING_IN, WIDENING, MOST_TOLERANCE = 1.0, 0.25, 4.0
+"""S after its profile in which a motion keeps to its tolerance; s in which that grows by itself from then on;
+and how many times it may be."""
+
 
 @dataclass(frozen=True, slots=True)
 class MotionResult:
@@ -135,6 +139,22 @@ class Pace:
         finally:
             robot.drive.stop()
             robot.plan = place(progress())
+
+    def may_end(self, off: float, tolerance: float | None) -> bool:
+        """Whether the robot rests near enough to its goal, which is `off` m (turn: rad) away.
+
+        tolerance: as the program asked for. None is that of robot.toml, which grows up to MOST_TOLERANCE
+        times where the robot does not come to it: friction gives in steps, of which one may lead from one
+        side of the goal to the other for ever.
+        """
+        if not (self.finished and at_rest(self._robot)):
+            return False
+        if tolerance is not None:
+            return abs(off) <= tolerance
+        motion = self._robot.config.motion
+        usual = motion.heading_tolerance if self.what == "turn" else motion.distance_tolerance
+        late = self._time - self._walk.duration - CLOSING_IN
+        return abs(off) <= usual * max(1.0, min(1.0 + late / WIDENING, MOST_TOLERANCE))
 
     def _at(self, time: float) -> ProfileState:
         """Where along the motion one should be, `time` s after what it walks now began."""

@@ -18,7 +18,7 @@ from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_heading, check_limits, check_number, check_speed, check_way
 from raccoon.robot.motions.goals import straight, turning
-from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, at_rest, finish
+from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, finish
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -155,7 +155,6 @@ def _follow(
     outer = 1.0 + robot.drive.half_track * path.sharpest_curvature
     wanted = (motion.speed if speed is None else float(speed)) / outer
     top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
-    near = motion.distance_tolerance if tolerance is None else tolerance
     walk = profile(path.length, top, acceleration, motion.jerk)
     pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted, "path")
     progress = [0.0]
@@ -169,7 +168,7 @@ def _follow(
         along = progress[0] = path.nearest(here.x, here.y, progress[0])
         at = path.at(along)
         _, across = at.pose.offset_of(here.x, here.y)
-        if pace.finished and at_rest(robot) and abs(path.length - along) <= near:
+        if pace.may_end(path.length - along, tolerance):
             break
         off = math.remainder(here.heading - at.pose.heading, math.tau)
         velocity, turn_rate = line_command(state, along, across, off, GAINS)

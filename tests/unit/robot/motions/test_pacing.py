@@ -1,0 +1,31 @@
+"""How a motion ends whose robot stays a little beside its goal: friction gives in steps, or not at all."""
+
+from contextlib import suppress
+
+import pytest
+
+from raccoon import MotionTimeout, Pose, open_robot
+from raccoon.control.profile import profile
+from raccoon.robot.motions.pacing import LAG_LIMIT, Pace
+from robots import CONFIG, simulated
+
+
+@pytest.mark.parametrize(
+    ("off", "tolerance", "ends"),
+    [(0.0009, None, 0.0), (0.003, None, 1.5), (0.0045, None, None), (0.003, 0.001, None)],
+)
+def test_a_robot_that_rests_beside_its_goal_is_let_go(
+    off: float, tolerance: float | None, ends: float | None
+) -> None:
+    walk = profile(0.1, 0.2, 0.5, 0.0)
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.tick()
+        pace, ended = Pace(robot, walk, LAG_LIMIT), None
+        states = pace.states(lambda: 0.1 - off, lambda _: Pose(0.0, 0.0, 0.0))
+        with suppress(MotionTimeout):
+            for _ in states:
+                if ended is None and pace.may_end(off, tolerance):
+                    ended = robot.time - pace.begin - walk.duration
+                robot.tick()
+        assert robot.time - pace.begin > 2.0 * walk.duration + 2.0
+    assert ended == (None if ends is None else pytest.approx(ends, abs=0.02))
