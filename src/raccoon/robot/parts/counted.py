@@ -52,7 +52,7 @@ class RestingOffset:
         if abs(bemf - smooth) > STEADY:
             self._steady = self._way = 0.0
             return 0.0
-        self._steady += dt
+        self._steady += min(dt, SMOOTHING)  # a pause shows one word
         self._way += way
         if self._steady < SETTLE:
             return 0.0

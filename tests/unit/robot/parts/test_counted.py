@@ -121,6 +121,17 @@ def test_an_arm_that_is_turned_by_hand_is_followed() -> None:
     assert counted.angle == pytest.approx(250.0 * 100 * CYCLE * scale, rel=0.02)
 
 
+def test_one_word_after_a_pause_is_no_offset() -> None:
+    """Somebody turns it then."""
+    counted = CountedAngle(CONFIG, CONFIG.mechanisms["arm"], 1.0)
+    cycles = (0.0, CYCLE, 300.0, True), (5.0, 5.0, 100.0, False), (5.005, CYCLE, 100.0, False)
+    for time, dt, bemf, powered in cycles:
+        words = Inputs(time, SIMULATOR, bemf=(0.0, 0.0, 0.0, bemf), position=(0.0, 0.0, 0.0, 0.0))
+        counted.sense(words, dt, powered)
+    scale = SIMULATOR.bemf_volts / CONFIG.model.left.back_emf_constant.value
+    assert counted.rate == pytest.approx(100.0 * scale)
+
+
 def test_a_known_offset_adds_nothing_in_a_gap() -> None:
     motor = MotorConfig(bemf_offset=Measured(50.0, 1.0))
     config = RobotConfig(motors={3: motor}, mechanisms=CONFIG.mechanisms)
