@@ -74,7 +74,7 @@ class WombatPort:
         self._link = link
         self._guard = guard
         self._reset_line = reset_line
-        self._closed = False
+        self._closed = self._let_go = False
         self._failure: str | None = None
         self._outputs = STOP
         self.dialect = dialect or probe(link, self._clock)
@@ -148,14 +148,19 @@ class WombatPort:
 
         Raises HardwareError where the motors could not be stopped and nothing else has told so before.
         """
-        if self._closed:
+        if self._let_go:
             return
         self._closed = True
-        atexit.unregister(self.close)
         stopped = False
         try:
-            stopped = self._stop(trust_registers=not self._monitor.frozen)
+            try:
+                stopped = self._stop(trust_registers=not self._monitor.frozen)
+            except BaseException:  # Ctrl-C once more: not before the motors stand
+                stopped = self._stop(trust_registers=not self._monitor.frozen)
+                raise
         finally:
+            self._let_go = True
+            atexit.unregister(self.close)
             if self._guard is not None:
                 self._guard.close(stopped=stopped)
             self._link.close()

@@ -441,6 +441,25 @@ class Gone(Watched):
             raise HardwareError("the supervisor process is gone")
 
 
+def test_ctrl_c_while_it_closes_comes_after_the_stop(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    guard, link = Watched(), bench.port._link
+    bench.port._guard = guard
+    bench.run(FORWARD, 50)
+    presses, transfer = iter([True]), link.transfer
+
+    def pressed(frame: bytes) -> bytes:
+        if next(presses, False):
+            raise KeyboardInterrupt
+        return transfer(frame)
+
+    monkeypatch.setattr(link, "transfer", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        bench.port.close()
+    assert not bench.emulator.motors_running
+    assert guard.ended is True
+    bench.port.close()
+
+
 def test_nobody_drives_without_a_guard() -> None:
     bench = Bench("stock", guard=Gone())
     with pytest.raises(HardwareError, match="supervisor process is gone"):
