@@ -46,7 +46,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     """
     from raccoon.cli.diagnose_files import short_names
     from raccoon.core.config import load_robot
-    from raccoon.core.errors import RaccoonError
+    from raccoon.core.errors import RaccoonError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, usable
     from raccoon.diagnose.recordings.kinds import NO_MODEL, Kind, kind_of
     from raccoon.trace.loading import load_run
@@ -56,6 +56,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     if args.robot is not None:
         load_robot(args.robot)  # what is wrong with it is wrong with all
     runs, robots, files, notes = [], [], set(), []
+    seen: dict[str, str] = {}
     for path, name in zip(paths, short_names(paths), strict=True):
         try:
             each = load_run(path)
@@ -63,6 +64,9 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
             kind = kind_of(each.recording.columns, own)
             if kind is Kind.GEOMETRY:
                 usable(each.recording.columns, own, each.recording.device)
+                before = seen.setdefault(each.recording.fingerprint(), name)
+                if before != name:
+                    raise TraceError(TWICE.format(before))
         except (RaccoonError, OSError) as error:
             notes.append(f"{name} is left out: {str(error).removeprefix(f'{path}: ')}")
             continue
@@ -75,13 +79,13 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
         return None
     robot = robots[0]
     columns = [each.recording.columns for each in runs]
-    others = [_geometry(path, columns[0], robot) for path in args.holdout]
+    others = [_geometry(path, columns, robot) for path in args.holdout]
     found = diagnose_geometry(columns, robot, holdout=others, device=runs[0].recording.device)
     notes += [] if args.model is None else [NO_MODEL]
     return replace(found, notes=(*notes, *found.notes))
 
 
-def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
+def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Columns:
     """What pooled runs are to be judged on. Raises TraceError for a recording of another kind, or one that
     cannot be used."""
     from raccoon.core.errors import CalibrationError, TraceError
@@ -92,7 +96,8 @@ def _geometry(path: Path, columns: Columns, robot: RobotConfig) -> Columns:
 
     other = load_run(path).recording
     try:
-        not_judged_on(columns, other.columns, Kind.GEOMETRY, kind_of(other.columns, robot))
+        for each in fitted:
+            not_judged_on(each, other.columns, Kind.GEOMETRY, kind_of(other.columns, robot))
         usable(other.columns, robot, other.device)
     except (CalibrationError, TraceError) as error:
         raise TraceError(f"--holdout {path}: {error}") from None
@@ -108,7 +113,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
 
     jobs = {name: job_of(args, path) for name, path in zip(short_names(paths), paths, strict=True)}
     work = Work(args)
-    found = dict(zip(jobs, work(list(jobs.values())), strict=True))
+    found = _each_once(dict(zip(jobs, work(list(jobs.values())), strict=True)))
     answers = {name: each for name, each in found.items() if isinstance(each, Answer)}
     failed = {
         name: each.removeprefix(f"{path}: ")
@@ -140,6 +145,22 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     if work.stopped:
         return INTERRUPTED
     return 0 if answers else 2
+
+
+TWICE = "its samples are those of {}, and count once"
+
+
+def _each_once(found: Mapping[str, Answer | str]) -> dict[str, Answer | str]:
+    """The answers. Of a recording that a robot has twice, as a copy or in another form, the later one is said
+    to be that: it would make what it says surer than it is."""
+    once: dict[str, Answer | str] = {}
+    first: dict[tuple[str, Path | None, str], str] = {}
+    for name, each in found.items():
+        before = name
+        if isinstance(each, Answer):
+            before = first.setdefault((each.robot, each.file, each.samples), name)
+        once[name] = each if before == name else TWICE.format(before)
+    return once
 
 
 def _save(

@@ -37,11 +37,13 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What was found in a recording, the name of its robot and the robot.toml that it was compared with."""
+    """What was found in a recording, the name of its robot, the robot.toml that it was compared with, and
+    `Recording.fingerprint`."""
 
     diagnosis: Diagnosis
     robot: str
     file: Path | None
+    samples: str
 
 
 def diagnose_job(job: Job) -> Answer:
@@ -55,7 +57,8 @@ def diagnose_job(job: Job) -> Answer:
     except TraceError as error:  # that of several files it is this one
         raise TraceError(f"{job.path}: {error}") from None
     robot, file, _ = whose
-    return Answer(_diagnosed(job, [run], [job.path], whose), run.whose or robot.name, file)
+    found = _diagnosed(job, [run], [job.path], whose)
+    return Answer(found, run.whose or robot.name, file, run.recording.fingerprint())
 
 
 def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis:

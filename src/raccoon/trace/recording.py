@@ -6,6 +6,7 @@ docs/trace-format.md. A trace keeps raw words and replays bit for bit; a recordi
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -37,6 +38,7 @@ FEWEST_BEYOND = 10
 """Such rows that say nothing yet."""
 DUTY = re.compile(r"motor\.\d+\.duty")
 SURFACE = re.compile(r"truth\.surface\.\d+")
+_OF_SAMPLES = re.compile(r"t|(motor|imu|analog|truth)\..+")
 _FLAG = re.compile(r"digital\.\d+|motor\.\d+\.brake|fault\..+")
 
 
@@ -93,6 +95,14 @@ class Recording:
                 raise TraceError(
                     f"column {name}, row {row}: {float(column[row])}: allowed are finite numbers and NaN"
                 )
+
+    def fingerprint(self) -> str:
+        """The same of two recordings with the same samples, whatever file and form they are in."""
+        found = hashlib.sha256()
+        for name in sorted(each for each in self.columns if _OF_SAMPLES.fullmatch(each)):
+            found.update(name.encode())
+            found.update((self.columns[name] + 0.0).tobytes())  # -0 is 0
+        return found.hexdigest()
 
     def ports(self, kind: str, channel: str | None = None) -> list[int]:
         """Port numbers that have a column, such as ports("motor", "bemf") or ports("analog")."""

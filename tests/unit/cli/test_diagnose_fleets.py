@@ -18,6 +18,8 @@ from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.loading import load_run
+from raccoon.trace.mcap import write_mcap
+from raccoon.trace.recording import Recording
 from unit.diagnose.axes import motor
 from unit.trace.recordings import record
 
@@ -55,6 +57,20 @@ def test_a_file_that_is_named_twice_counts_once(tmp_path: Path, caplog: pytest.L
     assert f"{link}: it is named twice, and taken once" in caplog.text
     caplog.clear()
     assert recordings([tmp_path]) == [one, two]
+
+
+def test_a_copy_of_a_recording_counts_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Also in another form: a folder with run.jsonl.gz and the run.csv that was made of it had two recordings
+    with the same cause, which was common therefore."""
+    for seed, name in enumerate(("a.csv", "b.csv")):
+        written(tmp_path / name, motor(5 + seed, 0.008))
+    copy = motor(5, 0.008)
+    write_mcap(Recording({name: copy[name] for name in reversed(copy)}), tmp_path / "c.mcap")
+    assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
+    table = json.loads((tmp_path / "out.json").read_text())
+    assert list(table["recordings"]) == ["a.csv", "b.csv"]
+    assert table["failed"] == {"c.mcap": "its samples are those of a.csv, and count once"}
+    assert "c.mcap: no diagnosis: its samples are those of a.csv" in capsys.readouterr().out
 
 
 def test_each_robot_is_compared_with_the_robot_toml_beside_its_recordings(

@@ -317,3 +317,27 @@ def test_a_run_that_cannot_be_used_does_not_stop_the_pool(
     assert "2.00 % smaller" in said
     assert "Note: empty.csv is left out: the file is empty." in said
     assert "Note: run3.csv is left out: truth.heading turns " in said
+
+
+def test_a_copy_of_a_run_is_left_out_and_judges_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, seed in (("a", 0), ("b", 1), ("c", 0)):
+        written(tmp_path / f"{name}.csv", driven(seed, track=1.02))
+    runs = [str(tmp_path / f"{name}.csv") for name in "abc"]
+    (tmp_path / "robot.toml").write_text(ROBOT_TOML)
+    assert main(["diagnose", *runs]) == 0
+    assert "c.csv is left out: its samples are those of a.csv, and count once" in capsys.readouterr().out
+    assert main(["diagnose", runs[1], runs[2], "--holdout", runs[0]]) == 2
+    assert "a.csv: its samples are those of the recording that is diagnosed" in capsys.readouterr().err
+
+
+ROBOT_TOML = """
+[motor.0]
+radians_per_tick = { value = 0.002, std = 0.0 }
+[motor.1]
+radians_per_tick = { value = 0.002, std = 0.0 }
+[model.drive]
+wheel_radius = 0.04
+track_width = 0.2
+"""
