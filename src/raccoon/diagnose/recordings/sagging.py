@@ -32,16 +32,21 @@ BATTERY = "battery.voltage"
 STIFFEST = 0.008
 """Ohm of a battery with its wires that is less than any has. Of 93 blind recordings of 0.05 ohm the least was
 0.012, of a robot whose currents are limited."""
+KNOWS = 4.0
+"""Of `Sag.follows`, from which a reading knows of the motors: commands may be no duties, as those of a loop
+that keeps a speed."""
 SURE, INSIDE = 3.0, 3.5
 """Standard deviations by which a reading must be below it, and robot.toml's own number above."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sag:
-    """Ohm, as robot.toml's motors draw current, and its standard deviation."""
+    """Ohm, as robot.toml's motors draw current, and its standard deviation. follows: Fisher's F of all that
+    the motors do in the reading, in whatever way, 1 on average where it knows nothing of them."""
 
     resistance: float
     std: float
+    follows: float
 
 
 def not_sagging(columns: Columns, robot: RobotConfig) -> SensorFault | None:
@@ -53,7 +58,7 @@ def not_sagging(columns: Columns, robot: RobotConfig) -> SensorFault | None:
     known, sag = robot.model.battery.internal_resistance, sag_of(columns, robot)
     if sag is None or known.value - INSIDE * known.std < STIFFEST:
         return None
-    if sag.resistance + SURE * sag.std > STIFFEST:
+    if sag.resistance + SURE * sag.std > STIFFEST or sag.follows > KNOWS:
         return None
     text = (
         f"{BATTERY} does not sag while the motors draw current (as of {1e3 * max(sag.resistance, 0.0):.1f} "
@@ -69,33 +74,45 @@ def sag_of(columns: Columns, robot: RobotConfig) -> Sag | None:
     # Of a time that stands still, or is in another unit, others say so.
     if reading is None or step > BIN or not (np.diff(time) > 0.0).all():
         return None
-    current = _drawn(columns, robot)
-    if current is None:
+    done = _done(columns, robot)
+    if done is None:
         return None
     place = ((time - time[0]) / BIN).astype(np.intp)
     count = int(place[-1]) + 1
     voltage = bin_means(place, reading, count)
-    charge = bin_means(place, np.cumsum(np.abs(current)) * step, count)
-    every = [bin_means(place, _behind(current, float(np.exp(-step / each))), count) for each in FILTERS]
-    table = np.column_stack([*every, charge, np.ones(count)])
+    charge = bin_means(place, np.cumsum(np.abs(done[0])) * step, count)
+    behind = [_behind(each, float(np.exp(-step / seconds))) for each in done for seconds in FILTERS]
+    table = np.column_stack([np.ones(count), charge, *(bin_means(place, each, count) for each in behind)])
     known = np.flatnonzero(np.isfinite(voltage) & np.isfinite(table).all(axis=1))
     if len(known) < FEWEST:
         return None
     sizes = np.maximum(np.abs(table[known]).max(axis=0), 1e-9)
-    table = table[known] / sizes
-    inverse = np.linalg.pinv(table.T @ table)
-    numbers = inverse @ (table.T @ voltage[known])
-    scores = np.zeros((int(known[-1]) // BLOCK + 1, len(numbers)))
-    np.add.at(scores, known // BLOCK, table * (voltage[known] - table @ numbers)[:, None])
-    whole = np.array([1.0] * len(FILTERS) + [0.0, 0.0]) / sizes  # what a current that stays would lead to
+    table, target = table[known] / sizes, voltage[known]
+    of_current = 2 + len(FILTERS)
+    inverse, numbers, rest = _fitted(table[:, :of_current], target)
+    scores = np.zeros((int(known[-1]) // BLOCK + 1, of_current))
+    np.add.at(scores, known // BLOCK, table[:, :of_current] * rest[:, None])
+    whole = np.array([0.0, 0.0] + [1.0] * len(FILTERS)) / sizes[:of_current]  # of a current that stays
     spread = whole @ inverse @ (scores.T @ scores) @ inverse @ whole
-    return Sag(-float(whole @ numbers), float(np.sqrt(spread)))
+    (_, _, without), (_, _, with_all) = _fitted(table[:, :2], target), _fitted(table, target)
+    left = max(float(with_all @ with_all), 1e-300)
+    more, freedom = table.shape[1] - 2, len(known) - table.shape[1]
+    follows = (float(without @ without) - left) / left * freedom / more
+    return Sag(-float(whole @ numbers), float(np.sqrt(spread)), follows)
 
 
-def _drawn(columns: Columns, robot: RobotConfig) -> Array | None:
-    """A, of both wheels; None where a command or a wheel's reading is missing."""
+def _fitted(table: Array, target: Array) -> tuple[Array, Array, Array]:
+    """Least squares: the inverse of the normal matrix, the numbers, and what is left."""
+    inverse = np.asarray(np.linalg.pinv(table.T @ table), float)
+    numbers = inverse @ (table.T @ target)
+    return inverse, numbers, target - table @ numbers
+
+
+def _done(columns: Columns, robot: RobotConfig) -> Array | None:
+    """What both wheels do, (4, rows): A that they draw; the size of their commands; their power; what
+    accelerates them. None where a command or a wheel's reading is missing."""
     time = np.asarray(columns["t"], float)
-    total = np.zeros(len(time))
+    total = np.zeros((4, len(time)))
     for port, motor in ((robot.drive.left, robot.model.left), (robot.drive.right, robot.model.right)):
         duty, bemf, speed = (columns.get(f"motor.{port}.{each}") for each in ("duty", "bemf", "speed"))
         if bemf is not None:
@@ -112,7 +129,8 @@ def _drawn(columns: Columns, robot: RobotConfig) -> Array | None:
             made += robot.model.bemf.filter_time_constant.value * np.gradient(made, time)
         command = until_next(duty)
         full = robot.model.battery.open_circuit_voltage.value
-        total += command * (command * full - made) / motor.armature_resistance.value
+        drawn = command * (command * full - made) / motor.armature_resistance.value
+        total += [drawn, np.abs(command), made**2, np.abs(np.gradient(made, time))]
     return total
 
 
