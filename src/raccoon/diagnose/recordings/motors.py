@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
+from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.fillers import without_fillers
@@ -24,6 +25,8 @@ Columns = Mapping[str, Array]
 BATTERY = "battery.voltage"
 DEAD_AMPS = 0.01
 """A driven motor that never draws more has no working current sensor."""
+MOST_AMPS = 100.0
+"""That no motor of a robot draws."""
 REST_AMPS = 0.06
 """More at rest with no voltage is an offset of the sensor: the best of them drift by 0.02."""
 AT_REST = 0.02
@@ -31,6 +34,10 @@ AT_REST = 0.02
 UNRELATED = 0.3
 """R2 of the current over voltage and speed below which it is no current of this motor."""
 FEWEST = 50
+SLOWEST_STEP = 0.9
+"""S between samples. An axis may be slow, but not so slow."""
+MOST_VOLTS, LEAST_BATTERY = 100.0, 3.0
+"""V of a battery's reading at most, and from which no experiment gives a motor less than 1 V all the time."""
 BEYOND = 1.3
 """Of the battery's voltage, that no driver gives a motor."""
 ONE_WAY = 0.2
@@ -63,6 +70,7 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
     Raises TraceError where no motor has both what drives it and how it moves.
     """
     begin = time.perf_counter()
+    check_time(np.asarray(columns["t"], float), SLOWEST_STEP)
     ports = motor_ports(columns)
     if not ports:
         raise TraceError("no motor has both a force, torque or voltage and a travel, angle or speed")
@@ -98,6 +106,11 @@ def _with_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]
     found[BATTERY], faults = without_fillers(BATTERY, "battery", found["t"], battery, None)
     if not (np.nan_to_num(battery) > 0.0).any():
         del found[BATTERY]
+    elif (middle := float(np.nanmedian(found[BATTERY]))) > MOST_VOLTS:
+        raise TraceError(
+            f"{BATTERY} is around {middle:g} V: allowed are {MOST_VOLTS:g}; it looks like counts or "
+            "millivolts, not volts"
+        )
     return found, list(faults)
 
 
@@ -114,14 +127,25 @@ def _check_volts(columns: Columns, port: int) -> None:
             f"motor.{port}.voltage reaches {largest:g} V of a battery of {full:.3g} V: it looks like "
             "percent, millivolts or counts, or the battery's reading is in another unit"
         )
+    if full > LEAST_BATTERY and 0.0 < largest <= 1.0:
+        raise TraceError(
+            f"motor.{port}.voltage reaches {largest:g} V at most, of {full:.3g} V: it looks like "
+            "a duty from -1 to 1, not volts; multiply it by the battery's voltage"
+        )
     if speed is None:
         return
     for values, other, name in ((voltage, speed, "voltage"), (speed, voltage, "speed")):
-        if _one_way(values) and not _one_way(other):
+        if _told_apart(values) and _one_way(values) and not _one_way(other):
             raise TraceError(
                 f"motor.{port}.{name} has one sign only, and the motor went both ways: it holds how large it "
                 "was, not which way; write it with its sign"
             )
+
+
+def _told_apart(values: Array) -> bool:
+    """Whether there are numbers, and not one alone: what is missing or stuck is said elsewhere."""
+    known = values[np.isfinite(values)]
+    return len(known) >= FEWEST and float(np.ptp(known)) > 0.0
 
 
 def _one_way(values: Array) -> bool:
@@ -171,9 +195,15 @@ def _turns_back(voltage: Array, speed: Array) -> bool:
 
 def _current_fault(name: str, voltage: Array, current: Array, speed: Array | None) -> SensorFault | None:
     known = np.isfinite(current) & np.isfinite(voltage)
+    if speed is not None and np.isfinite(speed).sum() < FEWEST:
+        speed = None
     if speed is not None:
         known &= np.isfinite(speed)
-    if known.sum() < FEWEST or float(np.abs(current[known]).max()) < DEAD_AMPS:
+    largest = float(np.abs(current[known]).max(initial=0.0))
+    if largest > MOST_AMPS:
+        told = f"{name} reaches {largest:g} A: it looks like milliamperes or counts, and was not used"
+        return SensorFault(name, "unit", told)
+    if known.sum() < FEWEST or largest < DEAD_AMPS:
         return SensorFault(
             name, "dead", f"{name} shows no current although the motor is driven: its sensor is dead; R, K_E "
             "and friction torque of this motor cannot be told apart without it"

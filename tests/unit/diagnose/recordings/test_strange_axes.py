@@ -9,8 +9,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.fit import Number
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
+from raccoon.diagnose.recordings.motors import diagnose_motors
 from raccoon.diagnose.recordings.tophats.diagnosis import tophat_ports
-from unit.diagnose.axes import Axis, bench, carriage
+from raccoon.diagnose.result import Verdict
+from unit.diagnose.axes import Axis, bench, carriage, motor
 
 ROBOT = RobotConfig()
 FORCE = "motor.0.force"
@@ -23,9 +25,8 @@ def good() -> dict[str, np.ndarray]:
 
 def test_a_time_in_milliseconds_is_said(good: dict[str, np.ndarray]) -> None:
     """It was adequate, over stretches of 1000 s."""
-    found = diagnose_recording({**good, "t": 1000.0 * good["t"]}, ROBOT)
-    assert not found.causes
-    assert any("it looks like milliseconds, not seconds" in each.reason for each in found.rejected)
+    with pytest.raises(TraceError, match="it looks like milliseconds, not seconds"):
+        diagnose_recording({**good, "t": 1000.0 * good["t"]}, ROBOT)
 
 
 @pytest.mark.parametrize("kind", ["magnitude", "changes"])
@@ -76,3 +77,44 @@ def test_volts_and_speeds_without_their_sign_are_said(kind: str) -> None:
     columns, name = bench(4, seconds=2.0), f"motor.0.{kind}"
     with pytest.raises(TraceError, match=rf"motor\.0\.{kind} has one sign only"):
         diagnose_recording({**columns, name: np.abs(columns[name])}, ROBOT)
+
+
+@pytest.fixture(scope="module")
+def driven() -> dict[str, np.ndarray]:
+    columns = motor(5, 0.004)
+    return {**columns, "battery.voltage": np.full(len(columns["t"]), 7.4)}
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "said"),
+    [
+        ("battery.voltage", 1.0 / 0.008862, r"battery.voltage is around 835\.\d+ V: .* looks like counts"),
+        ("battery.voltage", 1000.0, "battery.voltage is around 7400 V: .* or millivolts, not volts"),
+        ("motor.0.voltage", 1.0 / 7.4, "it looks like a duty from -1 to 1, not volts"),
+        ("motor.0.voltage", 100.0 / 7.4, "it looks like percent"),
+        ("t", -1.0, "it must advance"),
+    ],
+)
+def test_a_motor_in_other_units_is_refused(
+    driven: dict[str, np.ndarray], column: str, factor: float, said: str
+) -> None:
+    """A battery in counts had 1571 ohm, with a probability of 0.99."""
+    with pytest.raises(TraceError, match=said):
+        diagnose_motors({**driven, column: factor * driven[column]}, ROBOT)
+
+
+@pytest.mark.parametrize("missing", [np.nan, 0.0])
+def test_a_speed_that_is_missing_or_stuck_has_no_sign_to_lose(
+    driven: dict[str, np.ndarray], missing: float
+) -> None:
+    """It was said to hold how large it was, and its current to be dead."""
+    columns = {**driven, "motor.0.speed": np.full(len(driven["t"]), missing)}
+    found = diagnose_motors(columns, ROBOT)
+    assert found.verdict is Verdict.NOT_IDENTIFIABLE
+    assert not any(each.fault == "dead" for each in found.sensor_faults)
+
+
+def test_a_current_in_milliamperes_is_said(driven: dict[str, np.ndarray]) -> None:
+    columns = {**driven, "motor.0.current": 1000.0 * driven["motor.0.current"]}
+    (fault,) = diagnose_motors(columns, ROBOT).sensor_faults
+    assert "it looks like milliamperes or counts, and was not used" in fault.text
