@@ -85,7 +85,7 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
             continue
         values = np.asarray(kept[name], float)
         whole = (
-            _stuck(name, role, values, moved) or _clipped(name, role, values) or _coarse(name, role, values)
+            _stuck(name, role, values, moved) or cut_off(name, role, values) or _coarse(name, role, values)
         )
         found = [] if whole is None else [whole]
         if whole is None and role == "battery":
@@ -136,7 +136,8 @@ def _coarse(name: str, role: str, values: Array) -> SensorFault | None:
     return SensorFault(name, "coarse", text)
 
 
-def _clipped(name: str, role: str, values: Array) -> SensorFault | None:
+def cut_off(name: str, role: str, values: Array) -> SensorFault | None:
+    """A reading that stays at its largest value."""
     known = values[np.isfinite(values)]
     if role == "battery" or len(known) < FEWEST or not np.ptp(known) > 0.0:
         return None
@@ -145,8 +146,8 @@ def _clipped(name: str, role: str, values: Array) -> SensorFault | None:
         inside = known[known != edge]
         beside = float(inside.max() if edge == known.max() else inside.min())
         # 0 at rest is no edge, nor is a step of many that are alike.
-        cut_off = share > CLIPPED_SHARE and float((known == beside).mean()) < 0.25 * share
-        if cut_off and abs(edge) > 0.5 * float(np.abs(known).max()):
+        stays = share > CLIPPED_SHARE and float((known == beside).mean()) < 0.25 * share
+        if stays and abs(edge) > 0.5 * float(np.abs(known).max()):
             text = f"{name} stays at {edge:g} in {100 * share:.0f} % of its samples: it is cut off there"
             return SensorFault(name, "saturated", text)
     return None

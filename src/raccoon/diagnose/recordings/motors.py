@@ -15,6 +15,7 @@ from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.fillers import without_fillers
+from raccoon.diagnose.recordings.motor_units import check_volts, speed_cut_off
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 from raccoon.trace.recording import ports_in
@@ -36,12 +37,8 @@ UNRELATED = 0.3
 FEWEST = 50
 SLOWEST_STEP = 0.9
 """S between samples. An axis may be slow, but not so slow."""
-MOST_VOLTS, LEAST_BATTERY = 100.0, 3.0
-"""V of a battery's reading at most, and from which no experiment gives a motor less than 1 V all the time."""
-BEYOND = 1.3
-"""Of the battery's voltage, that no driver gives a motor."""
-ONE_WAY = 0.2
-"""Part of the larger way of a motor from which it goes the other one as well."""
+MOST_VOLTS = 100.0
+"""V of a battery's reading."""
 _WORST_FIRST = (Verdict.UNKNOWN, Verdict.PARTLY, Verdict.EXPLAINED, Verdict.ADEQUATE)
 
 
@@ -81,7 +78,7 @@ def diagnose_motors(columns: Columns, robot: RobotConfig, holdout: Columns | Non
     clean, faults = _with_battery(columns)
     for port in ports:
         checked = _check(clean, port)
-        _check_volts(checked.columns, port)
+        check_volts(checked.columns, port)
         clean = checked.columns
         faults += checked.faults
         notes += checked.notes
@@ -114,48 +111,6 @@ def _with_battery(columns: Columns) -> tuple[dict[str, Array], list[SensorFault]
     return found, list(faults)
 
 
-def _check_volts(columns: Columns, port: int) -> None:
-    """Raise TraceError where volts and speed are not what their names promise."""
-    voltage, speed = (columns.get(f"motor.{port}.{kind}") for kind in ("voltage", "speed"))
-    battery = columns.get(BATTERY)
-    if voltage is None or not np.isfinite(voltage).any():
-        return
-    largest = float(np.nanmax(np.abs(voltage)))
-    full = 0.0 if battery is None or not np.isfinite(battery).any() else float(np.nanmedian(battery))
-    if full > 0.0 and largest > BEYOND * full:
-        raise TraceError(
-            f"motor.{port}.voltage reaches {largest:g} V of a battery of {full:.3g} V: it looks like "
-            "percent, millivolts or counts, or the battery's reading is in another unit"
-        )
-    if full > LEAST_BATTERY and 0.0 < largest <= 1.0:
-        raise TraceError(
-            f"motor.{port}.voltage reaches {largest:g} V at most, of {full:.3g} V: it looks like "
-            "a duty from -1 to 1, not volts; multiply it by the battery's voltage"
-        )
-    if speed is None:
-        return
-    for values, other, name in ((voltage, speed, "voltage"), (speed, voltage, "speed")):
-        if _told_apart(values) and _one_way(values) and not _one_way(other):
-            raise TraceError(
-                f"motor.{port}.{name} has one sign only, and the motor went both ways: it holds how large it "
-                "was, not which way; write it with its sign"
-            )
-
-
-def _told_apart(values: Array) -> bool:
-    """Whether there are numbers, and not one alone: what is missing or stuck is said elsewhere."""
-    known = values[np.isfinite(values)]
-    return len(known) >= FEWEST and float(np.ptp(known)) > 0.0
-
-
-def _one_way(values: Array) -> bool:
-    known = values[np.isfinite(values)]
-    if len(known) < FEWEST:
-        return True
-    low, high = (float(each) for each in np.percentile(known, [5.0, 95.0]))
-    return low * high >= -(ONE_WAY**2) * max(abs(low), abs(high)) ** 2
-
-
 def _place(robot: RobotConfig, port: int, ports: list[int]) -> Place:
     if len(ports) == 1:
         return Place(None, "the axis")
@@ -177,6 +132,10 @@ def _check(columns: dict[str, Array], port: int) -> _Checked:
         notes.append(
             f"motor {port} turns against its command: its wires are swapped; the sign was taken away"
         )
+    if speed is not None and (whole := speed_cut_off(names[2], speed)):
+        faults.append(whole)
+        columns = {**columns, names[2]: np.full_like(speed, np.nan)}
+        speed = None
     if current is not None and voltage is not None:
         fault = _current_fault(names[1], voltage, current, speed)
         if fault is not None:

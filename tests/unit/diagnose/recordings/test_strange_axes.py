@@ -9,6 +9,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.fit import Number
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
+from raccoon.diagnose.recordings.motor_units import speed_cut_off
 from raccoon.diagnose.recordings.motors import diagnose_motors
 from raccoon.diagnose.recordings.tophats.diagnosis import tophat_ports
 from raccoon.diagnose.result import Verdict
@@ -118,3 +119,19 @@ def test_a_current_in_milliamperes_is_said(driven: dict[str, np.ndarray]) -> Non
     columns = {**driven, "motor.0.current": 1000.0 * driven["motor.0.current"]}
     (fault,) = diagnose_motors(columns, ROBOT).sensor_faults
     assert "it looks like milliamperes or counts, and was not used" in fault.text
+
+
+def test_a_speed_that_is_cut_off_is_said_and_not_used(driven: dict[str, np.ndarray]) -> None:
+    """It was a dry friction twice as large as there is, with a probability of 1."""
+    columns = {**driven, "motor.0.speed": np.clip(driven["motor.0.speed"], -15.0, 15.0)}
+    found = diagnose_motors(columns, ROBOT)
+    assert found.causes == ()
+    (fault,) = found.sensor_faults
+    assert (fault.channel, fault.fault) == ("motor.0.speed", "saturated")
+
+
+def test_a_speed_without_noise_that_comes_to_rest_at_its_largest_is_whole() -> None:
+    time = 0.001 * np.arange(2000.0)
+    speed = np.round(20.0 * (1.0 - np.exp(-time / 0.05)), 3)
+    assert speed_cut_off("motor.0.speed", speed) is None
+    assert speed_cut_off("motor.0.speed", np.minimum(speed, 15.0)) is not None

@@ -1,0 +1,82 @@
+"""Whether the volts and the speed of a motor are what their names promise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.broken import cut_off
+from raccoon.diagnose.result import SensorFault
+
+Array = NDArray[np.float64]
+Columns = Mapping[str, Array]
+
+BATTERY = "battery.voltage"
+FEWEST = 50
+LEAST_BATTERY = 3.0
+"""V, of which no experiment gives a motor less than 1 V all the time."""
+BEYOND = 1.3
+"""Of the battery's voltage, that no driver gives a motor."""
+ONE_WAY = 0.2
+"""Part of the larger way of a motor from which it goes the other one as well."""
+AT_ONCE = 0.005
+"""Part of a speed's largest value from which it goes there at once. One without noise nears what it has at
+last, and stays there too."""
+
+
+def speed_cut_off(name: str, speed: Array) -> SensorFault | None:
+    """A speed that is cut off, None where it is not. It was a friction twice as large as there is."""
+    fault = cut_off(name, "speed", speed)
+    known = speed[np.isfinite(speed)]
+    if fault is None:
+        return None
+    ends = (known == known.max()) | (known == known.min())
+    come = np.flatnonzero(ends[1:] & ~ends[:-1])
+    before = np.maximum(come - 1, 0)  # the last one may be anywhere between
+    step = float(np.median(np.abs(known[come + 1] - known[before]))) if len(come) else 0.0
+    return fault if step > AT_ONCE * float(np.abs(known).max()) else None
+
+
+def check_volts(columns: Columns, port: int) -> None:
+    """Raise TraceError where volts and speed are not what their names promise."""
+    voltage, speed = (columns.get(f"motor.{port}.{kind}") for kind in ("voltage", "speed"))
+    battery = columns.get(BATTERY)
+    if voltage is None or not np.isfinite(voltage).any():
+        return
+    largest = float(np.nanmax(np.abs(voltage)))
+    full = 0.0 if battery is None or not np.isfinite(battery).any() else float(np.nanmedian(battery))
+    if full > 0.0 and largest > BEYOND * full:
+        raise TraceError(
+            f"motor.{port}.voltage reaches {largest:g} V of a battery of {full:.3g} V: it looks like "
+            "percent, millivolts or counts, or the battery's reading is in another unit"
+        )
+    if full > LEAST_BATTERY and 0.0 < largest <= 1.0:
+        raise TraceError(
+            f"motor.{port}.voltage reaches {largest:g} V at most, of {full:.3g} V: it looks like "
+            "a duty from -1 to 1, not volts; multiply it by the battery's voltage"
+        )
+    if speed is None:
+        return
+    for values, other, name in ((voltage, speed, "voltage"), (speed, voltage, "speed")):
+        if _told_apart(values) and _one_way(values) and not _one_way(other):
+            raise TraceError(
+                f"motor.{port}.{name} has one sign only, and the motor went both ways: it holds how large it "
+                "was, not which way; write it with its sign"
+            )
+
+
+def _told_apart(values: Array) -> bool:
+    """Whether there are numbers, and not one alone: what is missing or stuck is said elsewhere."""
+    known = values[np.isfinite(values)]
+    return len(known) >= FEWEST and float(np.ptp(known)) > 0.0
+
+
+def _one_way(values: Array) -> bool:
+    known = values[np.isfinite(values)]
+    if len(known) < FEWEST:
+        return True
+    low, high = (float(each) for each in np.percentile(known, [5.0, 95.0]))
+    return low * high >= -(ONE_WAY**2) * max(abs(low), abs(high)) ** 2
