@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.broken import cut_off
-from raccoon.diagnose.result import SensorFault
+from raccoon.diagnose.result import ParameterResult, SensorFault
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -22,6 +22,8 @@ BEYOND = 1.3
 """Of the battery's voltage, that no driver gives a motor."""
 ONE_WAY = 0.2
 """Part of the larger way of a motor from which it goes the other one as well."""
+UNLIKE = 3.0
+"""Times the smallest K_E of a robot's motors that none of them has: with their gears they are of one size."""
 AT_ONCE = 0.005
 """Part of a speed's largest value from which it goes there at once. One without noise nears what it has at
 last, and stays there too."""
@@ -80,3 +82,19 @@ def _one_way(values: Array) -> bool:
         return True
     low, high = (float(each) for each in np.percentile(known, [5.0, 95.0]))
     return low * high >= -(ONE_WAY**2) * max(abs(low), abs(high)) ** 2
+
+
+def unlike(identified: Mapping[str, ParameterResult]) -> tuple[str, ...]:
+    """That motors of one recording have a K_E that differs as that of a speed in another unit does: friction
+    and inertia of one in rpm or degrees a second are as much too small. identified: numbers by name."""
+    found = {name: each.value for name, each in identified.items() if name.endswith(".back_emf")}
+    if len(found) < 2 or not min(found.values()) > 0.0:
+        return ()
+    low, high = min(found, key=found.__getitem__), max(found, key=found.__getitem__)
+    if found[high] < UNLIKE * found[low]:
+        return ()
+    speed = f"{low.removesuffix('.back_emf')}.speed"
+    return (
+        f"{high} is {found[high] / found[low]:.1f} times {low}: if the motors are alike, {speed} is in "
+        "another unit than rad/s, and its motor's numbers mean nothing",
+    )

@@ -15,7 +15,7 @@ from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.fillers import without_fillers
-from raccoon.diagnose.recordings.motor_units import check_volts, speed_cut_off
+from raccoon.diagnose.recordings.motor_units import check_volts, speed_cut_off, unlike
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 from raccoon.trace.recording import ports_in
@@ -243,7 +243,7 @@ def _joined(
         (),
         time.perf_counter() - begin,
         None,
-        tuple(dict.fromkeys([*notes, *(note for each in found for note in each.notes)])),
+        tuple(dict.fromkeys([*notes, *unlike(identified), *(note for each in found for note in each.notes)])),
         identified,
         tuple(faults),
         tuple(curve for each in found for curve in each.curves),

@@ -45,6 +45,15 @@ def test_friction_is_named_for_the_motor_that_has_it_and_the_battery_for_itself(
     assert [each.rank for each in found.causes] == [1, 2]
 
 
+def test_a_speed_in_another_unit_than_the_other_motors_is_suspected() -> None:
+    columns = pair(5, (0.008, 0.0))
+    assert not any("in another unit" in note for note in diagnose_motors(columns, ROBOT).notes)
+    turns = {**columns, "motor.1.speed": 60.0 / (2.0 * np.pi) * columns["motor.1.speed"]}
+    (told,) = (note for note in diagnose_motors(turns, ROBOT).notes if "in another unit" in note)
+    assert told.startswith("motor.0.back_emf is 9.")
+    assert "if the motors are alike, motor.1.speed is in another unit than rad/s" in told
+
+
 def test_dry_friction_by_direction_is_listed_beside_a_constant_force() -> None:
     found = diagnose_recording(bench(1, coulomb=0.05, asymmetry=0.25, seconds=2.0), ROBOT)
     pull = next(each for each in found.causes if each.id != "friction.coulomb")
