@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.recordings.readings import ReadingFaults, reading_faults
 from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
 from raccoon.diagnose.result import (
@@ -24,6 +25,8 @@ from raccoon.trace.recording import ports_in, usual_step
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
+SLOWEST_STEP = 0.9
+"""S between samples."""
 FEWEST = 10
 MANY_REPEATS = 0.02
 STALE_SPEED = 0.4
@@ -58,8 +61,12 @@ def _reading(columns: Columns, port: int) -> str | None:
 
 
 def diagnose_step(columns: Columns, port: int) -> Diagnosis:
-    """Faults of the reading and the dead time; no motor constants, since one step cannot tell them."""
+    """Faults of the reading and the dead time; no motor constants, since one step cannot tell them.
+
+    Raises TraceError for a time that goes back or is in another unit: the dead time would be as well.
+    """
     begin = time.perf_counter()
+    check_time(np.asarray(columns["t"], float), SLOWEST_STEP)
     name = _reading(columns, port)
     if name is None:
         raise ValueError(f"motor {port} has no speed")
@@ -117,7 +124,10 @@ def _faults(name: str, faults: ReadingFaults, repeats: float) -> list[SensorFaul
         mixed = 2.0 / (1.0 - faults.decay)
         text = f"a filter keeps {faults.decay:.2f} of the sample before: a value mixes {mixed:.1f} samples"
         found.append(SensorFault(name, "filtered", text))
-    if repeats > MANY_REPEATS:
+    if repeats == 1.0:
+        text = f"{name} never changes: the motor did not turn, or nothing was read; check plug and wires"
+        found.append(SensorFault(name, "stuck", text))
+    elif repeats > MANY_REPEATS:
         text = f"{100 * repeats:.0f} % of the samples of {name} repeat the last count: it is read too fast"
         found.append(SensorFault(name, "repeats", text))
     return found

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
 from raccoon.diagnose.result import Diagnosis, Verdict
 from raccoon.trace.loading import load_run
@@ -44,3 +45,25 @@ def test_a_made_step_that_turns_backwards() -> None:
     found = diagnose_recording(columns, ROBOT)
     assert [each.fault for each in found.sensor_faults] == ["repeats", "inverted"]
     assert found.identified["dead time at 20 %"].value == pytest.approx(0.31, abs=0.011)
+
+
+def made(**changes: np.ndarray) -> dict[str, np.ndarray]:
+    time = 0.01 * np.arange(200.0)
+    noise = 0.05 * np.random.default_rng(0).standard_normal(200)
+    speed = 5.0 * (1.0 - np.exp(-time / 0.05)) + noise
+    return {"t": time, "motor.0.duty": np.full(200, 0.5), "motor.0.speed": speed, **changes}
+
+
+@pytest.mark.parametrize(
+    ("factor", "said"), [(1000.0, "it looks like milliseconds, not seconds"), (-1.0, "it must advance")]
+)
+def test_a_step_whose_time_is_none_is_refused(factor: float, said: str) -> None:
+    """Its dead time was a thousand times as long."""
+    assert diagnose_recording(made(), ROBOT).identified["dead time at 50 %"].value < 0.03
+    with pytest.raises(TraceError, match=said):
+        diagnose_recording(made(t=factor * made()["t"]), ROBOT)
+
+
+def test_a_motor_that_never_turns_is_not_read_too_fast() -> None:
+    found = diagnose_recording(made(**{"motor.0.speed": np.zeros(200)}), ROBOT)
+    assert [each.fault for each in found.sensor_faults] == ["stuck"]
