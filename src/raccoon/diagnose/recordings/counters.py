@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import Device
 from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
-from raccoon.trace.recording import usual_step
+from raccoon.trace.recording import ports_in, usual_step
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -88,6 +90,22 @@ def with_counted(columns: Columns, robot: RobotConfig, device: Device) -> Counte
             used.append(counter)
     whole = any(bool((np.nan_to_num(columns[each]) % 1.0 == 0.0).all()) for each in used)
     return Counted(made, tuple(used), device.position_counts_seconds / SILENCE if whole else 0.0)
+
+
+@contextmanager
+def said_of_counters(columns: Columns) -> Iterator[None]:
+    """An error of a reading that is made of a counter, with the counter's name: no other is in the file."""
+    try:
+        yield
+    except HoldoutError:
+        raise
+    except TraceError as error:
+        text = str(error)
+        for port in ports_in(columns, "motor", "position"):
+            counter = f"motor.{port}.position"
+            if _reading(counter) not in columns:
+                text = text.replace(_reading(counter), f"{_reading(counter)} (as {counter} advances)")
+        raise TraceError(text) from error
 
 
 def _rate(time: Array, ticks: Array) -> Array:

@@ -23,7 +23,7 @@ from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_st
 from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.battery_reading import with_battery_reading
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
-from raccoon.diagnose.recordings.counters import with_counted
+from raccoon.diagnose.recordings.counters import said_of_counters, with_counted
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.implausible import with_doubts
@@ -171,7 +171,8 @@ def diagnose_recording(
     else:
         open_robot, exact = with_usual_stds(robot)
         made_by = named(device, columns, robot, port)
-        found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
+        with said_of_counters(columns):
+            found = _drive(columns, open_robot, holdout, more, model, truth_free, own, made_by)
         found = replace(found, notes=(*found.notes, *without_std(exact), *outranked(found.causes, robot)))
     if model is not None and kind not in (Kind.DRIVE, Kind.TOPHATS):
         problems = (*problems, NO_MODEL)

@@ -8,11 +8,11 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig, parse_robot
-from raccoon.core.errors import TraceError
+from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
 from raccoon.diagnose.recordings import kinds
-from raccoon.diagnose.recordings.counters import Counted, with_counted
+from raccoon.diagnose.recordings.counters import Counted, said_of_counters, with_counted
 from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult, Verdict
 
@@ -158,3 +158,15 @@ def test_commands_of_another_robot_are_an_error(weak_right: Columns) -> None:
     other = {name.replace("motor.1", "motor.3"): each for name, each in weak_right.items()}
     with pytest.raises(TraceError, match=r"motor\.1\.duty is not in the recording"):
         diagnose_recording(other, ROBOT)
+
+
+def test_what_is_wrong_with_a_counter_is_said_of_the_counter() -> None:
+    """motor.0.bemf was said to be in another unit, of a file that had no such column."""
+    columns = {"t": np.zeros(2), "motor.0.position": np.zeros(2), "motor.1.bemf": np.zeros(2)}
+    with pytest.raises(TraceError) as told, said_of_counters(columns):
+        raise TraceError("motor.0.bemf and motor.1.bemf are 1.9 times too large")
+    assert str(told.value) == (
+        "motor.0.bemf (as motor.0.position advances) and motor.1.bemf are 1.9 times too large"
+    )
+    with pytest.raises(HoldoutError, match=r"motor\.0\.bemf is"), said_of_counters(columns):
+        raise HoldoutError("motor.0.bemf is of another recording")
