@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.answers import check_answers, check_signs
+from raccoon.diagnose.drives.at_once import with_battery_before_commands
 from raccoon.diagnose.drives.held import not_free, of_free_driving, spans, with_free_driving
 from raccoon.diagnose.drives.joined import joined, said_of_recording
 from raccoon.diagnose.drives.loads import with_loads
@@ -40,7 +41,7 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     native = firmware is not None and firmware.units
     check_units(driven_freely(log, robot, spans(held)), robot, native=native)
     log = with_free_driving(log, held)
-    free = with_stops(of_free_driving(with_what_turned(log, robot)))
+    free = with_battery_before_commands(with_stops(of_free_driving(with_what_turned(log, robot))))
     check_order(free)
     check_answers(free)
     if firmware is not None:
