@@ -87,6 +87,7 @@ def test_impossible_parameters(value: Any) -> None:
         (lambda: Chain(cycle=NAN), "cycle is nan"),
         (lambda: Chain(median=3), "median is 3: allowed are true and false"),  # type: ignore[arg-type]
         (lambda: Chain(whole=1), "whole is 1: allowed are true and false"),  # type: ignore[arg-type]
+        (lambda: Chain(threshold=True, cut=True), "threshold and cut are both true"),
         (lambda: Chain(slots=True, free_running=True), "slots and free_running are both true"),
         (lambda: Noise(bemf=-1.0), "bemf is -1.0"),
         (lambda: SimPort(plain(), physics_step=0.1), r"physics_step is 0\.1: allowed .* 1e-05 to 0\.005"),

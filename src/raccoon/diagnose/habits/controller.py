@@ -240,11 +240,16 @@ def with_lost_changes(
     return restored(log, lambda each: drive_problem(each, robot, causes, habits, model), point)
 
 
+def with_driver_of(chain: Chain, own: Chain) -> Chain:
+    """A chain with what the own one's driver takes from the battery, and does with a deadband."""
+    return replace(chain, whole=own.whole, threshold=own.threshold, cut=own.cut)
+
+
 def usual_chain(chain: Chain) -> Chain:
-    """That of `CHAINS` which this one is, but for the filter of the battery's readings, its cycle, and what
-    the battery carries."""
-    times = {each.battery_time_constant for each in CHAINS}
-    alike = (replace(chain, battery_time_constant=each, cycle=Chain().cycle, whole=False) for each in times)
+    """That of `CHAINS` which this one is, but for the filter of the battery's readings, its cycle and its
+    driver."""
+    times, own = {each.battery_time_constant for each in CHAINS}, with_driver_of(chain, Chain())
+    alike = (replace(own, battery_time_constant=each, cycle=Chain().cycle) for each in times)
     return next((each for each in alike if each in CHAINS), chain)
 
 
@@ -270,7 +275,7 @@ def other_chains(chain: Chain) -> list[Chain]:
     that is none of theirs. Whether all motors pause at once is asked last, and of no use unless all are
     sampled at once."""
     usual = usual_chain(chain)
-    others = [replace(each, cycle=chain.cycle, whole=chain.whole) for each in CHAINS if each != usual]
-    if chain == replace(usual, cycle=chain.cycle, whole=chain.whole):
+    others = [replace(with_driver_of(each, chain), cycle=chain.cycle) for each in CHAINS if each != usual]
+    if chain == replace(with_driver_of(usual, chain), cycle=chain.cycle):
         return others
     return [replace(each, battery_time_constant=chain.battery_time_constant) for each in others]

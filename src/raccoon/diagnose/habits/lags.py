@@ -18,6 +18,7 @@ from raccoon.diagnose.habits.controller import (
     USUAL_CHAINS,
     as_it_pauses,
     with_battery,
+    with_driver_of,
 )
 from raccoon.diagnose.habits.others import DOUBT, LATE, Under, Way, best_of, by_the_battery, without
 from raccoon.diagnose.hypotheses.open_numbers import LOW_PASS
@@ -104,8 +105,10 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
         return search, habits
     other = replace(habits, low_pass=False)
     if clock:
-        usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share, whole=habits.chain.whole)
-        other = with_battery(replace(other, chain=usual), habits.chain.battery_time_constant)
+        usual = replace(Chain.firmware(), coast_share=habits.chain.coast_share)
+        other = with_battery(
+            replace(other, chain=with_driver_of(usual, habits.chain)), habits.chain.battery_time_constant
+        )
     problem = under(other)  # asked for in vain or not: without lags, the usual filter is far behind a clock
     fit = best_of(search, problem, _with_lags_instead(search, problem))
     if lead(problem, search.fit, fit) < (-DOUBT if clock else CLEARLY):
@@ -153,7 +156,7 @@ def _by_its_own_clock(search: Search, habits: Habits, under: Under) -> Habits:
     """These habits of a controller whose cycle has a clock of its own, with the filter of the battery's
     readings that suits them; one that was seen is kept. Whoever reads no back-EMF need not pause for it."""
     time = habits.chain.battery_time_constant
-    free = replace(FREE_RUNNING, whole=habits.chain.whole)
+    free = with_driver_of(FREE_RUNNING, habits.chain)
     chain = as_it_pauses(free, habits.chain, search.problem.features.roles)
     times = {time}
     if time not in SLOW_BATTERY:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.habits.controller import SLOW_BATTERY, pauses
+from raccoon.diagnose.habits.driver import DEADBAND
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.result import CauseResult
 from raccoon.diagnose.rollout.encoders import WINDOW
@@ -72,6 +73,9 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             "wheels are taken to be read by a controller whose cycle has a clock of its own: readings are up "
             "to a cycle old when a row reads them, as commands are when it takes them up"
         )
+    if DEADBAND in {each.name.partition("@")[0] for each in causes} and (chain.threshold or chain.cut):
+        beyond = "all that they say" if chain.threshold else "so much less than they say"
+        notes.append(f"commands beyond the deadband are taken to do {beyond}, as the wheels answer")
     if chain.whole:
         notes.append(
             "the battery is taken to carry all of both motors' currents, as its sags show: from a driver by "

@@ -26,8 +26,10 @@ from raccoon.diagnose.habits.controller import (
     pauses,
     reads_back_emf,
     usual_chain,
+    with_driver_of,
     with_lost_changes,
 )
+from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
 from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
     SLIP,
@@ -125,26 +127,13 @@ def _sooner(search: Search, habits: Habits, under: Under, by_row: float) -> tupl
     if habits.firmware is not None:
         return search, habits
     search, habits = as_rows_are_made(search, habits, under, by_row, begun)
-    search, habits = _with_whole_currents(search, habits, under, begun)
+    search, habits = as_a_deadband_ends(search, habits, under, begun)
+    search, habits = with_whole_currents(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
     return with_readings_that_lag(search, habits, under, begun)
-
-
-def _with_whole_currents(
-    search: Search, habits: Habits, under: Under, by: Way = whole
-) -> tuple[Search, Habits]:
-    """The search with a battery that carries all of each motor's current, where that explains more.
-
-    Whoever simulates, or adds up currents, may not count what a driver takes from the battery by the share of
-    the time in which it connects a motor: sound robots were then something unknown over the speed.
-    """
-    if "battery" not in search.problem.features.roles:
-        return search, habits
-    other = replace(habits, chain=replace(habits.chain, whole=not habits.chain.whole))
-    return first_ahead(search, habits, [other], under, by)
 
 
 def _braking(search: Search, habits: Habits, under: Under) -> tuple[Search, Habits]:
@@ -204,7 +193,7 @@ def _median_and_chip(search: Search, habits: Habits, under: Under, by: Way) -> t
     starts = [each for one in less for each in (one, without(one, scaled))]
     own = habits.chain
     chains = (
-        replace(each, battery_time_constant=own.battery_time_constant, cycle=own.cycle, whole=own.whole)
+        replace(with_driver_of(each, own), battery_time_constant=own.battery_time_constant, cycle=own.cycle)
         for each in (PAUSING, AT_ITS_END)
     )
     others = [replace(habits, chain=each, low_pass=True) for each in chains]
@@ -225,9 +214,10 @@ def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Ha
     if habits.firmware is not None:
         return search, habits
     search, habits = with_a_slow_battery(search, habits, under)
-    search, habits = _with_whole_currents(search, habits, under)
+    search, habits = with_whole_currents(search, habits, under)
+    search, habits = as_a_deadband_ends(search, habits, under)
     search, habits = with_readings_that_lag(search, habits, under)
-    firmware = replace(Chain.firmware(), whole=habits.chain.whole)
+    firmware = with_driver_of(Chain.firmware(), habits.chain)
     # A plain filter that stood in for it may have taken the battery's with it.
     seen = replace(firmware, battery_time_constant=habits.chain.battery_time_constant)
     chains = dict.fromkeys((habits.chain, seen, firmware))

@@ -41,6 +41,8 @@ class Chain:
     whole: the battery carries all of each motor's current, whichever way it flows. A driver that connects a
     motor for a share of the time, and shorts it for the rest, takes that share of its current from the
     battery, or gives it back; whoever adds up currents alone does not know of it.
+    threshold, cut: what a command beyond a deadband does: all that it says, or so much less. Otherwise less,
+    and all at full power.
 
     The default is the plain filter that robot.toml describes; `Chain.firmware()` is what the RaccoonOS
     firmware does, `Chain.stock()` what the stock one does.
@@ -56,13 +58,17 @@ class Chain:
     pause: float = 0.0
     cycle: float = 0.005
     whole: bool = False
+    threshold: bool = False
+    cut: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("median", "slots", "free_running", "together", "whole"):
+        for name in ("median", "slots", "free_running", "together", "whole", "threshold", "cut"):
             if not isinstance(getattr(self, name), bool):
                 raise ConfigError(f"chain: {name} is {getattr(self, name)!r}: allowed are true and false")
         if self.slots and self.free_running:
             raise ConfigError("chain: slots and free_running are both true: allowed is one of them")
+        if self.threshold and self.cut:
+            raise ConfigError("chain: threshold and cut are both true: allowed is one of them")
         for name, low, high in _RANGES:
             value = getattr(self, name)
             if not (_is_number(value) and low <= value <= high):

@@ -137,6 +137,8 @@ def _controller_numbers(parameters: Parameters, sides: _Sides) -> Numbers:
     signs, offset = wiring_signs(parameters), sides.of("bemf.offset", "counts")
     return (
         *sides.of("actuation.deadband", "duty"),
+        0.0 if chain.threshold else 1.0,
+        0.0 if chain.threshold or chain.cut else 1.0,
         parameters.value("actuation.latency", "seconds"),
         1.0 - chain.coast_share,
         *(k * factor / BEMF_VOLTS_PER_COUNT for k, factor in zip(back_emf, scale, strict=True)),

@@ -62,8 +62,8 @@ def sample_place(slot: float, steps: int, step: int) -> float:
 def effective(p: Plant, order: Order) -> Order:
     """An order as it arrives at the motors."""
     return (
-        duty_at_motor(order[0], p.deadband_left),
-        duty_at_motor(order[1], p.deadband_right),
+        duty_at_motor(order[0], p.deadband_left, p.deadband_lost, p.deadband_stretched),
+        duty_at_motor(order[1], p.deadband_right, p.deadband_lost, p.deadband_stretched),
         order[2] * p.closed_share,
         order[3] * p.closed_share,
     )

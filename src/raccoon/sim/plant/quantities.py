@@ -115,6 +115,8 @@ class Plant(NamedTuple):
     pushed_right: float
     deadband_left: float
     deadband_right: float
+    deadband_lost: float  # 1 where commands beyond a deadband lose it, 0: they give all that they say
+    deadband_stretched: float  # 1 where a command of 1 gives all nonetheless
     latency: float
     closed_share: float
     counts_left: float  # counts a rad/s

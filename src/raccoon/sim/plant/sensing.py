@@ -6,10 +6,13 @@ from raccoon.sim.plant.quantities import Plant, State
 from raccoon.sim.plant.series import decay, middle_of
 
 
-def duty_at_motor(duty: float, deadband: float) -> float:
-    """Share of the battery voltage that a command gives: nothing up to the deadband, everything at 1."""
+def duty_at_motor(duty: float, deadband: float, lost: float, stretched: float) -> float:
+    """Share of the battery voltage that a command gives: nothing up to the deadband. Beyond it that much is
+    lost (1), or nothing (0), and what is left is stretched so that 1 gives all (1), or not (0)."""
     size = abs(duty)
-    size = (size - deadband if size > deadband else 0.0) / (1.0 - deadband)  # effect: actuation.deadband
+    size = (size - deadband * lost if size > deadband else 0.0) / (
+        1.0 - deadband * stretched
+    )  # effect: actuation.deadband
     return size if duty >= 0.0 else -size
 
 

@@ -81,6 +81,35 @@ def test_motors_that_coast_together_load_the_battery_with_all_of_their_current_i
     assert together["battery.voltage"][0, -1] == pytest.approx(alone["battery.voltage"][0, -1], rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("chain", "given"),
+    [(Chain(), 0.4 / 0.9), (Chain(threshold=True), 0.5), (Chain(cut=True), 0.4)],
+)
+def test_what_a_command_beyond_a_deadband_does(chain: Chain, given: float) -> None:
+    robot = stiff().with_effect("actuation.deadband", None, duty=0.1).with_chain(chain)
+    ended = run(robot, 0.5, -0.0999)
+    assert ended["motor.0.speed"][0, -1] == pytest.approx(
+        steady_speed(given * VOLTAGE, R, K, COULOMB, VISCOUS), abs=0.05
+    )
+    assert ended["motor.1.current"][0, -1] == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("command", [(-0.8, 0.8), (0.8, 0.2)])
+def test_scrub_takes_its_torque_from_the_first_step_of_a_turn_on(command: tuple[float, float]) -> None:
+    """Of wheels that turn from rest at once, and of those that turn while they drive."""
+    scrubbing = stiff().with_effect("drive.turn_scrub", None, torque=0.03)
+    duty = np.where(TIME[:, None] < 0.5, 0.0, command)
+    commands = Commands.of_wheels(TIME, duty[:, 0], duty[:, 1], True)
+    ways = [
+        [rollout(robot, commands, longest_step=step) for robot in (stiff(), scrubbing)]
+        for step in (0.002, 5e-5)
+    ]
+    coarse, fine = ([each["motor.1.speed"][0] for each in pair] for pair in ways)
+    lost, exact = coarse[0] - coarse[1], fine[0] - fine[1]
+    assert np.abs(exact).max() > 0.03
+    np.testing.assert_allclose(lost, exact, atol=0.004)
+
+
 def test_a_battery_may_carry_all_of_each_current_whichever_way_it_flows() -> None:
     robot = Parameters.from_robot(RobotConfig()).with_effect("friction.coulomb", torque=5.0)
     robot = robot.with_effect("battery.discharge", volts_per_coulomb=0.01).with_chain(Chain(whole=True))

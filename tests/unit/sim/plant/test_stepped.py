@@ -35,8 +35,8 @@ def _by_equations(plant: Plant) -> list[State]:
     states = [state_at_rest(plant)]
     for seconds, left, right in DRIVES * 40:
         command = Command(
-            duty_at_motor(left or 0.0, plant.deadband_left),
-            duty_at_motor(right or 0.0, plant.deadband_right),
+            duty_at_motor(left or 0.0, plant.deadband_left, 1.0, 1.0),
+            duty_at_motor(right or 0.0, plant.deadband_right, 1.0, 1.0),
             float(left is not None), float(right is not None), 0.0, 0.0, 0.0,
         )  # fmt: skip
         states.append(substep(states[-1], plant, command, seconds, 1.0 / seconds))

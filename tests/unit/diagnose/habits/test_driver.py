@@ -1,4 +1,4 @@
-"""Whoever adds up both motors' currents has another battery than a driver by PWM makes."""
+"""What a driver, or who simulates one, takes from the battery and makes of small commands."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pytest
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.habits.controller import other_chains, usual_chain
+from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
 from raccoon.diagnose.habits.notes import notes_of
-from raccoon.diagnose.habits.searching import _with_whole_currents
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.search import begun
@@ -33,9 +33,26 @@ def test_what_the_battery_carries_is_asked_for_where_something_is_named(whole: b
     chain = replace(Chain.firmware(), whole=whole)
     columns = recorded(Parameters(ROBOT, GIVING, chain), 6.0)
     search, under = standing(columns, USUAL, {"battery.internal_resistance": 0.3})
-    search, habits = _with_whole_currents(search, USUAL, under, begun)
+    search, habits = with_whole_currents(search, USUAL, under, begun)
     assert habits == replace(USUAL, chain=chain)
     assert bool(search.fit.point.active) is not whole
+
+
+@pytest.mark.parametrize("end", ["threshold", "cut"])
+def test_how_a_deadband_ends_is_asked_for_beside_what_is_like_one(end: str) -> None:
+    """One of 0.1 that ends at once was one of 0.015, beside three frictions."""
+    chain = replace(Chain.firmware(), threshold=end == "threshold", cut=end == "cut")
+    robot = Parameters(ROBOT, GIVING | {("actuation.deadband", None): {"duty": 0.14}}, chain)
+    search, under = standing(recorded(robot, 8.0), USUAL, {"friction.coulomb": 0.3})
+    search, habits = as_a_deadband_ends(search, USUAL, under, begun)
+    assert habits == replace(USUAL, chain=chain)
+    assert list(search.fit.point.active) == ["actuation.deadband"]
+
+
+def test_a_deadband_that_is_none_is_not_asked_for() -> None:
+    search, under = standing(recorded(Parameters(ROBOT, GIVING), 3.0), USUAL, {"imu.gyro_bias": 0.3})
+    assert as_a_deadband_ends(search, USUAL, under, begun) == (search, USUAL)
+    assert under.vain == set()
 
 
 def test_it_stays_with_another_filter_and_is_said() -> None:
