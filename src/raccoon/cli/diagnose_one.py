@@ -157,8 +157,9 @@ def robot_of(run: Run, named: Path | None) -> Whose:
     if run.robot is not None:
         return run.robot, None, ()
     robot, near, which = robot_near(run)
-    if near is None and kind_of(run.recording.columns, robot) not in (Kind.DRIVE, Kind.GEOMETRY):
-        return robot, None, ()
+    kind = kind_of(run.recording.columns, robot)
+    if kind is Kind.STEP or (near is None and kind not in (Kind.DRIVE, Kind.GEOMETRY)):
+        return robot, None, ()  # what one step says of a reading takes no robot
     said = f"the recording does not say its robot: compared with {which} (--robot names another)"
     return robot, near, (said,)
 

@@ -325,7 +325,7 @@ def test_a_time_that_comes_twice_costs_its_sample_only(
         ("constant", "the commands never change"),
         ("saturated", "it is cut off there"),
         ("no wheels", "motor.0.bemf or motor.0.speed"),
-        ("no commands", "motor.0.duty, motor.1.duty, truth.x is missing"),
+        ("no commands", "motor.0.duty, motor.1.duty, truth.x are missing"),
     ],
 )
 def test_what_cannot_be_told_is_a_verdict(

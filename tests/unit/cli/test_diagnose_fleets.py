@@ -110,6 +110,13 @@ def test_a_note_says_which_robot_it_was(tmp_path: Path, capsys: pytest.CaptureFi
     assert f"{tmp_path / 'robot.toml'}: " in capsys.readouterr().err
 
 
+def test_a_step_is_compared_with_no_robot(tmp_path: Path) -> None:
+    time = 0.01 * np.arange(300.0)
+    step = {"t": time, "motor.0.duty": np.full(300, 0.5), "motor.0.bemf": np.minimum(time, 1.0)}
+    (tmp_path / "robot.toml").write_text('name = "red"\n')
+    assert robot_of(load_run(written(tmp_path / "run.csv", step)), None)[1:] == (None, ())
+
+
 def test_a_robot_toml_that_is_none_stops_all(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     paths = [written(tmp_path / f"motor-{seed}.csv", motor(seed, 0.008)) for seed in (5, 6)]
     assert main(["diagnose", *map(str, paths), "--robot", str(tmp_path / "none.toml")]) == 2

@@ -19,11 +19,16 @@ def said_of_holdout() -> Iterator[None]:
         raise HoldoutError(str(error)) from None
 
 
+def are_missing(names: Sequence[str]) -> str:
+    """That columns are not there, as a sentence begins."""
+    return f"{', '.join(names)} {'is' if len(names) == 1 else 'are'} missing"
+
+
 def check_has(lacking: Sequence[str]) -> None:
     """Raise TraceError where there are columns that the other recording lacks."""
     if lacking:
         raise TraceError(
-            f"{', '.join(lacking)} {'is' if len(lacking) == 1 else 'are'} missing or broken in it, and not "
+            f"{are_missing(lacking)} or broken in it, and not "
             "in the recording that is diagnosed: name one with the same channels"
         )
 

@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.diagnosis import diagnose
 from raccoon.diagnose.drives.gravity import strange_acceleration
 from raccoon.diagnose.drives.times import check_time
-from raccoon.diagnose.drives.unseen import said_of_holdout
+from raccoon.diagnose.drives.unseen import are_missing, said_of_holdout
 from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_std
@@ -41,7 +40,7 @@ from raccoon.diagnose.recordings.problems import said_once
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.repeated import without_repeated
-from raccoon.diagnose.recordings.rows import rows_of, rows_of_others
+from raccoon.diagnose.recordings.rows import check_rows, rows_of, rows_of_others
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
@@ -82,9 +81,8 @@ class Kind(StrEnum):
 
 
 def kind_of(columns: Columns, robot: RobotConfig) -> Kind:
-    """The kind, by the columns alone. Raises TraceError for a recording without samples."""
-    if "t" not in columns or len(columns["t"]) == 0:
-        raise TraceError("the recording is empty: it has no samples with a time t")
+    """The kind, by the columns alone. Raises TraceError where they are no recording, see `check_rows`."""
+    check_rows(columns)
     ports = (robot.drive.left, robot.drive.right)
     if step_port(columns) is not None:
         return Kind.STEP
@@ -281,7 +279,7 @@ def _nothing(columns: Columns, robot: RobotConfig) -> Diagnosis:
     if "truth.x" not in columns:
         missing.append("truth.x")
     reason = (
-        f"not identifiable: {', '.join(missing)} is missing: without commands the simulation cannot drive "
+        f"not identifiable: {are_missing(missing)}: without commands the simulation cannot drive "
         "along, and without a reference wheels have nothing to be compared with"
     )
     groups = ("battery.*", "motor.*", "friction.*", "drive.*", "actuation.*")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.diagnose.drives.times import check_time
+from raccoon.diagnose.drives.unseen import are_missing
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.fillers import without_fillers
@@ -221,9 +222,7 @@ def _joined(
         rejected += supply.rejected
         causes += [] if supply.cause is None else [supply.cause]
     elif missing:
-        rejected.append(
-            Rejected("battery.internal_resistance", f"not identifiable: {', '.join(missing)} is missing")
-        )
+        rejected.append(Rejected("battery.internal_resistance", f"not identifiable: {are_missing(missing)}"))
     identified = {
         name if len(ports) == 1 else f"motor.{port}.{name}": value
         for port, each in zip(ports, found, strict=True)

@@ -113,6 +113,6 @@ def _unseen(columns: Columns, names: Mapping[str, str], left_out: Mapping[str, s
         return ()
     broken = [absence(name, left_out) for name in wheels if name in left_out]
     sides = (" or ".join(names[f"{kind}_{side}"] for kind in ("bemf", "speed")) for side in ("left", "right"))
-    missing = " and ".join(broken) if broken else f"{' and '.join(sides)} is missing"
+    missing = " and ".join(broken) if broken else f"{' and '.join(sides)} are missing"
     reason = f"not identifiable: {missing}: no wheel's motion is known"
     return [Rejected(each, reason) for each in EVERY_GROUP]

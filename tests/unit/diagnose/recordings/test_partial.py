@@ -37,6 +37,12 @@ def without(columns: Columns, *words: str) -> Columns:
     return {name: each for name, each in columns.items() if not any(word in name for word in words)}
 
 
+def test_columns_of_different_lengths_are_refused_by_name() -> None:
+    columns = {"t": np.arange(3.0), "motor.0.duty": np.zeros(3), "motor.0.bemf": np.zeros(2)}
+    with pytest.raises(TraceError, match=r"column motor\.0\.bemf has shape \(2,\): it must be \(3,\) as t"):
+        diagnose_recording(columns, ROBOT)
+
+
 def test_volts_instead_of_duty_hide_the_battery_and_nothing_else(weak_right: Columns) -> None:
     known = np.isfinite(weak_right["battery.voltage"])
     battery = np.interp(weak_right["t"], weak_right["t"][known], weak_right["battery.voltage"][known])
