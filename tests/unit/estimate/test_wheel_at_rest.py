@@ -46,3 +46,13 @@ def test_a_back_emf_that_stands_while_the_counter_goes_is_dead() -> None:
     for _ in range(40):
         wheel.update(0.005, 0.0, 4.0 * 0.005)
     assert wheel.stuck == "back-EMF"
+
+
+def test_a_counter_that_jumps_again_and_again_is_not_taken_for_one_that_stands() -> None:
+    wheel = WheelTrack(0.0225)
+    for cycle in range(400):
+        jumped = cycle % 4 == 0
+        if jumped:
+            wheel.restart(0.005)
+        wheel.update(0.005, None if jumped else 5.0, None if jumped else 0.025 * (cycle % 4 != 1))
+        assert wheel.stuck == ""

@@ -130,7 +130,7 @@ class WheelTrack:
         guessed, and the board's filter may have begun anew. Before `update`.
         """
         self.lost += self._unknown(dt)
-        self._behind = 0.0
+        self._behind = self._turned = self._moved = 0.0
         self._filtered = None
 
     def _unknown(self, dt: float) -> float:

@@ -94,14 +94,18 @@ class Receiver:
             return reading
         self._check_obedience(reply)
         seconds = time - self._time
-        differences = self._counters.differences(reading.position)
-        if self._suspicious(differences, seconds):
-            looked = self._second_look(differences, seconds)
+        moved = self._counters.differences(reading.position)
+        differences: Counts | None = moved
+        if self._suspicious(moved, seconds):
+            looked = self._second_look(moved, seconds)
             if looked is None:
                 return None
             reading, differences = looked
             seconds = self._taken - self._time
-        self._counters.accept(reading.position, differences)
+        if differences is None:
+            self._counters.continue_from(reading.position)
+        else:
+            self._counters.accept(reading.position, differences)
         bemf = self._dialect.bemf(reading, differences, seconds)
         if bemf is not None:
             self.bemf = bemf
@@ -111,9 +115,9 @@ class Receiver:
         plausible = self._counters.plausible(differences, seconds)
         return not plausible or self._dialect.suspicious(differences, seconds)
 
-    def _second_look(self, differences: Counts, seconds: float) -> tuple[Reading, Counts] | None:
-        """Read again to tell a torn word from a counter that has really jumped. Counters count on meanwhile:
-        on a slow bus an update or two fall between the looks."""
+    def _second_look(self, differences: Counts, seconds: float) -> tuple[Reading, Counts | None] | None:
+        """Read again to tell a torn word from a counter that has really jumped: then there are no differences.
+        Counters count on meanwhile: on a slow bus an update or two fall between the looks."""
         first, self._taken = self._taken, self._clock.now()
         later = self._taken - first
         reply = self.exchange(self._sent)
@@ -133,7 +137,7 @@ class Receiver:
             return None
         # Both looks agree on a place where the motors cannot have got to: it is gone on from there.
         self.faults.append(Fault.POSITION_JUMP)
-        return second, (0, 0, 0, 0)
+        return second, None
 
     def _near(self, apart: int, seconds: float) -> bool:
         return self._counters.plausible((apart, 0, 0, 0), seconds)

@@ -101,8 +101,8 @@ class Dialect(Protocol):
         """Whether the frame shows motors without current (True where it cannot tell)."""
         ...
 
-    def bemf(self, reading: Reading, differences: Counts, seconds: float, /) -> Bemf | None:
-        """Back-EMF counts, None where there is nothing new."""
+    def bemf(self, reading: Reading, differences: Counts | None, seconds: float, /) -> Bemf | None:
+        """Back-EMF counts, None where there is nothing new. differences: None where a counter jumped."""
         ...
 
     def ticks(self, totals: Sequence[int]) -> Words:

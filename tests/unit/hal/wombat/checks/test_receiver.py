@@ -9,7 +9,9 @@ from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import HardwareError
 from raccoon.core.readings import Fault
 from raccoon.hal.wombat.checks.receiver import Receiver
+from raccoon.hal.wombat.firmware.devices import STOCK_BEMF_RATE_HZ
 from raccoon.hal.wombat.firmware.stock import wire
+from raccoon.hal.wombat.firmware.stock.bemf import StockBemf
 from raccoon.hal.wombat.firmware.stock.commands import READ
 from raccoon.hal.wombat.firmware.stock.dialect import StockDialect
 
@@ -51,6 +53,28 @@ def test_a_counter_that_really_jumped_is_counted_on_from_where_it_is() -> None:
         clock.advance(0.005)
     assert found == [[], [], [Fault.POSITION_JUMP], []]
     assert receiver.position[0] == pytest.approx(190 / 250, abs=0.02)
+
+
+def test_a_counter_that_jumps_again_and_again_leaves_the_speed_as_it_is() -> None:
+    clock, jump = SteppedClock(), 0
+
+    class Driving:
+        def transfer(self, _frame: bytes) -> bytes:
+            return frame(300 * int(clock.now() * STOCK_BEMF_RATE_HZ) + jump)
+
+        def close(self) -> None:
+            pass
+
+    receiver, read = Receiver(StockDialect(), Driving(), clock), []
+    for look in range(400):
+        jump = 0x10000 if look > 20 and look % 7 in (0, 1, 4) else 0  # there and back
+        receiver.collect()
+        receiver.poll(READ, clock.now())
+        if receiver.bemf is not None and look > 20:
+            read.append(receiver.bemf[0])
+        clock.advance(0.0025)
+    assert len(read) > 50
+    assert read == pytest.approx([300.0 + StockBemf.TRUNCATION] * len(read))
 
 
 def test_a_link_is_lost_when_it_says_nothing_for_long_at_one_time() -> None:

@@ -112,10 +112,11 @@ class RaccoonDialect:
     def stopped(self, _reply: bytes) -> bool:
         return True
 
-    def bemf(self, reading: Reading, differences: Counts, seconds: float) -> Bemf | None:
+    def bemf(self, reading: Reading, differences: Counts | None, seconds: float) -> Bemf | None:
         bemf = Telemetry(reading.words).bemf
-        self._rate.update(differences, bemf, seconds)
-        self._watch(differences, bemf, seconds)
+        if differences is not None:
+            self._rate.update(differences, bemf, seconds)
+            self._watch(differences, bemf, seconds)
         return bemf
 
     def _watch(self, differences: Counts, bemf: Sequence[float], seconds: float) -> None:

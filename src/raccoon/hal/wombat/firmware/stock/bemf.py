@@ -75,6 +75,10 @@ class StockBemf:
         self.averaged = updates >= self.MANY
         self.fresh = True
 
+    def restart(self) -> None:
+        """Begin to count the time anew: of what the counters did so far, what comes now holds nothing."""
+        self._since_news = self._owed = 0.0
+
     def _made_up(self, port: int, difference: int, updates: int) -> float:
         if difference == 0:
             return 0.0

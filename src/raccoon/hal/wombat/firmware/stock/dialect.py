@@ -105,7 +105,10 @@ class StockDialect:
     def stopped(self, reply: bytes) -> bool:
         return reply[wire.MOT_MODES] == 0 and reply[wire.MOT_DIRS] == 0
 
-    def bemf(self, _reading: Reading, differences: Counts, seconds: float) -> Bemf | None:
+    def bemf(self, _reading: Reading, differences: Counts | None, seconds: float) -> Bemf | None:
+        if differences is None:
+            self._bemf.restart()
+            return None
         self._bemf.update(differences, seconds)
         return self._bemf.value if self._bemf.fresh else None
 
