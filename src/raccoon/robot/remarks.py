@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from raccoon.core.readings import Fault
+from raccoon.estimate.drive.estimate import AT_REST
 
 if TYPE_CHECKING:
     from raccoon.core.readings import Inputs
@@ -26,6 +27,11 @@ FAULTS = {
 }
 """What is said of faults that the port does not make good by itself. Of motors, motions tell."""
 
+OFFSET = (
+    "a motor reads motion at rest that its bemf_offset in robot.toml does not explain, and the pose goes "
+    "wrong by it: calibrate again, or leave the offset out and let the robot stand before it drives"
+)
+
 
 def oddities(robot: Robot) -> tuple[str, ...]:
     """Sentences that name side and port: motors not as they should be, scales that do not fit.
@@ -34,8 +40,10 @@ def oddities(robot: Robot) -> tuple[str, ...]:
     """
     if robot.odometry.turn_share != 1.0:
         return (_turned_otherwise(robot),)
-    off = mismatch(robot)
-    return robot.drive.oddities() if off == 0.0 else (*robot.drive.oddities(), _mismatched(robot, off))
+    off, found = mismatch(robot), robot.drive.oddities()
+    if off != 0.0:
+        found = (*found, _mismatched(robot, off))
+    return (*found, OFFSET) if AT_REST in robot.estimate.reasons else found
 
 
 def mismatch(robot: Robot) -> float:

@@ -8,6 +8,8 @@ from raccoon.core.readings import Status
 
 HELD = "held: both wheels carry what tyres do that spin at a wall"
 """The reason of an estimate whose robot may not move though its wheels turn."""
+AT_REST = "a motor at rest reads motion"
+"""The reason of an estimate that takes what a motor reads at rest, and no offset explains, for motion."""
 
 
 @dataclass(frozen=True, slots=True)

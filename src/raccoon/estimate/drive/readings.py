@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import Fault, Inputs
+from raccoon.estimate.drive.estimate import AT_REST
 from raccoon.estimate.drive.health import GYRO_TIMEOUT, GyroWatch, Reasons
 from raccoon.estimate.drive.slip import MOST_FORCE, MOST_PITCH
 from raccoon.estimate.drive.wheel_track import GAP, HOLD, WheelTrack
@@ -68,6 +69,8 @@ class DriveReadings:
         self._decoder = WheelDecoder(robot)
         self._latency = imu_latency
         self._unseen = 0.0
+        self._moves_at_rest = False  # as the port says of a motor
+        self._explained = False  # that, by an offset that was learnt
         self.clear()
 
     def clear(self) -> None:
@@ -81,6 +84,8 @@ class DriveReadings:
         move.
         """
         reading = self._decoder.decode(inputs)
+        self._moves_at_rest = Fault.BEMF_INVALID in inputs.faults and not _is_silent(reading)
+        self._explained = self._explained and self._moves_at_rest
         fresh = False
         if reading.dt > 0.0:
             self.time = inputs.time
@@ -95,6 +100,10 @@ class DriveReadings:
             fresh = fresh and not self._waits  # a gyro alone does not tell how far the robot went
         self._complain(reading, inputs)
         return fresh
+
+    def rest(self) -> None:
+        """The robot stands: what its wheels read is offset, which is learnt and so no doubt any more."""
+        self._explained = self._moves_at_rest
 
     @property
     def _waits(self) -> bool:
@@ -204,7 +213,10 @@ class DriveReadings:
                 tell(f"the {side} {wheel.stuck} does not move", time)
         if inputs.faults:
             for fault in inputs.faults:
-                tell(f"port: {fault.value}", time)
+                if fault is not Fault.BEMF_INVALID or not self._moves_at_rest:
+                    tell(f"port: {fault.value}", time)
+                elif not self._explained:
+                    tell(AT_REST, time)
             self.pending.faulty = self.pending.faulty or Fault.MOTOR_FAULT in inputs.faults
 
 

@@ -76,6 +76,8 @@ class Steps:
             return
         read: tuple[float, ...] = (pending.left / span, pending.right / span)
         still = self._stands(span, command)
+        if still:
+            self._readings.rest()
         variances: tuple[float, ...] = (
             noise.variance(left, read[0], span, still),
             noise.variance(right, read[1], span, still),

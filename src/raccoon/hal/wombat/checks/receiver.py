@@ -116,7 +116,7 @@ class Receiver:
         return not plausible or self._dialect.suspicious(differences, seconds)
 
     def _second_look(self, differences: Counts, seconds: float) -> tuple[Reading, Counts | None] | None:
-        """Read again to tell a torn word from a counter that has really jumped: then there are no differences.
+        """Read again to tell a torn word from a counter that has really jumped: then without differences.
         Counters count on meanwhile: on a slow bus an update or two fall between the looks."""
         first, self._taken = self._taken, self._clock.now()
         later = self._taken - first
