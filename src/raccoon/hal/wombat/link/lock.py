@@ -27,7 +27,6 @@ class BusLock:
     """
 
     def __init__(self, device: str, *, folder: Path | None = None, proc: Path = Path("/proc")) -> None:
-        refuse_other_owners(device, proc)
         path = (folder or _folder()) / f"raccoon-{Path(device).name}.lock"
         try:
             self.descriptor = _open_for_all(path)
@@ -38,6 +37,8 @@ class BusLock:
             ) from error
         try:
             self._acquire(device)
+            # Not before: a supervisor has the bus open until the motors of its dead program stand.
+            refuse_other_owners(device, proc)
         except BaseException:
             os.close(self.descriptor)
             raise

@@ -1,6 +1,8 @@
 """The lock of the bus, against programs of other users and of other makers."""
 
+import fcntl
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -98,6 +100,21 @@ def test_any_program_with_the_bus_open_is_named(tmp_path: Path) -> None:
     process(tmp_path, 322, "my_robot", "/dev/spidev0.0")
     with pytest.raises(HardwareError, match=r"my_robot \(process 322\).*kill 322"):
         refuse_other_owners("/dev/spidev0.0", tmp_path)
+
+
+def test_who_still_stops_the_motors_of_a_dead_program_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    process(tmp_path, 326, "python3", "/dev/spidev7.0")  # its supervisor, which has the lock, too
+    taken = iter([False, True])
+
+    def flock(_descriptor: int, _operation: int) -> None:
+        if not next(taken):
+            raise BlockingIOError
+        shutil.rmtree(tmp_path / "326")
+
+    monkeypatch.setattr(fcntl, "flock", flock)
+    BusLock("/dev/spidev7.0", folder=tmp_path, proc=tmp_path).release()
 
 
 def test_the_screen_and_strangers_do_not_matter(tmp_path: Path) -> None:
