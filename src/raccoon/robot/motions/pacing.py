@@ -31,6 +31,9 @@ CLOSING_IN, WIDENING, MOST_TOLERANCE = 1.0, 0.25, 4.0
 """S after its profile in which a motion keeps to its tolerance; s in which that grows by itself from then on;
 and how many times it may be."""
 
+SLOWER = 0.95
+"""Share of the wished speed up to which people are told of it."""
+
 
 @dataclass(frozen=True, slots=True)
 class MotionResult:
@@ -65,12 +68,15 @@ class MotionResult:
         return self.held == 0.0
 
     def __str__(self) -> str:
-        """For people: what is off, in mm and degrees."""
+        """For people: what is off, in mm and degrees, and what was strange."""
         wall = () if self.arrived else (f"may stand {self.held:.3f} m before its goal",)
         along, across, std = 1e3 * self.along, 1e3 * self.across, 1e3 * self.std
+        slow = (
+            () if self.planned > SLOWER else (f"planned at {100 * self.planned:.0f} % of the wished speed",)
+        )
         off = f"{along:+z.1f} mm along, {across:+z.1f} mm across (+- {std:.1f})"
         turned = f"{math.degrees(self.heading):+z.2f} deg, in {self.duration:.2f} s"
-        return "; ".join((f"{off}, {turned}", *wall, *self.remarks))
+        return "; ".join((f"{off}, {turned}", *slow, *wall, *self.remarks))
 
 
 class Pace:

@@ -232,4 +232,5 @@ def test_a_result_and_a_pose_are_printed_for_people() -> None:
     assert str(result) == "+1.2 mm along, -0.1 mm across (+- 11.3), -0.50 deg, in 2.38 s"
     held = replace(result, held=0.12, remarks=("the left wheel slips",))
     assert str(held).endswith("in 2.38 s; may stand 0.120 m before its goal; the left wheel slips")
+    assert str(replace(result, planned=0.173)).endswith("in 2.38 s; planned at 17 % of the wished speed")
     assert str(Pose(0.4, -1e-9, deg(90))) == "x 0.400 m, y 0.000 m, heading 90.0 deg"
