@@ -92,6 +92,7 @@ def _check_reading_sign(duty: Array, channel: Channel, was_driven: str, holds: s
     for way, to in WAYS:
         against = way * duty < -DRIVEN
         both = _often(way * duty > DRIVEN) and _often(against)
+        both = both and bool(np.ptp(reading[against]) > 0.0)  # one that repeats itself holds no size either
         if both and not (way * reading < -least).any() and _often(way * reading[against] > least):
             raise TraceError(
                 f"{channel.name} never goes {to} 0, but {was_driven} both ways: it holds {holds}, not which "

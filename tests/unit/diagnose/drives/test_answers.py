@@ -237,6 +237,13 @@ def test_readings_without_their_sign_are_said(good: Columns, name: str) -> None:
         check_signs(changed(good, name, -np.abs(good[name])))
 
 
+def test_a_reading_that_stays_as_it_is_has_lost_no_sign(good: Columns) -> None:
+    """What repeats itself holds no size either."""
+    fast = int(np.argmax(good["motor.0.bemf"]))
+    columns = {name: each[fast:] for name, each in good.items()}
+    check_signs(changed(columns, "motor.0.bemf", np.full(len(columns["t"]), columns["motor.0.bemf"][0])))
+
+
 def test_a_drive_one_way_only_has_lost_no_sign(good: Columns) -> None:
     log = log_from_columns(good, ROBOT)
     forwards = log.duty.min(axis=1) >= 0.0
