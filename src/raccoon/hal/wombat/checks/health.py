@@ -107,12 +107,12 @@ class LifeWatch:
 class ImuWatch:
     """Whether the IMU's words can be true: a plausible turn rate, and gravity about 1 g.
 
-    Rates are rad/s, forces m/s2. A robot whose motors are off and whose wheels stand does not turn; one that
-    is carried then loses its heading all the same.
+    Rates are rad/s, forces m/s2. A robot whose motors are off may turn all the same, where
+    somebody puts it right or knocks against it; but not as fast as a gyro that wanders.
     """
 
     FASTEST = 10.0
-    FASTEST_AT_REST = 0.5
+    FASTEST_AT_REST = 6.0
     GRAVITY_RANGE = (4.9, 14.7)
     SMOOTHING = 0.05
     PENALTY_SECONDS = 1.0
