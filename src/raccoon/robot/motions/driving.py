@@ -26,6 +26,25 @@ if TYPE_CHECKING:
 
 __all__ = ["drive", "motors"]
 
+ENDLESS = 120.0
+"""S of a motion without a goal, a whole match, after which it is said that nothing ends it."""
+
+
+class _Endless:
+    """Says once of a motion that nothing has ended it for long. Ask `tell` in each tick."""
+
+    def __init__(self, robot: Robot, label: str) -> None:
+        self._robot, self._label, self._due = robot, label, robot.time + ENDLESS
+
+    def tell(self) -> None:
+        if self._robot.time > self._due:
+            self._due = math.inf
+            say(
+                self._robot,
+                f"{self._label} has gone on for {ENDLESS:g} s and ends by nothing: append .until(...) or "
+                ".timeout(seconds)",
+            )
+
 
 def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     """Drive at `speed` m/s and `turn_rate` rad/s until ended from outside (`.until`, `.timeout`, `race`).
@@ -52,8 +71,10 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         miswired = 0.0
         top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration)
         top = math.copysign(top, speed)
+        endless = _Endless(robot, label)
         try:
             while True:
+                endless.tell()
                 if robot.paused:  # the motors may have been stopped meanwhile
                     velocity, rate = robot.estimate.velocity, robot.estimate.turn_rate
                 miswired = check_wiring(robot, miswired, label)
@@ -124,9 +145,13 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
         check_battery_voltage(tuned_at=tuned_at)
     scaling = None if tuned_at is None else VoltageScaling(tuned_at)
 
+    label = f"motors {left:g} {right:g}"
+
     def steps(robot: Robot) -> Steps[None]:
+        endless = _Endless(robot, label)
         try:
             while True:
+                endless.tell()
                 duties = left, right
                 if scaling is not None:
                     scaled = [scaling.scaled(duty, robot.battery_voltage) for duty in duties]
@@ -141,4 +166,4 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
             robot.drive.stop()
             robot.replan()
 
-    return Action(f"motors {left:g} {right:g}", steps)
+    return Action(label, steps)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import pytest
 
 from raccoon import (
+    Action,
     MotionResult,
     MotionTimeout,
     Pose,
@@ -19,6 +20,7 @@ from raccoon import (
     arc,
     deg,
     drive,
+    motors,
     open_robot,
     seq,
     straight,
@@ -30,6 +32,7 @@ from raccoon import (
 from raccoon.core.config import ControllerConfig
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.robot.emulated import open_emulated
+from raccoon.robot.motions import driving
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
@@ -234,3 +237,17 @@ def test_a_result_and_a_pose_are_printed_for_people() -> None:
     assert str(held).endswith("in 2.38 s; may stand 0.120 m before its goal; the left wheel slips")
     assert str(replace(result, planned=0.173)).endswith("in 2.38 s; planned at 17 % of the wished speed")
     assert str(Pose(0.4, -1e-9, deg(90))) == "x 0.400 m, y 0.000 m, heading 90.0 deg"
+
+
+@pytest.mark.parametrize("action", [drive(0.1), motors(0.3, 0.3)])
+def test_a_motion_that_nothing_ends_is_said_once(
+    action: Action[None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(driving, "ENDLESS", 0.3)
+    with open_robot(CONFIG, port=simulated()) as robot:
+        robot.run(action.until(after_time(0.2)))
+        assert not robot.drive.remarks
+        robot.run(action.until(after_time(0.4)))
+        said = [each for each in robot.drive.remarks.values() if "has gone on for 0.3 s and ends by" in each]
+        assert len(said) == 1
+        assert said[0].startswith(action.name)
