@@ -17,11 +17,11 @@ from raccoon.robot.remarks import OFFSET
 from raccoon.sim.effects.parameters import Parameters
 
 
-def emulated(firmware: Firmware, config: RobotConfig) -> tuple[Robot, SimulatedPlant]:
-    """A robot whose left motor reads 55 counts at rest."""
+def emulated(firmware: Firmware, config: RobotConfig, counts: float = 55.0) -> tuple[Robot, SimulatedPlant]:
+    """A robot whose left motor reads so many counts too much."""
     clock, plant = SteppedClock(), SimulatedPlant(Parameters.from_robot(config))
     emulator = Emulator(plant, firmware, clock=clock, seed=3)
-    emulator.faults.bemf_offset = (55.0, 0.0, 0.0, 0.0)
+    emulator.faults.bemf_offset = (counts, 0.0, 0.0, 0.0)
     return Robot(WombatPort(emulator, clock=clock), config), plant
 
 
@@ -50,3 +50,15 @@ def test_an_offset_that_robot_toml_excludes_is_said() -> None:
         assert AT_REST in robot.estimate.reasons
         assert OFFSET in result.remarks
         assert OFFSET in robot.drive.remarks.values()
+
+
+def test_a_known_offset_that_a_dead_zone_hides_at_rest_turns_nothing() -> None:
+    """It was taken for a wheel that creeps backwards, and the gyro was wrong by what that turns: 2.4 degrees."""
+    motors = {port: MotorConfig(bemf_offset=Measured(counts, 1.0)) for port, counts in ((0, 30.0), (1, 0.0))}
+    robot, plant = emulated("stock", replace(RobotConfig(), motors=motors), 30.0)
+    with robot:
+        for _ in range(200):
+            assert robot.tick().bemf[0] in (None, 0.0)
+        robot.run(straight(0.1))
+        assert robot.estimate.status is Status.OK
+        assert robot.pose.heading == pytest.approx(plant.pose[2], abs=math.radians(0.2))

@@ -134,8 +134,9 @@ class Steps:
     def _stands(self, span: float, command: Outputs | None) -> bool:
         flat = self.fusion.drive.flat
         driven = command is None or any(command.duty[port] != 0.0 for port in self._ports)
-        left = self._left.settled - flat[State.LEFT_OFFSET]
-        right = self._right.settled - flat[State.RIGHT_OFFSET]
+        # Who reads nothing within the dead zone may be at rest: there an offset of robot.toml does not show.
+        left = 0.0 if self._left.blind > 0.0 else self._left.settled - flat[State.LEFT_OFFSET]
+        right = 0.0 if self._right.blind > 0.0 else self._right.settled - flat[State.RIGHT_OFFSET]
         sigma = sqrt(max(flat[_VOL], flat[_VOR]))
         if sigma == 0.0 and (self._left.increment != 0.0 or self._right.increment != 0.0):
             driven = True  # an encoder at rest does not tick
