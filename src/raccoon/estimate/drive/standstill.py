@@ -12,6 +12,16 @@ WHEEL_MARGIN = 0.05
 """rad/s above what the uncertain offset explains (4 sigma)."""
 GYRO_MARGIN = 0.015
 """rad/s above what the uncertain bias explains (4 sigma)."""
+CREEP_TIME, CREEP = 0.5, 0.03
+"""s for which wheels that nothing drives keep a speed, and rad/s by which it changes at the most: none rolls
+on like that."""
+LARGEST_OFFSET, LARGEST_BIAS = 0.35, 0.035
+"""rad/s that a wheel (115 counts) and the gyro read at the most on a robot that stands."""
+
+
+def explained(speed: float, sigma: float) -> bool:
+    """Whether an offset with this deviation explains a wheel's speed beyond it, rad/s."""
+    return abs(speed) <= WHEEL_MARGIN + 4.0 * sigma
 
 
 class Standstill:
@@ -40,10 +50,38 @@ class Standstill:
         driven: a drive motor has duty. wheel: (largest speed beyond the offset, sigma of that offset), rad/s.
         gyro: (rate beyond the bias, sigma of that bias), rad/s, None where there is no gyro.
         """
-        quiet = not driven and abs(wheel[0]) <= WHEEL_MARGIN + 4.0 * wheel[1]
+        quiet = not driven and explained(*wheel)
         if gyro is not None and abs(gyro[0]) > GYRO_MARGIN + 4.0 * gyro[1]:
             quiet = False
         self._quiet = self._quiet + dt if quiet else 0.0
         self.still = self._quiet >= HOLD_TIME
         self.seconds = self.seconds + dt if self.still else 0.0
         return self.still
+
+
+class Creeping:
+    """Do wheels that nothing drives seem to creep on at one speed, and the robot does not turn? Then that is
+    an offset, whatever robot.toml says: of another controller, or learnt from a robot that was pushed.
+    """
+
+    __slots__ = ("_seconds", "_speeds")
+
+    def __init__(self) -> None:
+        self._seconds = 0.0
+        self._speeds = (0.0, 0.0)
+
+    def update(self, dt: float, driven: bool, left: float, right: float, rate: float | None) -> bool:
+        """Take a step of dt s: rad/s of the wheels and of the gyro as they are read, None where it is not.
+
+        True where both have kept their speed for long; then it begins anew.
+        """
+        kept = max(abs(left - self._speeds[0]), abs(right - self._speeds[1])) < CREEP
+        slow = max(left, right, -left, -right) < LARGEST_OFFSET
+        if driven or rate is None or abs(rate) > LARGEST_BIAS or not (kept and slow):
+            self._seconds, self._speeds = 0.0, (left, right)
+            return False
+        self._seconds += dt
+        found = self._seconds > CREEP_TIME
+        if found:
+            self._seconds = 0.0
+        return found

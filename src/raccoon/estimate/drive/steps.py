@@ -11,7 +11,7 @@ from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.standstill import Standstill
+from raccoon.estimate.drive.standstill import CREEP_TIME, Creeping, Standstill, explained
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.turn_share import TurnShare
@@ -46,6 +46,7 @@ class Steps:
         self._left, self._right = readings.left, readings.right
         self._gyro, self._reasons = readings.gyro, readings.reasons
         self._standstill, self._swing, self._shaking = Standstill(), Swing(), Shaking()
+        self._creeping = Creeping()
         self.touch, self.turn_share = Touch(robot, readings), TurnShare()
         self.fusion = self._begun(device)
 
@@ -143,4 +144,19 @@ class Steps:
         gyro = None
         if self._gyro.age <= GYRO_TIMEOUT:
             gyro = (self._readings.rate - flat[State.GYRO_BIAS], sqrt(flat[_VB]))
-        return self._standstill.update(span, driven, (max(left, right, -left, -right), sigma), gyro)
+        off = max(left, right, -left, -right)
+        still = self._standstill.update(span, driven, (off, sigma), gyro)
+        rate = None if gyro is None else self._readings.rate
+        creeps = self._creeping.update(span, driven, self._left.settled, self._right.settled, rate)
+        if creeps and not explained(off, sigma) and sigma > 0.0 and gyro is not None:
+            self._doubt_offsets(off, abs(gyro[0]))
+        return still
+
+    def _doubt_offsets(self, wheel: float, gyro: float) -> None:
+        """The robot stands, and its wheels and gyro read so much, rad/s, beyond their offsets: what is known
+        of these is wrong, and so was the motion that it has been taken for."""
+        drive, flat = self.fusion.drive, self.fusion.drive.flat
+        drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), wheel)
+        drive.widen((State.GYRO_BIAS,), max(gyro, self._settings.gyro_bias))
+        drive.widen((State.HEADING,), CREEP_TIME * flat[State.TURN_RATE])
+        drive.widen((State.X, State.Y), CREEP_TIME * flat[State.VELOCITY])
