@@ -167,7 +167,7 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     port = WatchedPort(_simulated(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), _quiet(), no_robot_opened():
+        with wall_limit(match.real_seconds), _quiet(), _chance_of(seed), no_robot_opened():
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:
@@ -188,6 +188,28 @@ def _quiet() -> Iterator[None]:
         return
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
         yield
+
+
+@contextmanager
+def _chance_of(seed: int) -> Iterator[None]:
+    """What a program draws from `random` and `numpy.random` follows from the match's seed, and a caller's
+    draws go on as if there had been no match. Other threads share both, so there they are left alone.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    import random
+
+    import numpy as np
+
+    before, before_numpy = random.getstate(), np.random.get_state()
+    random.seed(seed)
+    np.random.seed(seed % 2**32)
+    try:
+        yield
+    finally:
+        random.setstate(before)
+        np.random.set_state(before_numpy)
 
 
 def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:

@@ -1,6 +1,7 @@
 """One match: all of it follows from its seed, and no program gets out of it."""
 
 import os
+import random
 import sys
 import threading
 from dataclasses import replace
@@ -44,6 +45,23 @@ def test_a_row_has_the_columns_of_the_match() -> None:
     assert 5.0 <= row["battery.open_circuit_voltage.voltage"] <= 8.0
     assert repr(play(match, 3, seed=9)) == repr(row)
     assert set(crashed(match, 3, seed=9)) == set(row)
+
+
+def test_what_a_program_draws_follows_from_the_seed_and_disturbs_no_caller() -> None:
+    text = (
+        "import random\nimport numpy as np\n"
+        "def mission(robot): raise ValueError(f'{random.random()} {np.random.uniform()}')\n"
+    )
+    random.seed(5)
+    np.random.seed(5)
+    before = random.getstate(), repr(np.random.get_state())
+    first = played(text)["reason"]
+    assert (random.getstate(), repr(np.random.get_state())) == before
+    random.random()
+    np.random.uniform()
+    assert played(text)["reason"] == first
+    other = play(Match(Program("p.py", text, "/nonexistent"), RobotConfig(), (BATTERY,)), 0, seed=2)
+    assert other["reason"] != first
 
 
 def test_sensors_are_those_of_the_firmware_unless_asked_otherwise() -> None:
