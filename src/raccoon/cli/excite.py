@@ -14,6 +14,9 @@ HELP = "drive a safe manoeuvre that shows or separates causes, and record it"
 LONGEST = 20.0
 """S that a drive which is chosen for a cause may last, where nothing is said."""
 
+NOTHING = 1.0
+"""Evidence of a drive that as many of it as a recording holds do not make one that decides."""
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
@@ -132,7 +135,12 @@ def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
         reach = f"reach {each.reach:.2f} m, {each.seconds:.1f} s"
         nearest = f", least told from {each.nearest}" if each.nearest else ""
         print(f"{each.manoeuvre:16s} evidence {each.evidence:7.1f}  {reach}{nearest}")
-    if advice[0].evidence < DECIDES:
+    if advice[0].evidence < NOTHING:
+        print(
+            "None of them shows it, however often it is driven: allow more --within or --seconds, or give a "
+            "reference such as counted turns."
+        )
+    elif advice[0].evidence < DECIDES:
         print(
             f"None of them decides (from an evidence of {DECIDES:.0f} on a drive does): drive it several "
             "times into one recording, or give a reference such as counted turns."

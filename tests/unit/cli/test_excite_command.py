@@ -122,7 +122,7 @@ def test_a_drive_that_needs_more_room_than_there_is_is_not_driven(
     run = tmp_path / "run.jsonl.gz"
     command = ["excite", "--robot", str(robot_toml), "--simulate", "--within", "0.5"]
     assert main([*command, "--record", str(run)]) == 2
-    assert "--within 0.5: checkup needs 0.67 m" in capsys.readouterr().err
+    assert "--within 0.5: checkup needs 0.79 m" in capsys.readouterr().err
     assert not run.exists()
 
 
@@ -157,11 +157,21 @@ def test_a_drive_that_lasts_longer_than_allowed_is_not_driven(
 def test_an_evidence_that_does_not_decide_is_said_not_to(
     robot_toml: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    command = ["excite", "--robot", str(robot_toml), "--cause", "drive.inertia", "--within", "0.01"]
+    command = ["excite", "--robot", str(robot_toml), "--cause", "drive.inertia", "--within", "0.03"]
     assert main(command) == 0
     spin, said, _ = capsys.readouterr().out.splitlines()
     assert spin.startswith("spin")
     assert "None of them decides (from an evidence of 30 on" in said
+
+
+def test_a_drive_that_shows_nothing_is_not_to_be_repeated(
+    robot_toml: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Back and forth never turns: many of it say as little of the track as one."""
+    command = ["excite", "--robot", str(robot_toml), "--cause", "drive.track_width", "--within", "0.3"]
+    assert main([*command, "--seconds", "8"]) == 0
+    said = capsys.readouterr().out
+    assert "None of them shows it, however often it is driven" in said
 
 
 def test_a_rival_of_nothing_is_refused(robot_toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
