@@ -34,18 +34,29 @@ WORST_RESIDUAL = 0.25
 """V that a window may be off by before the motor equation is no model of the wheel."""
 WORST_SHARE = 0.2
 """Relative standard deviation above which a voltage is not supported by the data."""
+BALANCE = 0.005
+"""Share by which the odometry may have one wheel's way too long after such a drive: so far are the factors of
+robots as `raccoon sweep` draws them from those of their simulation."""
 LEAST_PHASE, LEAST_GAIN_DB = math.radians(45.0), 6.0
 
+MOST_DELAY, DELAY_STEP = 0.04, 0.002
+"""S by which the speeds may follow the voltage, and between two that are tried."""
+
 Rows = list[tuple[Vector3, float]]
+Sample = tuple[float, float, float, float]
+"""V since the sample before, speeds in rad/s of left and right at its end, s since the sample before; of 0 s
+where a duty begins."""
 
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """What was seen: rows of the motor equation of the left and of the right wheel; mean battery V."""
+    """What was seen: rows of the motor equation of the left and of the right wheel; mean battery V; delay, s
+    by which the speeds followed the voltage, which is taken out of the rows."""
 
     left: Rows
     right: Rows
     battery: float
+    delay: float = 0.0
 
 
 def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Action[Excitation]:
@@ -59,20 +70,20 @@ def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Act
             raise ValueError(f"level is {level}: allowed are duties above 0 up to 1")
 
     def steps(robot: Robot) -> Steps[Excitation]:
-        rows: tuple[Rows, Rows] = ([], [])
+        samples: list[Sample] = []
         batteries: list[float] = []
         miswired = 0.0
         try:
             for sign in (1.0, -1.0):
                 for level in (*levels, *reversed(levels[:-1])):
-                    miswired = yield from _level(robot, sign * level, seconds, rows, batteries, miswired)
+                    miswired = yield from _level(robot, sign * level, seconds, samples, batteries, miswired)
                 yield from _rest(robot)
         finally:
             robot.drive.stop()
             robot.replan()
         if not batteries:
             raise CalibrationError("there is no battery reading: the motors' voltage is not known")
-        return Excitation(rows[0], rows[1], sum(batteries) / len(batteries))
+        return excitation_of(samples, sum(batteries) / len(batteries))
 
     return Action("excite the wheels", steps)
 
@@ -81,30 +92,67 @@ def _level(
     robot: Robot,
     duty: float,
     seconds: float,
-    rows: tuple[Rows, Rows],
+    samples: list[Sample],
     batteries: list[float],
     miswired: float,
 ) -> Steps[float]:
     """One duty for so long. miswired, and the result: see `check_wiring`."""
-    windows = (Windows(), Windows())
-    begin, smoothed, before = robot.time, None, 0.0
+    begin, before = robot.time, 0.0
     while robot.time - begin < seconds:
         miswired = check_wiring(robot, miswired, "the drive of the calibration")
         battery = robot.battery_voltage
-        if battery is not None and robot.time > begin and robot.dt > 0.0:
-            # The speeds are smoothed; so is the voltage, to be of the same moment.
-            share = robot.dt / (SPEED_SMOOTHING + robot.dt)
-            smoothed = before if smoothed is None else smoothed + share * (before - smoothed)
-            here = robot.estimate
-            for window, found, speed in zip(windows, rows, (here.left_speed, here.right_speed), strict=True):
-                row = window.add(smoothed, speed, robot.dt)
-                if row is not None:
-                    found.append(row)
+        if battery is not None:
+            here, first = robot.estimate, robot.time <= begin
+            samples.append((before, here.left_speed, here.right_speed, 0.0 if first else robot.dt))
             batteries.append(battery)
         before = 0.0 if battery is None else duty * battery
         robot.drive.duties(duty, duty)
         yield
     return miswired
+
+
+def excitation_of(samples: Sequence[Sample], battery: float) -> Excitation:
+    """The rows of a drive by that delay of the voltage with which the motor equation is off by least.
+
+    Commands act late, and firmwares filter what they measure by more than they say. A speed that follows late
+    looks like inertia: 17 ms of it like half of the usual one more, of which the gains would be made.
+    """
+    tried = [DELAY_STEP * step for step in range(int(MOST_DELAY / DELAY_STEP + 1.5))]
+    rows = {delay: _rows(samples, delay) for delay in tried}
+    delay = min(tried, key=lambda each: _off(rows[each]))
+    return Excitation(*rows[delay], battery, delay)
+
+
+def _off(both: tuple[Rows, Rows]) -> float:
+    """V2 by which the motor equation is off for both wheels; none where they cannot be fitted."""
+    try:
+        return sum(fit_voltages(rows).residual ** 2 for rows in both)
+    except ValueError:
+        return math.inf
+
+
+def _rows(samples: Sequence[Sample], delay: float) -> tuple[Rows, Rows]:
+    """Rows of both wheels, of voltages that act `delay` s late."""
+    import numpy as np
+
+    windows = (Windows(), Windows())
+    found: tuple[Rows, Rows] = ([], [])
+    ends = np.cumsum([dt for *_, dt in samples])
+    given = np.concatenate([[0.0], np.cumsum([volts * dt for volts, *_, dt in samples])])
+    sum_until = np.interp(ends - delay, np.concatenate([[0.0], ends]), given)
+    smoothed = 0.0
+    for number, (_, left, right, dt) in enumerate(samples):
+        if dt <= 0.0:
+            windows = (Windows(), Windows())
+            continue
+        volts = float(sum_until[number] - sum_until[number - 1]) / dt
+        # The speeds are smoothed; so is the voltage, to be of the same moment.
+        smoothed += dt / (SPEED_SMOOTHING + dt) * (volts - smoothed)
+        for window, rows, speed in zip(windows, found, (left, right), strict=True):
+            row = window.add(smoothed, speed, dt)
+            if row is not None:
+                rows.append(row)
+    return found
 
 
 def _rest(robot: Robot) -> Steps[None]:
@@ -186,6 +234,6 @@ def power_factors(fits: tuple[WheelFit, WheelFit], battery: float) -> dict[str, 
     for fit in fits:
         found = fit.voltages
         value = min(1.0, (found.speed * slowest + found.static) / battery)
-        std = math.hypot(found.speed_std * slowest, found.static_std) / battery
+        std = math.hypot(found.speed_std * slowest / battery, found.static_std / battery, BALANCE)
         factors[f"motor.{fit.port}.power_factor"] = Measured(value, std, battery_voltage=battery)
     return factors

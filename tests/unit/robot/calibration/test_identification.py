@@ -10,6 +10,7 @@ from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs
 from raccoon.robot.calibration.identification import Excitation, WheelFit, excite, fit_wheels, power_factors
 from raccoon.robot.parts.drive import Drive
+from raccoon.sim.effects.chain import Chain
 from robots import CONFIG, simulated
 
 
@@ -53,6 +54,16 @@ def test_a_drive_tuned_so_takes_each_wheel_s_own_voltages() -> None:
     model = Drive(replace(CONFIG, motors=motors)).wheels.models[0]
     assert 1.0 / model.gain == pytest.approx(fits[0].voltages.speed, rel=1e-3)
     assert model.acceleration_voltage == pytest.approx(fits[0].voltages.acceleration)
+
+
+@pytest.mark.parametrize("latency", [0.0, 0.012])
+def test_what_acts_or_is_read_late_is_no_inertia(latency: float) -> None:
+    """Of such inertia the gains would be half as large again, and the margins not what is said of them."""
+    port = simulated(chain=Chain.firmware(), effects={"actuation.latency": {"seconds": latency}})
+    seen = seen_on(port)
+    assert seen.delay >= latency
+    for fit in fit_wheels(seen, CONFIG, SIMULATOR):
+        assert fit.voltages.acceleration == pytest.approx(1.8 * 0.02 / 1.08, rel=0.2)
 
 
 class Unplugged:
