@@ -96,6 +96,20 @@ def test_a_robot_that_a_wall_holds_has_no_other_wheels() -> None:
     assert values(said(columns)) == pytest.approx([1.0, 1.0, 1.0, 1.0], abs=0.006)
 
 
+def test_a_reference_that_never_turns_tells_no_track() -> None:
+    """As of a simulated robot that goes back and forth: its heading is 0 to the last digit."""
+    rng, columns = np.random.default_rng(3), spinning()
+    rest = np.zeros(len(columns["t"]))
+    way = np.sin(columns["t"])
+    columns |= {"truth.x": 0.2 * way, "truth.y": rest, "truth.heading": rest}
+    drive, model = ROBOT.model.drive, ROBOT.model.left
+    counts = 0.2 * 303.4 * model.back_emf_constant.value / drive.wheel_radius.value * np.cos(columns["t"])
+    for port in (0, 1):
+        columns[f"motor.{port}.bemf"] = counts + rng.standard_normal(len(rest))
+    columns["imu.gyro.z"] = 0.005 * rng.standard_normal(len(rest))
+    assert said(columns) == Reference()
+
+
 def test_a_reference_that_is_slow_and_has_gaps_says_the_same() -> None:
     columns = spinning(gyro=1.05)
     seen = np.arange(3000) % 5 == 0

@@ -76,8 +76,10 @@ def reference_of(columns: Columns, robot: RobotConfig, device: Device) -> Refere
     if by_way is None or by_turn is None:
         return found
     length, turn = _both(by_way), _both(by_turn)
+    if not (turn.value > 0.0 and length.value > 0.0):  # as where it never turned at all
+        return found
     wide = Factor(length.value / turn.value, math.hypot(length.std, turn.std, LEAST))
-    if not (turn.value > 0.0 and length.value > 0.0 and wide.std < UNSURE):
+    if not wide.std < UNSURE:
         return found
     wide = replace(wide, std=wide.std * wide.value)
     sides = [_side(by_turn, index, wide) for index in (0, 1)]
