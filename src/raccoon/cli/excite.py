@@ -58,6 +58,11 @@ def run(args: argparse.Namespace) -> int:
     check_seed(args.seed)
     robot = load_robot(args.robot)
     _check(args)
+    if robot.controller.port == "create" and not args.simulate:
+        print(
+            "look here: a Create has encoders, no back-EMF and no gyro: its drive shows less than is said "
+            "here, and nothing of imu.* and bemf.*"
+        )
     if args.model is not None and not args.simulate:
         raise ConfigError(f"--model {args.model}: only a simulated robot has one; add --simulate")
     if args.rival and args.cause is None:

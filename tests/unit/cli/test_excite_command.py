@@ -174,6 +174,15 @@ def test_a_drive_that_shows_nothing_is_not_to_be_repeated(
     assert "None of them shows it, however often it is driven" in said
 
 
+def test_a_base_without_a_gyro_is_promised_nothing_of_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    create = tmp_path / "create.toml"
+    create.write_text('[controller]\nport = "create"\n')
+    assert main(["excite", "--robot", str(create), "--manoeuvre", "creep", "--within", "0.01"]) == 2
+    assert "no gyro: its drive shows less" in capsys.readouterr().out
+
+
 def test_a_rival_of_nothing_is_refused(robot_toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["excite", "--robot", str(robot_toml), "--rival", "imu.latency"]) == 2
     assert "name the --cause" in capsys.readouterr().err
