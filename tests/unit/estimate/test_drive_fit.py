@@ -110,6 +110,19 @@ def test_gyro_and_one_taped_side_give_everything() -> None:
     assert found.left.std / found.left.value > 0.002, "cannot be better than the tape"
 
 
+def test_a_tape_that_outweighs_motion_capture_is_no_better_for_it() -> None:
+    """A tape read 1 % wrong, as its deviation says that it may be: what comes of it says so too."""
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+    begin, end = np.searchsorted(table["t"], [1.0, 5.1])
+    side = math.dist(*([table["truth.x"][row], table["truth.y"][row]] for row in (begin, end)))
+    exact = calibrate_drive(ROBOT, [manoeuvre(table, ROBOT)])
+    found = calibrate_drive(ROBOT, [manoeuvre(table, ROBOT, taped=[TapedWay(1.0, 5.1, 1.01 * side, 0.006)])])
+    for name in ("left", "right"):
+        moved = getattr(found, name).value - getattr(exact, name).value
+        assert abs(moved) > 2.0 * getattr(exact, name).std
+        assert abs(moved) < 2.0 * getattr(found, name).std
+
+
 def test_four_ways_taped_with_one_tape_are_twice_as_sure_as_one() -> None:
     """Of a poor one, beside which the rest does not matter: 1 cm of a side."""
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])

@@ -32,13 +32,14 @@ def left_out(
         square = np.maximum(square, _jackknife(robot, manoeuvres, [], factors))
     if not np.isfinite(square).all():
         return np.full(3, math.inf)
-    common = np.zeros(3)  # what is wrong with all parts alike: the tape, and for the track the gyro's scale
-    if not any(each.truth is not None for each in manoeuvres):
-        tape = [taped.std / abs(taped.distance) for each in manoeuvres for taped in each.taped]
+    if not any(
+        each.truth is not None for each in manoeuvres
+    ):  # the gyro's scale is wrong with all parts alike
         scale = robot.model.imu.gyro_scale
-        common += min(tape) / math.sqrt(len(tape))
-        common[2] = math.hypot(common[2], scale.std / scale.value)
-    deviations: Array = np.sqrt(square + _by_starts(robot, fitted, factors) + common**2)
+        square[2] += (scale.std / scale.value) ** 2
+    deviations: Array = np.sqrt(
+        square + _by_starts(robot, fitted, factors) + _by_tape(robot, fitted, factors)
+    )
     return deviations
 
 
@@ -73,6 +74,16 @@ def _by_starts(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Arr
             each_start.append(by_start(factors, robot, each) @ J)
     moved = np.linalg.solve(whole, np.concatenate([np.zeros((0, 3)), *each_start]).T)
     squares: Array = (moved**2).sum(axis=1)
+    return squares
+
+
+def _by_tape(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], factors: Array) -> Array:
+    """Squares (3,) of how far the fit moves as each taped piece may be off: no part that is left out tells,
+    as the tape never is, and beside a reference it has its weight all the same."""
+    whole = np.sum([_normal_equations(robot, each, factors)[0] for each in manoeuvres], axis=0)
+    taped = [replace(each, gyro=None, truth=None) for each in manoeuvres if each.taped]
+    slopes = np.concatenate([np.zeros((0, 3)), *(_slopes(robot, each, factors) for each in taped)])
+    squares: Array = (np.linalg.solve(whole, slopes.T) ** 2).sum(axis=1)
     return squares
 
 
