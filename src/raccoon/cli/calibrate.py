@@ -147,6 +147,8 @@ def _manoeuvre(args: argparse.Namespace, robot: RobotConfig, runs: Sequence[Run]
         found = calibrate_drive(robot, made, device=runs[0].recording.device)
     except CalibrationError as error:
         raise CalibrationError(f"{error}; of one straight drive say its length: --straight METRES") from None
+    for remark in found.remarks:
+        print(f"look here: {remark}")
     print(f"weighted error {found.error_before:.2f} before, {found.error_after:.2f} after")
     return found.entries(robot)
 

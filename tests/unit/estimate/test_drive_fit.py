@@ -110,6 +110,23 @@ def test_gyro_and_one_taped_side_give_everything() -> None:
     assert found.left.std / found.left.value > 0.002, "cannot be better than the tape"
 
 
+def test_a_tape_that_cannot_be_or_surprises_is_told() -> None:
+    """0.3 m read for 0.6, or times that hold a part of the way, would halve or double every way to come."""
+    table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])
+
+    def taped(begin: float, end: float, metres: float) -> Any:
+        piece = [TapedWay(begin, end, metres)]
+        return calibrate_drive(ROBOT, [manoeuvre(without(table, "truth"), ROBOT, taped=piece)])
+
+    assert taped(1.0, 5.1, 0.6).remarks == ()
+    assert "was this motor or wheel changed, or the tape misread?" in taped(1.0, 5.1, 0.5).remarks[0]
+    for begin, end, metres in ((1.0, 5.1, 0.28), (1.0, 2.7, 0.6)):
+        with pytest.raises(CalibrationError, match="times the expected one: check the tape and its times"):
+            taped(begin, end, metres)
+    with pytest.raises(CalibrationError, match=r"taped from 100 to 200 s is not in the recording, .* from 0"):
+        taped(100.0, 200.0, 0.6)
+
+
 def test_a_tape_that_outweighs_motion_capture_is_no_better_for_it() -> None:
     """A tape read 1 % wrong, as its deviation says that it may be: what comes of it says so too."""
     table = columns([*WAIT, *LEFT_SQUARE, *RIGHT_SQUARE, *WAIT])

@@ -26,6 +26,7 @@ from raccoon.core.readings import SI_WORDS, Device
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
 from raccoon.estimate.drive_calibration.deviations import left_out, parts_of
 from raccoon.estimate.drive_calibration.paths import residuals
+from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
 from raccoon.model.bemf import counts_scale
 
 LEAST_TURN = math.radians(90.0)
@@ -48,6 +49,7 @@ class DriveCalibration:
     radii.
     left_offset, right_offset: back-EMF counts at rest, None where there was no rest with back-EMF.
     error_before, error_after: root mean square of the fitted residuals over their weights, before and after.
+    remarks: what is strange about the result, in words.
     """
 
     left: Measured
@@ -59,6 +61,7 @@ class DriveCalibration:
     right_offset: Measured | None
     error_before: float
     error_after: float
+    remarks: tuple[str, ...] = ()
 
     def entries(self, robot: RobotConfig) -> Mapping[str, Measured]:
         """The values by their key in robot.toml."""
@@ -93,11 +96,12 @@ def calibrate_drive(
     """Fit the drive to one or more recordings.
 
     Raises CalibrationError where the recordings cannot tell: one turning direction only, no length by tape
-    or motion capture, no turn by gyro or motion capture, or a value that stays undetermined. It says which
-    manoeuvre would do.
+    or motion capture, no turn by gyro or motion capture, a value that stays undetermined or is not to be
+    believed. It says which manoeuvre would do.
     """
     if not manoeuvres:
         raise CalibrationError("no recording was given")
+    _check_tapes(manoeuvres)
     _check_lengths(robot, manoeuvres)
     _check_turns(manoeuvres)
     # A long path carries on what it was off by early: few are fitted in the pieces that tell how sure it is.
@@ -113,7 +117,10 @@ def calibrate_drive(
             )
     voltages = [each.battery_voltage for each in manoeuvres if each.battery_voltage is not None]
     voltage = float(np.mean(voltages)) if voltages else None
-    return _result(robot, device, manoeuvres, factors, deviations, voltage, (before, after))
+    found = _result(robot, device, manoeuvres, factors, deviations, voltage, (before, after))
+    for side, value in (("left", found.left), ("right", found.right)):
+        check_believed(robot, side, device, value, "the tape and its times, the reference")
+    return replace(found, remarks=surprises(robot, device, (found.left, found.right)))
 
 
 def _result(
@@ -154,6 +161,16 @@ def _offset(manoeuvres: Sequence[Manoeuvre], side: int, voltage: float | None) -
     weights = [1.0 / std**2 for _, std in pairs]
     mean = sum(w * value for w, (value, _) in zip(weights, pairs, strict=True)) / sum(weights)
     return Measured(mean, math.sqrt(1.0 / sum(weights)), battery_voltage=voltage)
+
+
+def _check_tapes(manoeuvres: Sequence[Manoeuvre]) -> None:
+    for each in manoeuvres:
+        for taped in each.taped:
+            if not each.t[0] <= taped.begin < taped.end <= each.t[-1]:
+                raise CalibrationError(
+                    f"the piece taped from {taped.begin:g} to {taped.end:g} s is not in the recording, which "
+                    f"is from {each.t[0]:.2f} to {each.t[-1]:.2f} s"
+                )
 
 
 def _check_lengths(robot: RobotConfig, manoeuvres: Sequence[Manoeuvre]) -> None:

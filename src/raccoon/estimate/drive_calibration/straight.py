@@ -21,19 +21,15 @@ from statistics import fmean, pstdev
 
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.errors import CalibrationError
-from raccoon.core.readings import Device, Inputs
-from raccoon.estimate.drive.prior import scale_std
+from raccoon.core.readings import Inputs
 from raccoon.estimate.drive.wheels import WheelDecoder
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
-from raccoon.estimate.ekf.state import OdometrySettings
+from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
 from raccoon.model.bemf import counts_scale
 
 SHORTEST = 0.2
 """m; below it the tape's error is above 1 %."""
 MOST_TURN = math.radians(30.0)
-SURPRISING, ALIKE = 3.0, 0.03
-"""Standard deviations off robot.toml that are worth a word, and by how much both wheels may differ in it
-where one tape is the cause of both."""
 SLIP = 0.0005
 """m of wheel travel after one metre that nobody can predict; grows with its square root."""
 
@@ -143,7 +139,7 @@ def calibrate_straight(
         gyro_bias=bias,
         turn=turn,
         distance=distance,
-        remarks=_surprises(robot, inputs[0].device, values, distance),
+        remarks=surprises(robot, inputs[0].device, values, distance),
     )
 
 
@@ -234,41 +230,6 @@ def counted(
 
 def _believed(robot: RobotConfig, side: str, inputs: Sequence[Inputs], value: Measured) -> Measured:
     """The value with the battery it was measured at. Raises CalibrationError where it cannot be true."""
-    device = inputs[0].device
-    nominal = counts_scale(robot, side, device) * device.position_counts_seconds
-    factor = value.value / nominal
-    if not 0.5 < factor < 2.0:
-        port = getattr(robot.drive, side)
-        told = "has the wrong sign" if factor < 0.0 else f"is {factor:.2f} times the expected one"
-        raise CalibrationError(
-            f"radians_per_tick of the {side} motor (port {port}) {told}: check distance, its direction and "
-            f"[motor.{port}] inverted"
-        )
+    check_believed(robot, side, inputs[0].device, value, "distance, its direction")
     voltages = [volts for cycle in inputs if (volts := cycle.battery_voltage) is not None]
     return replace(value, battery_voltage=fmean(voltages) if voltages else None)
-
-
-def _surprises(
-    robot: RobotConfig, device: Device, found: Sequence[Measured], distance: float
-) -> tuple[str, ...]:
-    """Words for values that robot.toml, as sure as it is, did not let expect."""
-    settings = OdometrySettings()
-    said, shares = [], []
-    for side, value in zip(("left", "right"), found, strict=True):
-        share = value.value / (counts_scale(robot, side, device) * device.position_counts_seconds)
-        known = math.hypot(scale_std(robot, settings, side), value.std / value.value)
-        shares.append(share)
-        off = abs(share - 1.0) / known
-        if off > SURPRISING:
-            said.append(
-                f"radians_per_tick of the {side} motor (port {getattr(robot.drive, side)}) is {share:.3f} "
-                f"times what robot.toml says, {off:.1f} of its standard deviations off: was this motor or "
-                "wheel changed?"
-            )
-    if len(said) == 2 and abs(shares[0] / shares[1] - 1.0) < ALIKE:
-        share = 0.5 * (shares[0] + shares[1])
-        return (
-            f"both motors' radians_per_tick are {share:.3f} times what robot.toml says, by which the robot "
-            f"went {distance / share:.3f} m, not {distance:g}: read the tape again",
-        )
-    return tuple(said)

@@ -1,0 +1,67 @@
+"""Is a calibration to be believed? What is impossible is refused, what nobody expected is said."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from raccoon.core.config import Measured, RobotConfig
+from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import Device
+from raccoon.estimate.drive.prior import scale_std
+from raccoon.estimate.ekf.state import OdometrySettings
+from raccoon.model.bemf import counts_scale
+
+SURPRISING, ALIKE = 3.0, 0.03
+"""Standard deviations off robot.toml that are worth a word, and by how much both wheels may differ in it
+where one tape is the cause of both."""
+
+
+def check_believed(robot: RobotConfig, side: str, device: Device, value: Measured, cause: str) -> None:
+    """Raise CalibrationError where radians a tick of a side cannot be true. cause: what to check."""
+    factor = _share(robot, side, device, value)
+    if not 0.5 < factor < 2.0:
+        port = getattr(robot.drive, side)
+        told = "has the wrong sign" if factor < 0.0 else f"is {factor:.2f} times the expected one"
+        raise CalibrationError(
+            f"radians_per_tick of the {side} motor (port {port}) {told}: check {cause} and "
+            f"[motor.{port}] inverted"
+        )
+
+
+def surprises(
+    robot: RobotConfig, device: Device, found: Sequence[Measured], distance: float | None = None
+) -> tuple[str, ...]:
+    """Words for radians a tick of left and right that robot.toml, as sure as it is, did not let expect.
+
+    distance: m, where one way by tape is all that the scale goes by.
+    """
+    settings = OdometrySettings()
+    said, shares = [], []
+    for side, value in zip(("left", "right"), found, strict=True):
+        share = _share(robot, side, device, value)
+        known = math.hypot(scale_std(robot, settings, side), value.std / value.value)
+        shares.append(share)
+        off = abs(share - 1.0) / known
+        if off > SURPRISING:
+            said.append(
+                f"radians_per_tick of the {side} motor (port {getattr(robot.drive, side)}) is {share:.3f} "
+                f"times what robot.toml says, {off:.1f} of its standard deviations off: was this motor or "
+                "wheel changed, or the tape misread?"
+            )
+    if len(said) == 2 and abs(shares[0] / shares[1] - 1.0) < ALIKE:
+        share = 0.5 * (shares[0] + shares[1])
+        went = (
+            ""
+            if distance is None
+            else f", by which the robot went {distance / share:.3f} m, not {distance:g}"
+        )
+        again = "the tape again" if distance is not None else "the tape and its times again, or the reference"
+        return (
+            f"both motors' radians_per_tick are {share:.3f} times what robot.toml says{went}: read {again}",
+        )
+    return tuple(said)
+
+
+def _share(robot: RobotConfig, side: str, device: Device, value: Measured) -> float:
+    return value.value / (counts_scale(robot, side, device) * device.position_counts_seconds)
