@@ -39,9 +39,6 @@ BALANCE = 0.005
 robots as `raccoon sweep` draws them from those of their simulation."""
 LEAST_PHASE, LEAST_GAIN_DB = math.radians(45.0), 6.0
 
-MOST_DELAY, DELAY_STEP = 0.04, 0.002
-"""S by which the speeds may follow the voltage, and between two that are tried."""
-
 Rows = list[tuple[Vector3, float]]
 Sample = tuple[float, float, float, float]
 """V since the sample before, speeds in rad/s of left and right at its end, s since the sample before; of 0 s
@@ -50,13 +47,11 @@ where a duty begins."""
 
 @dataclass(frozen=True, slots=True)
 class Excitation:
-    """What was seen: rows of the motor equation of the left and of the right wheel; mean battery V; delay, s
-    by which the speeds followed the voltage, which is taken out of the rows."""
+    """What was seen: rows of the motor equation of the left and of the right wheel; mean battery V."""
 
     left: Rows
     right: Rows
     battery: float
-    delay: float = 0.0
 
 
 def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Action[Excitation]:
@@ -83,7 +78,8 @@ def excite(levels: Sequence[float] = LEVELS, seconds: float = LEVEL_TIME) -> Act
             robot.replan()
         if not batteries:
             raise CalibrationError("there is no battery reading: the motors' voltage is not known")
-        return excitation_of(samples, sum(batteries) / len(batteries))
+        left, right = _rows(samples, dead_time(robot.config))
+        return Excitation(left, right, sum(batteries) / len(batteries))
 
     return Action("excite the wheels", steps)
 
@@ -111,28 +107,12 @@ def _level(
     return miswired
 
 
-def excitation_of(samples: Sequence[Sample], battery: float) -> Excitation:
-    """The rows of a drive by that delay of the voltage with which the motor equation is off by least.
-
-    Commands act late, and firmwares filter what they measure by more than they say. A speed that follows late
-    looks like inertia: 17 ms of it like half of the usual one more, of which the gains would be made.
-    """
-    tried = [DELAY_STEP * step for step in range(int(MOST_DELAY / DELAY_STEP + 1.5))]
-    rows = {delay: _rows(samples, delay) for delay in tried}
-    delay = min(tried, key=lambda each: _off(rows[each]))
-    return Excitation(*rows[delay], battery, delay)
-
-
-def _off(both: tuple[Rows, Rows]) -> float:
-    """V2 by which the motor equation is off for both wheels; none where they cannot be fitted."""
-    try:
-        return sum(fit_voltages(rows).residual ** 2 for rows in both)
-    except ValueError:
-        return math.inf
-
-
 def _rows(samples: Sequence[Sample], delay: float) -> tuple[Rows, Rows]:
-    """Rows of both wheels, of voltages that act `delay` s late."""
+    """Rows of both wheels, of voltages that act `delay` s late.
+
+    Where that is left out it looks like inertia, 8 ms of it like a quarter of the usual one more, of which
+    the gains would be made.
+    """
     import numpy as np
 
     windows = (Windows(), Windows())

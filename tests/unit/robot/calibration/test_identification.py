@@ -6,11 +6,11 @@ import pytest
 
 from raccoon import CalibrationError, MotionTimeout, Robot, open_robot, wait
 from raccoon.control.identify import WheelVoltages
+from raccoon.core.config import RobotConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs
 from raccoon.robot.calibration.identification import Excitation, WheelFit, excite, fit_wheels, power_factors
-from raccoon.robot.parts.drive import Drive
-from raccoon.sim.effects.chain import Chain
+from raccoon.robot.parts.drive import Drive, dead_time
 from robots import CONFIG, simulated
 
 
@@ -56,13 +56,22 @@ def test_a_drive_tuned_so_takes_each_wheel_s_own_voltages() -> None:
     assert model.acceleration_voltage == pytest.approx(fits[0].voltages.acceleration)
 
 
-@pytest.mark.parametrize("latency", [0.0, 0.012])
-def test_what_acts_or_is_read_late_is_no_inertia(latency: float) -> None:
-    """Of such inertia the gains would be half as large again, and the margins not what is said of them."""
-    port = simulated(chain=Chain.firmware(), effects={"actuation.latency": {"seconds": latency}})
-    seen = seen_on(port)
-    assert seen.delay >= latency
-    for fit in fit_wheels(seen, CONFIG, SIMULATOR):
+def test_commands_that_act_as_late_as_the_loop_takes_them_to_are_no_inertia() -> None:
+    """Of such inertia the gains would be a quarter larger, and the margins not what is said of them."""
+    port = simulated(effects={"actuation.latency": {"seconds": dead_time(CONFIG)}})
+    for fit in fit_wheels(seen_on(port), CONFIG, SIMULATOR):
+        assert fit.voltages.acceleration == pytest.approx(1.8 * 0.02 / 1.08, rel=0.08)
+
+
+@pytest.mark.parametrize("port", ["emulator", "emulator-raccoon"])
+def test_the_inertia_is_found_through_either_firmware(port: str) -> None:
+    config = replace(RobotConfig(), controller=replace(RobotConfig().controller, port=port))
+    with open_robot(config, seed=1) as robot:
+        robot.run(wait(0.5))
+        seen = robot.run(excite())
+        assert robot.inputs is not None
+        fits = fit_wheels(seen, config, robot.inputs.device)
+    for fit in fits:
         assert fit.voltages.acceleration == pytest.approx(1.8 * 0.02 / 1.08, rel=0.2)
 
 
