@@ -49,7 +49,8 @@ class Rate:
         middle = (self.value + Z * Z / (2 * n)) / (1 + Z * Z / n)
         spread = math.sqrt(self.value * (1 - self.value) / n + Z * Z / (4 * n * n))
         half = Z / (1 + Z * Z / n) * spread
-        return max(0.0, middle - half), min(1.0, middle + half)
+        # Where none or all failed an end is 0 or 1 itself, and not but for rounding.
+        return middle - half if self.failed else 0.0, middle + half if self.failed < n else 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,12 @@ def test_interval(failed: int, played: int, low: float, high: float) -> None:
     assert Rate(failed, played).interval == pytest.approx((low, high), abs=1e-4)
 
 
+def test_a_program_that_always_fails_may_do_so_always() -> None:
+    for count in (1, 10, 117, 200):
+        assert Rate(0, count).interval[0] == 0.0
+        assert Rate(count, count).interval[1] == 1.0
+
+
 def test_interval_is_that_of_scipy() -> None:
     stats = pytest.importorskip("scipy.stats")
     theirs = stats.binomtest(23, 117).proportion_ci(method="wilson")
