@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from raccoon.cli.numbers import check_seed
 from raccoon.cli.outputs import check_folders
-from raccoon.core.config import REAL_CONTROLLERS, Measured, load_robot
+from raccoon.core.config import REAL_CONTROLLERS, Measured, RobotConfig, load_robot
 
 if TYPE_CHECKING:
     from raccoon.robot.calibration.identification import Excitation, WheelFit
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 PORTS = ("wombat", "wombat-raccoon", "sim")
 SIMULATED = "these are the simulated robot's values: measure again on the real one before it drives by them"
-ROOM = 0.3
-"""m ahead of the robot that its drive stays within, on any battery."""
+FRESH = 1.06
+"""Of robot.toml's battery, the fullest one: of 7.2 V where it says 6.8."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,12 +57,23 @@ def excited(args: argparse.Namespace, *, bare: bool = False) -> tuple[Excitation
         ports = {config.drive.left, config.drive.right}
         plain = {port: replace(config.motor(port), power_factor=Measured(1.0)) for port in ports}
         config = replace(config, motors={**config.motors, **plain})
-    print(f"the robot moves {ROOM} m ahead and back: put it on the floor with room in front")
+    print(f"the robot moves {room_of(config):.1f} m ahead and back: put it on the floor with room in front")
     with open_robot(config, seed=args.seed) as robot:
         robot.run(wait(1.0))
         seen = robot.run(excite())
         assert robot.inputs is not None
         return seen, fit_wheels(seen, config, robot.inputs.device)
+
+
+def room_of(config: RobotConfig) -> float:
+    """m ahead of the robot that its drive stays within, in whole decimetres: as if no friction held it."""
+    from raccoon.robot.calibration.identification import LEVEL_TIME, LEVELS
+
+    model = config.model
+    seconds = LEVEL_TIME * (sum(LEVELS) + sum(LEVELS[:-1]))  # of full power: up the levels and down again
+    volts = FRESH * model.battery.open_circuit_voltage.value
+    slowest = min(each.back_emf_constant.value for each in (model.left, model.right))
+    return math.ceil(10.0 * seconds * volts / slowest * model.drive.wheel_radius.value) / 10.0
 
 
 def show(fit: WheelFit) -> None:
@@ -125,11 +136,11 @@ def add_calibration(kinds: Any) -> None:
         "motors",
         help=text,
         description=(
-            f"Drive the robot (within {ROOM} m ahead, and back) and find the factor k of each motor, "
-            "power_factor in robot.toml, that its power is multiplied by: the faster one gets less, so that "
-            "at the same power both turn alike. It takes no recording. It is for programs that give the "
-            "power themselves, such as motors(0.8, 0.8): straight, turn and the other motions make up "
-            "for unequal motors without it."
+            "Drive the robot (within 0.3 m ahead, and back; as far as it says on larger wheels) and find the "
+            "factor k of each motor, power_factor in robot.toml, that its power is multiplied by: the faster "
+            "one gets less, so that at the same power both turn alike. It takes no recording. It is for "
+            "programs that give the power themselves, such as motors(0.8, 0.8): straight, turn and the other "
+            "motions make up for unequal motors without it."
         ),
     )
     add_arguments(parser)

@@ -1,11 +1,19 @@
 """`raccoon tune wheels` and `raccoon calibrate motors` on the simulator."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from raccoon import open_robot
 from raccoon.cli.main import main
-from raccoon.core.config import load_robot
+from raccoon.cli.motors import room_of
+from raccoon.core.config import load_robot, parse_robot
+from raccoon.core.readings import Inputs
+from raccoon.robot.calibration.identification import excite
+from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.port import SimPort
+from raccoon.sim.world.table import World
 
 ROBOT = '[controller]\nport = "sim"\n'
 
@@ -62,6 +70,28 @@ def test_values_of_the_simulated_robot_are_called_so(
     assert "the simulated robot's values" not in capsys.readouterr().out
     assert main(["calibrate", "motors", "--robot", str(robot), *words, "--write"]) == 0
     assert "the simulated robot's values" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("model", "says"),
+    [({}, 0.3), ({"drive": {"wheel_radius": 0.05}}, 0.4), ({"battery": {"open_circuit_voltage": 12.0}}, 0.5)],
+)
+def test_the_room_that_is_named_holds_the_drive_of_this_robot(model: dict[str, Any], says: float) -> None:
+    config = parse_robot({"model": model})
+    port, farthest = SimPort(Parameters.from_robot(config), World.empty(), robot=config), 0.0
+
+    def watched() -> Inputs:
+        nonlocal farthest
+        inputs = SimPort.read(port)
+        assert inputs.truth is not None
+        farthest = max(farthest, inputs.truth.x)
+        return inputs
+
+    port.read = watched  # type: ignore[method-assign]
+    with open_robot(config, port=port) as driven:
+        driven.run(excite())
+    assert room_of(config) == says
+    assert 0.6 * says < farthest < says
 
 
 def test_the_help_says_that_it_drives_and_what_for(capsys: pytest.CaptureFixture[str]) -> None:
