@@ -35,7 +35,7 @@ from raccoon.diagnose.fit.wander import slow_battery, slow_friction
 from raccoon.diagnose.fit.whitening import faint_parts, regimes_of
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Cause, neutral_settings
-from raccoon.diagnose.hypotheses.open_numbers import base_coordinates
+from raccoon.diagnose.hypotheses.open_numbers import base_coordinates, with_usual_stds
 from raccoon.diagnose.rollout.variants import Habits, PlantRollout
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import MOST_OF_EVENT
@@ -144,7 +144,11 @@ class Plan:
 
     @classmethod
     def of(cls, robot: RobotConfig, duty: Array) -> Plan:
-        """The plan of a drive: duty (n, 2) at 200 Hz."""
+        """The plan of a drive: duty (n, 2) at 200 Hz.
+
+        As in a diagnosis, what robot.toml gives without a standard deviation is not exact.
+        """
+        robot, _ = with_usual_stds(robot)
         every = {each.name: each for each in drive_causes()}
         problem = _planned(robot, duty, every)
         linear = linearise(problem, problem.nominal(), list(every))
