@@ -13,9 +13,12 @@ import pytest
 from drive_traces import RADIUS, TRACK, Errors, Segment, drive
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, parse_robot
 from raccoon.core.errors import CalibrationError
+from raccoon.core.readings import SI_WORDS
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre, TapedWay, manoeuvre
 from raccoon.estimate.drive_calibration.fit import calibrate_drive
 from raccoon.estimate.drive_calibration.paths import START, off_shape, off_truth, path
+from raccoon.estimate.drive_calibration.surprises import surprises
+from raccoon.model.bemf import counts_scale
 from shared_data import data_path
 
 LEFT_SQUARE: list[Segment] = [(3.0, 0.2, 0.0), (0.7, 0.0, 0.0), (1.0, 0.0, 1.6), (0.7, 0.0, 0.0)] * 4
@@ -125,6 +128,15 @@ def test_a_tape_that_cannot_be_or_surprises_is_told() -> None:
             taped(begin, end, metres)
     with pytest.raises(CalibrationError, match=r"taped from 100 to 200 s is not in the recording, .* from 0"):
         taped(100.0, 200.0, 0.6)
+
+
+def test_both_wheels_alike_off_are_the_tape_s_or_its_times() -> None:
+    ticks = counts_scale(ROBOT, "left", SI_WORDS) * SI_WORDS.position_counts_seconds
+    (remark,) = surprises(ROBOT, SI_WORDS, [Measured(0.7 * ticks, 0.001 * ticks)] * 2)
+    assert remark == (
+        "both motors' radians_per_tick are 0.700 times what robot.toml says: read the tape and its times "
+        "again, or the reference"
+    )
 
 
 def test_a_tape_that_outweighs_motion_capture_is_no_better_for_it() -> None:
