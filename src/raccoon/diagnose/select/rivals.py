@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ FORETOLD = 20.0
 SIMILAR = 0.45
 """Cosine from which it is truly fitted as well."""
 MOST_RIVALS = 4
+FEWEST_RIVALS = 2
+"""Most alike ones that are truly fitted however little alike they are: in a creeping drive friction that
+differs between the directions was as likely as the slope that was named, and its cosine was 0.38."""
 CLOSE = EVIDENCE_GATE
 """Log evidence that a rival may lack to be named with a cause, as a class: to be told from another a cause
 needs what it needs to be named at all. Of 17 causes of blind robots that led a rival by 3 to 12, 5 were
@@ -81,6 +85,14 @@ def compared(search: Search) -> Fit | None:
         each.sort(key=lambda rival: rival.lead)
     best = max(fits, key=lambda fit: net_lead(search, fit, settled), default=settled)
     return best if net_lead(search, best, settled) > BETTER else None
+
+
+def as_likely(search: Search, names: frozenset[str]) -> None:
+    """Let none of these outdo the cause in whose place it stands: under the noise of each set the other one
+    explains more, so neither does."""
+    for name, its in search.rivals.items():
+        even = [replace(each, lead=max(each.lead, 0.0)) if each.name in names else each for each in its]
+        search.rivals[name] = sorted(even, key=lambda rival: rival.lead)
 
 
 def _from_elsewhere(search: Search, fit: Fit) -> Iterator[Fit]:
@@ -146,16 +158,16 @@ def _exchanged(search: Search) -> Iterator[tuple[str, str, Point]]:
     """
     sets, point = Sets.of(search), search.fit.point
     for name, u in point.active.items():
-        near = {**alike(search, name, SIMILAR, MOST_RIVALS), **_losing_least(search, sets, name)}
+        near = alike(search, name, SIMILAR, MOST_RIVALS, FEWEST_RIVALS) | _losing_least(search, sets, name)
         less, whole = point.without_cause(name), name.partition("@")[0]
         if whole != name and whole in search.problem.causes and apart(whole, less.active):
             near[whole] = less.with_cause(whole, u)
         yield from ((name, rival, start) for rival, start in near.items())
 
 
-def alike(search: Search, name: str, least: float, most: int) -> dict[str, Point]:
+def alike(search: Search, name: str, least: float, most: int, fewest: int = 0) -> dict[str, Point]:
     """A cause replaced by what acts most like it, as far as that would have to be off, most alike first: by
-    the cosine of the whitened responses, which is above `least`."""
+    the cosine of the whitened responses, which is above `least` but for the `fewest` that are most alike."""
     whole, own = search.table.whole, search.table.active[name]
     less = search.fit.point.without_cause(name)
     u = search.fit.point.active[name]
@@ -168,9 +180,11 @@ def alike(search: Search, name: str, least: float, most: int) -> dict[str, Point
         matrix = whole.matrix[np.ix_(span, span)] + 1e-9 * np.eye(len(span))
         moved = np.asarray(np.linalg.solve(matrix, pull[span]), float)
         cosine = float(np.sqrt(max(pull[span] @ moved, 0.0) / size))
-        if cosine > least and not (group.one_sided and moved[0] <= 0.0):
+        if cosine > 0.0 and not (group.one_sided and moved[0] <= 0.0):
             found.append((-cosine, group, moved))
-    return _replaced(search, less, found, most)
+    found.sort(key=lambda each: each[0])
+    near = [each for number, each in enumerate(found) if number < fewest or -each[0] > least]
+    return _replaced(search, less, near, most)
 
 
 def _losing_least(search: Search, sets: Sets, name: str) -> dict[str, Point]:

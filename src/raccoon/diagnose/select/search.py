@@ -27,7 +27,7 @@ from raccoon.diagnose.select.outlook import (
 from raccoon.diagnose.select.probed import Probed, best_probe
 from raccoon.diagnose.select.refits import SEVERAL, doubtful, ranking, refit_candidates, refits_afresh
 from raccoon.diagnose.select.replacements import merged, rearranged, simplified
-from raccoon.diagnose.select.rivals import compared
+from raccoon.diagnose.select.rivals import as_likely, compared
 from raccoon.diagnose.watch import tell
 
 HELD_OUT_GATE = 2.0
@@ -251,10 +251,12 @@ def finished(search: Search) -> Search:
         search = grown(search)
     search = _stable(search)
     tell(f"asking what else may be in the place of {_listed(search)}")
-    better = compared(search)
+    better, before = compared(search), frozenset(search.fit.point.active)
     if better is not None:
         search = _stable(grown(replaced_by(search, better)))
-        compared(search)
+        again = compared(search)
+        if again is not None and before == frozenset(again.point.active):
+            as_likely(search, before)
     return _credible(search)
 
 
