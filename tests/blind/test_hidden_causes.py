@@ -184,6 +184,17 @@ def test_structural_twins_are_reported_as_a_class() -> None:
     assert any("full turns" in each for each in said.suggested_manoeuvres)
 
 
+def test_what_a_creeping_drive_does_not_tell_from_a_slope_is_said_with_it() -> None:
+    """Each of the two explains more under the noise that is left of the other."""
+    values = {"asymmetry": -0.08080025382621404, "viscous_asymmetry": 0.0}
+    plant = {"dir_coulomb": values["asymmetry"], "dir_viscous": 0.0}
+    hidden = Hidden("friction.direction_dependent", None, values, plant)
+    said = diagnose(make(198337167, [hidden], drive=manoeuvre("creep")).columns, RobotConfig())
+    (cause,) = said.causes
+    assert {cause.name, *cause.confounded_with} == {hidden.name, "drive.slope"}
+    assert cause.probability < 0.7
+
+
 def test_what_no_drive_tells_apart_is_for_the_bench() -> None:
     """Power steps were advised, after power steps as well."""
     hidden = Hidden(

@@ -34,7 +34,7 @@ from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.outlook import Rival, Search
-from raccoon.diagnose.select.rivals import CLOSE, FAR, compared
+from raccoon.diagnose.select.rivals import CLOSE, FAR, alike, as_likely, compared
 from raccoon.diagnose.unknown.probes import PREFIX, probes_for
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
@@ -61,6 +61,22 @@ def test_a_small_lag_has_a_rival_and_a_large_one_has_none(problem: Problem) -> N
         (slip,) = (each for each in tried if not each.beside)
         assert (slip.lead < CLOSE) == one
         assert ("drive.wheel_slip" in confounded(search, CAUSES["imu.latency"])) == one
+
+
+def test_what_is_most_alike_is_tried_however_little_alike_it_is(problem: Problem) -> None:
+    late = problem.nominal().with_cause("imu.latency", np.array([1.0]))
+    search = searched(problem, late, late)
+    every = list(alike(search, "imu.latency", 0.0, 9))
+    assert len(every) > 2
+    assert list(alike(search, "imu.latency", 1.0, 9, 2)) == every[:2]
+    assert list(alike(search, "imu.latency", 1.0, 9)) == []
+
+
+def test_of_two_that_outdo_each_other_neither_outdoes_the_other() -> None:
+    its = {"a": [Rival("b", -5.1), Rival("c", -2.0), Rival("d", 9.0)]}
+    search = cast("Search", SimpleNamespace(rivals=its))
+    as_likely(search, frozenset({"b"}))
+    assert search.rivals["a"] == [Rival("c", -2.0), Rival("b", 0.0), Rival("d", 9.0)]
 
 
 def test_a_rival_whose_fit_stands_still_is_fitted_from_elsewhere(
