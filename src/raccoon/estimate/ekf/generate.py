@@ -16,7 +16,7 @@ from typing import Any
 
 import sympy as sp
 
-from raccoon.estimate.ekf.state import SIZE, State
+from raccoon.estimate.ekf.state import LEAST_TURN, LEAST_VELOCITY, SIZE, State
 
 NAMES = [state.name.lower() for state in State]
 SYMBOLS = {state: sp.Symbol(state.name.lower()) for state in State}
@@ -43,6 +43,12 @@ NOISE = {
 """Variance of each scalar measurement. A wobble moves both wheels' readings by as much, one up and one down:
 their covariance is -wobble. The right wheel is taken less what the left one tells of that,
 shared = -wobble / (r_left + wobble)."""
+TELLING = {
+    State.BALANCE: {"velocity": "telling_velocity"},
+    State.WHEEL_TURN: {"wheels_turn": "telling_turn"},
+    State.GYRO_SCALE: {"turn_rate": "telling_rate"},
+}
+"""Which motion tells a scale, where it is not too slow."""
 TARGET = Path(__file__).with_name("generated.py")
 
 
@@ -130,6 +136,10 @@ def linearise_lines(sensors: Sequence[str]) -> list[str]:
     if both:
         lines += ["inverse_radius = 1.0 / radius", "shared = -wobble / (r_left + wobble)"]
         lines.append(f"wheels_turn = {code(WHEELS_TURN)}")
+        lines.append(f"telling_velocity = velocity if abs(velocity) > {LEAST_VELOCITY} else 0.0")
+        lines.append(f"telling_turn = wheels_turn if abs(turn_rate) > {LEAST_TURN} else 0.0")
+    if "gyro" in sensors:
+        lines.append(f"telling_rate = turn_rate if abs(turn_rate) > {LEAST_TURN} else 0.0")
     for sensor in sensors:
         inverse = reading(sensor)
         lines.append(f"y_{sensor} = z_{sensor} - ({code(short(inverse))})")
@@ -152,6 +162,7 @@ def short(expression: Any) -> Any:
 def slope_code(sensor: str, symbol: State) -> str:
     """Derivative of a measurement as Python; the right wheel's less what it has in common with the left."""
     slope = short(sp.diff(reading(sensor), SYMBOLS[symbol]))
+    slope = slope.subs(TELLING.get(symbol, {}))
     if sensor != "right":
         return code(slope)
     taken = f"shared * {slopes('left')[symbol]}" if slopes("left")[symbol] != "1" else "shared"

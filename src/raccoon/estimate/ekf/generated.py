@@ -246,24 +246,27 @@ def step(
     inverse_radius = 1.0 / radius
     shared = -wobble / (r_left + wobble)
     wheels_turn = gyro_delay*swing + turn_rate
+    telling_velocity = velocity if abs(velocity) > 0.02 else 0.0
+    telling_turn = wheels_turn if abs(turn_rate) > 0.1 else 0.0
+    telling_rate = turn_rate if abs(turn_rate) > 0.1 else 0.0
     y_left = (z_left - (inverse_radius*(1 - balance)*(-half_track*wheel_turn*wheels_turn + velocity) +
         left_offset))
     h_left_3 = inverse_radius*(1 - balance)
     h_left_4 = -half_track*inverse_radius*wheel_turn*(1 - balance)
-    h_left_9 = -inverse_radius*(-half_track*wheel_turn*wheels_turn + velocity)
-    h_left_10 = -half_track*inverse_radius*wheels_turn*(1 - balance)
+    h_left_9 = -inverse_radius*(-half_track*wheel_turn*wheels_turn + telling_velocity)
+    h_left_10 = -half_track*inverse_radius*telling_turn*(1 - balance)
     h_left_12 = -half_track*inverse_radius*swing*wheel_turn*(1 - balance)
     y_right = (z_right - (inverse_radius*(balance + 1)*(half_track*wheel_turn*wheels_turn + velocity) +
         right_offset))
     h_right_3 = inverse_radius*(balance + 1) - shared * h_left_3
     h_right_4 = half_track*inverse_radius*wheel_turn*(balance + 1) - shared * h_left_4
     h_right_6 = -shared
-    h_right_9 = inverse_radius*(half_track*wheel_turn*wheels_turn + velocity) - shared * h_left_9
-    h_right_10 = half_track*inverse_radius*wheels_turn*(balance + 1) - shared * h_left_10
+    h_right_9 = (inverse_radius*(half_track*wheel_turn*wheels_turn + telling_velocity) - shared * h_left_9)
+    h_right_10 = half_track*inverse_radius*telling_turn*(balance + 1) - shared * h_left_10
     h_right_12 = half_track*inverse_radius*swing*wheel_turn*(balance + 1) - shared * h_left_12
     y_gyro = z_gyro - (gyro_bias + gyro_scale*turn_rate)
     h_gyro_4 = gyro_scale
-    h_gyro_11 = turn_rate
+    h_gyro_11 = telling_rate
     y_right -= shared * y_left
     g0 = (h_left_3 * p0_3 + h_left_4 * p0_4 + p0_6 + h_left_9 * p0_9 + h_left_10 * p0_10 + h_left_12 *
         p0_12)
@@ -828,20 +831,22 @@ def step_wheels(
     inverse_radius = 1.0 / radius
     shared = -wobble / (r_left + wobble)
     wheels_turn = gyro_delay*swing + turn_rate
+    telling_velocity = velocity if abs(velocity) > 0.02 else 0.0
+    telling_turn = wheels_turn if abs(turn_rate) > 0.1 else 0.0
     y_left = (z_left - (inverse_radius*(1 - balance)*(-half_track*wheel_turn*wheels_turn + velocity) +
         left_offset))
     h_left_3 = inverse_radius*(1 - balance)
     h_left_4 = -half_track*inverse_radius*wheel_turn*(1 - balance)
-    h_left_9 = -inverse_radius*(-half_track*wheel_turn*wheels_turn + velocity)
-    h_left_10 = -half_track*inverse_radius*wheels_turn*(1 - balance)
+    h_left_9 = -inverse_radius*(-half_track*wheel_turn*wheels_turn + telling_velocity)
+    h_left_10 = -half_track*inverse_radius*telling_turn*(1 - balance)
     h_left_12 = -half_track*inverse_radius*swing*wheel_turn*(1 - balance)
     y_right = (z_right - (inverse_radius*(balance + 1)*(half_track*wheel_turn*wheels_turn + velocity) +
         right_offset))
     h_right_3 = inverse_radius*(balance + 1) - shared * h_left_3
     h_right_4 = half_track*inverse_radius*wheel_turn*(balance + 1) - shared * h_left_4
     h_right_6 = -shared
-    h_right_9 = inverse_radius*(half_track*wheel_turn*wheels_turn + velocity) - shared * h_left_9
-    h_right_10 = half_track*inverse_radius*wheels_turn*(balance + 1) - shared * h_left_10
+    h_right_9 = (inverse_radius*(half_track*wheel_turn*wheels_turn + telling_velocity) - shared * h_left_9)
+    h_right_10 = half_track*inverse_radius*telling_turn*(balance + 1) - shared * h_left_10
     h_right_12 = half_track*inverse_radius*swing*wheel_turn*(balance + 1) - shared * h_left_12
     y_right -= shared * y_left
     g0 = (h_left_3 * p0_3 + h_left_4 * p0_4 + p0_6 + h_left_9 * p0_9 + h_left_10 * p0_10 + h_left_12 *
@@ -1173,9 +1178,10 @@ def update_gyro(
         p5_10, p5_11, p5_12, p6_6, p6_7, p6_8, p6_9, p6_10, p6_11, p6_12, p7_7, p7_8, p7_9, p7_10, p7_11,
         p7_12, p8_8, p8_9, p8_10, p8_11, p8_12, p9_9, p9_10, p9_11, p9_12, p10_10, p10_11, p10_12, p11_11,
         p11_12, p12_12,) = (state)
+    telling_rate = turn_rate if abs(turn_rate) > 0.1 else 0.0
     y_gyro = z_gyro - (gyro_bias + gyro_scale*turn_rate)
     h_gyro_4 = gyro_scale
-    h_gyro_11 = turn_rate
+    h_gyro_11 = telling_rate
     g0 = h_gyro_4 * p0_4 + p0_5 + h_gyro_11 * p0_11
     g1 = h_gyro_4 * p1_4 + p1_5 + h_gyro_11 * p1_11
     g2 = h_gyro_4 * p2_4 + p2_5 + h_gyro_11 * p2_11

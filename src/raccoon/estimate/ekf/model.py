@@ -21,7 +21,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.estimate.ekf.state import SIZE, State
+from raccoon.estimate.ekf.state import LEAST_TURN, LEAST_VELOCITY, SIZE, State
 from raccoon.model.drive import DriveGeometry
 
 Array = NDArray[np.float64]
@@ -69,20 +69,26 @@ def readings(state: Array, geometry: DriveGeometry, swing: float = 0.0) -> Array
 
 
 def readings_jacobian(state: Array, geometry: DriveGeometry, swing: float = 0.0) -> Array:
-    """Derivative of `readings` by the state, (3, 13). swing: rad/s2, how fast the turn rate changes."""
+    """Derivative of `readings` by the state, (3, 13). swing: rad/s2, how fast the turn rate changes.
+
+    A velocity up to LEAST_VELOCITY tells nothing of BALANCE, a turn up to LEAST_TURN nothing of WHEEL_TURN
+    and GYRO_SCALE: there these slopes are 0.
+    """
     H = np.zeros((3, SIZE))
     half, radius = 0.5 * geometry.track_width, geometry.wheel_radius
-    velocity, wheel_turn = state[State.VELOCITY], state[State.WHEEL_TURN]
+    wheel_turn = state[State.WHEEL_TURN]
     turn_rate = state[State.TURN_RATE] + state[State.GYRO_DELAY] * swing
+    velocity = state[State.VELOCITY] * (abs(state[State.VELOCITY]) > LEAST_VELOCITY)
+    tells = abs(state[State.TURN_RATE]) > LEAST_TURN
     for row, (sign, offset) in enumerate(((-1.0, State.LEFT_OFFSET), (1.0, State.RIGHT_OFFSET))):
         share = (1.0 + sign * state[State.BALANCE]) / radius
         H[row, State.VELOCITY] = share
         H[row, State.TURN_RATE] = sign * share * half * wheel_turn
         H[row, State.GYRO_DELAY] = sign * share * half * wheel_turn * swing
-        H[row, State.WHEEL_TURN] = sign * share * half * turn_rate
+        H[row, State.WHEEL_TURN] = sign * share * half * turn_rate * tells
         H[row, State.BALANCE] = sign * (velocity + sign * half * wheel_turn * turn_rate) / radius
         H[row, offset] = 1.0
     H[2, State.TURN_RATE] = state[State.GYRO_SCALE]
-    H[2, State.GYRO_SCALE] = state[State.TURN_RATE]
+    H[2, State.GYRO_SCALE] = state[State.TURN_RATE] * tells
     H[2, State.GYRO_BIAS] = 1.0
     return H
