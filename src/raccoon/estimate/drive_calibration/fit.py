@@ -93,11 +93,24 @@ class DriveCalibration:
 def calibrate_drive(
     robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: Device = SI_WORDS
 ) -> DriveCalibration:
-    """Fit the drive to one or more recordings.
+    """Fit the drive of this robot to one or more recordings.
+
+    Raises CalibrationError as `fitted_drive`, and where a value is not to be believed of this robot.
+    """
+    found = fitted_drive(robot, manoeuvres, device=device)
+    for side, value in (("left", found.left), ("right", found.right)):
+        check_believed(robot, side, device, value, "the tape and its times, the reference")
+    return replace(found, remarks=surprises(robot, device, (found.left, found.right)))
+
+
+def fitted_drive(
+    robot: RobotConfig, manoeuvres: Sequence[Manoeuvre], *, device: Device = SI_WORDS
+) -> DriveCalibration:
+    """The same of a robot that may be another one than robot.toml's.
 
     Raises CalibrationError where the recordings cannot tell: one turning direction only, no length by tape
-    or motion capture, no turn by gyro or motion capture, a value that stays undetermined or is not to be
-    believed. It says which manoeuvre would do.
+    or motion capture, no turn by gyro or motion capture, or a value that stays undetermined. It says which
+    manoeuvre would do.
     """
     if not manoeuvres:
         raise CalibrationError("no recording was given")
@@ -117,10 +130,7 @@ def calibrate_drive(
             )
     voltages = [each.battery_voltage for each in manoeuvres if each.battery_voltage is not None]
     voltage = float(np.mean(voltages)) if voltages else None
-    found = _result(robot, device, manoeuvres, factors, deviations, voltage, (before, after))
-    for side, value in (("left", found.left), ("right", found.right)):
-        check_believed(robot, side, device, value, "the tape and its times, the reference")
-    return replace(found, remarks=surprises(robot, device, (found.left, found.right)))
+    return _result(robot, device, manoeuvres, factors, deviations, voltage, (before, after))
 
 
 def _result(

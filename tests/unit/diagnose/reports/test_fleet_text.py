@@ -107,7 +107,7 @@ def test_a_recording_that_cannot_tell_says_why(drive: Diagnosis) -> None:
     text = fleet_report(fleet_of(fleet))
     assert "drive: adequate: -\n" in text
     assert "still: not_identifiable: the commands never change" in text
-    assert "less: not_identifiable: motor.0.duty, motor.1.duty, truth.x is missing" in text
+    assert "less: not_identifiable: motor.0.duty, motor.1.duty, truth.x are missing" in text
     assert "lost: unknown: something that depends on time" in text
 
 

@@ -39,7 +39,7 @@ from raccoon.diagnose.result import (
     Verdict,
 )
 from raccoon.estimate.drive_calibration.columns import Manoeuvre, manoeuvre
-from raccoon.estimate.drive_calibration.fit import calibrate_drive
+from raccoon.estimate.drive_calibration.fit import fitted_drive
 from raccoon.estimate.drive_calibration.paths import off_truth
 from raccoon.sim.effects.parameters import Parameters
 
@@ -81,7 +81,7 @@ def diagnose_geometry(
     fitted, unseen = _shared([each for each, _ in ready], [each for each, _ in others])
     faults = tuple(fault for _, each in ready for fault in each)
     try:
-        found = calibrate_drive(robot, fitted, device=device)
+        found = fitted_drive(robot, fitted, device=device)
     except CalibrationError as error:
         return replace(_cannot_tell(str(error), fitted, robot, begin), sensor_faults=faults)
     radius, track = robot.model.drive.wheel_radius.value, robot.model.drive.track_width.value
