@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from raccoon.diagnose.hypotheses.coordinates import Cause
 from raccoon.diagnose.hypotheses.runs import DIFFERS
-from raccoon.diagnose.result import Diagnosis, Rejected, Verdict
+from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, Verdict
 
 LONG_PART = 12.0
 """S without a gap in which causes can be told apart."""
@@ -16,6 +16,8 @@ OVER_WAYS = ("drive.wheel_eccentricity", "drive.slope")
 UNKNOWN_OVER_WAYS = ("wheel angle", "position", "heading")
 """Effects, and what unknown ones may depend on, that need the wheels' angles or the robot's place. With a gap
 of 1 s in 40 an eccentric wheel became another K_E, track width and inertia beside itself."""
+LIKE_A_SLOPE = "friction.direction_dependent"
+"""What a table that is not level is, to drives that begin in the same direction on it."""
 OF_EACH = tuple(id_ for id_, _, _ in DIFFERS)
 """What each recording has of its own, and is no cause of several."""
 ADDS_UP = "the gaps lose where the wheels and the robot point, on which something here depends"
@@ -54,7 +56,14 @@ def of_several(found: Diagnosis) -> Diagnosis:
         return _not_judged(found, f"not judged: something depends on the way that was driven, and {BEGUN}")
     rejected = [Rejected(each, f"not identifiable: {BEGUN}") for each in OVER_WAYS]
     rejected += [Rejected(each, "not judged: each of several recordings has its own") for each in OF_EACH]
-    return replace(found, rejected=(*found.rejected, *rejected))
+    causes = tuple(_or_a_slope(each) if each.id == LIKE_A_SLOPE else each for each in found.causes)
+    return replace(found, causes=causes, rejected=(*found.rejected, *rejected))
+
+
+def _or_a_slope(cause: CauseResult) -> CauseResult:
+    """Named with the slope, as likely, that several recordings are not asked for."""
+    others = tuple(each for each in cause.confounded_with if each != "drive.slope")
+    return replace(cause, confounded_with=(*others, "drive.slope"), probability=min(cause.probability, 0.5))
 
 
 def _not_judged(found: Diagnosis, reason: str) -> Diagnosis:

@@ -1,4 +1,4 @@
-"""Recordings that do not share a battery: what is said of them, and when it is asked for."""
+"""Recordings that are fitted together: batteries that they do not share, and what they are not asked for."""
 
 from dataclasses import replace
 
@@ -15,6 +15,7 @@ from raccoon.diagnose.findings.batteries import (
     may_differ,
     without_shared,
 )
+from raccoon.diagnose.findings.over_ways import of_several
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.runs import (
@@ -87,3 +88,12 @@ def test_an_own_resistance_is_never_below_none() -> None:
         assert 0.05 + each.value(each.high) > 0.3
         assert each.value(0.0) == 0.0
     assert not any(each.name.startswith(RESISTANCE[0]) for each in run_coordinates(2))
+
+
+def test_friction_of_a_direction_may_be_a_slope_that_several_are_not_asked_for() -> None:
+    of_direction = replace(
+        of_resistance(), id="friction.direction_dependent", confounded_with=("bemf.offset",)
+    )
+    said = of_several(found(Verdict.EXPLAINED, of_direction, of_resistance()))
+    assert said.causes[0].confounded_with == ("bemf.offset", "drive.slope")
+    assert (said.causes[0].probability, said.causes[1]) == (0.5, of_resistance())
