@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,9 +61,7 @@ class Recording:
         if "t" not in self.columns:
             raise TraceError(f"there is no column t; there are {_listed(self.columns)}")
         self.columns = {name: np.asarray(column, np.float64) for name, column in self.columns.items()}
-        for name, column in self.columns.items():
-            if column.shape != (len(self),):
-                raise TraceError(f"column {name} has shape {column.shape}: it must be ({len(self)},) as t")
+        check_lengths(self.columns)
         _check_time(self.columns["t"])
         if EVENT in self.columns:  # of a program that counts its events; no form has two things of one name
             numbers = self.columns.pop(EVENT)
@@ -113,6 +111,14 @@ class Recording:
         columns = {name: column[start:stop] for name, column in self.columns.items()}
         events = [Event(each.tick - start, each.text) for each in self.events if start <= each.tick < stop]
         return Recording(columns, events, self.device, list(self.problems))
+
+
+def check_lengths(columns: Mapping[str, Column]) -> None:
+    """Raise TraceError naming a column that is not as long as t."""
+    rows = len(columns["t"])
+    for name, each in columns.items():
+        if np.shape(each) != (rows,):
+            raise TraceError(f"column {name} has shape {np.shape(each)}: it must be ({rows},) as t")
 
 
 def ports_in(names: Iterable[str], kind: str, channel: str | None = None) -> list[int]:

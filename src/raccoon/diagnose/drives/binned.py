@@ -22,6 +22,14 @@ def bin_means(place: NDArray[np.intp], values: Array, count: int) -> Array:
     return np.where(sizes > 0, sums / np.maximum(sizes, 1), np.nan)
 
 
+def low_passed(values: Array, step: float, seconds: float) -> Array:
+    """Samples, each `step` s after the last, behind a filter of this time constant, s, that begins at 0."""
+    from scipy.signal import lfilter
+
+    keep = float(np.exp(-step / seconds))
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
+
+
 def placed(at: Array, time: Array) -> NDArray[np.intp]:
     """The bin that each sample at these times, s, falls into. time: the starts of the bins, s."""
     return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 1)

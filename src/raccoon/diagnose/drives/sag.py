@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.diagnose.drives.binned import bin_means, runs
+from raccoon.diagnose.drives.binned import bin_means, low_passed, runs
 from raccoon.diagnose.drives.log import SETTLED, SHORTEST_SECONDS, Load, Log
 from raccoon.trace.recording import usual_step
 
@@ -156,11 +156,10 @@ def _means(time: Array, values: Array) -> Array:
 def _columns(time: Array, duty: Array, speeds: list[Array], seconds: float) -> Array:
     """(bins, 9), each of size 1: a constant; d^2, d w and d dw/dt of each wheel behind a filter of that time
     constant; charge; recovery."""
-    from scipy.signal import lfilter
+    step = usual_step(time)
 
     def behind(values: Array, constant: float) -> Array:
-        keep = float(np.exp(-usual_step(time) / constant))
-        return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
+        return low_passed(values, step, constant)
 
     drawn, made = np.zeros(len(time)), []
     for index, speed in enumerate(speeds):

@@ -16,7 +16,7 @@ from raccoon.diagnose.drives.unseen import are_missing
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
 from raccoon.diagnose.recordings.fillers import without_fillers
-from raccoon.diagnose.recordings.motor_units import check_volts, speed_cut_off, unlike
+from raccoon.diagnose.recordings.motor_units import BATTERY, check_volts, speed_cut_off, unlike
 from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 from raccoon.trace.recording import ports_in
@@ -24,7 +24,6 @@ from raccoon.trace.recording import ports_in
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-BATTERY = "battery.voltage"
 DEAD_AMPS = 0.01
 """A driven motor that never draws more has no working current sensor."""
 MOST_AMPS = 100.0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.length import bounded
 from raccoon.diagnose.recordings.repeated import without_held, without_repeated
+from raccoon.trace.recording import check_lengths
 
 Columns = Mapping[str, NDArray[np.float64]]
 
@@ -21,10 +22,7 @@ def check_rows(columns: Columns) -> None:
     """Raise TraceError for a recording without samples, and where a column is not as long as t."""
     if "t" not in columns or len(columns["t"]) == 0:
         raise TraceError("the recording is empty: it has no samples with a time t")
-    rows = np.shape(columns["t"])
-    for name, each in columns.items():
-        if np.shape(each) != rows:
-            raise TraceError(f"column {name} has shape {np.shape(each)}: it must be {rows} as t")
+    check_lengths(columns)
 
 
 def rows_of(columns: Columns, kind: str) -> tuple[Columns, tuple[str, ...]]:

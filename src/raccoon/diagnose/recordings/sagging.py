@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
-from raccoon.diagnose.drives.binned import bin_means
+from raccoon.diagnose.drives.binned import bin_means, low_passed
 from raccoon.diagnose.recordings.fillers import until_next
 from raccoon.diagnose.result import SensorFault
 from raccoon.trace.recording import usual_step
@@ -81,7 +81,7 @@ def sag_of(columns: Columns, robot: RobotConfig) -> Sag | None:
     count = int(place[-1]) + 1
     voltage = bin_means(place, reading, count)
     charge = bin_means(place, np.cumsum(np.abs(done[0])) * step, count)
-    behind = [_behind(each, float(np.exp(-step / seconds))) for each in done for seconds in FILTERS]
+    behind = [low_passed(each, step, seconds) for each in done for seconds in FILTERS]
     table = np.column_stack([np.ones(count), charge, *(bin_means(place, each, count) for each in behind)])
     known = np.flatnonzero(np.isfinite(voltage) & np.isfinite(table).all(axis=1))
     if len(known) < FEWEST:
@@ -132,9 +132,3 @@ def _done(columns: Columns, robot: RobotConfig) -> Array | None:
         drawn = command * (command * full - made) / motor.armature_resistance.value
         total += [drawn, np.abs(command), made**2, np.abs(np.gradient(made, time))]
     return total
-
-
-def _behind(values: Array, keep: float) -> Array:
-    from scipy.signal import lfilter
-
-    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], values), float)
