@@ -18,6 +18,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -392,9 +393,11 @@ def times(_: int) -> None:
     from raccoon.core.readings import SIMULATOR
     from raccoon.estimate.drive.prior import prior, process_noise
     from raccoon.estimate.ekf.filter import DriveFilter
-    from raccoon.estimate.ekf.reference import ReferenceFilter
     from raccoon.estimate.ekf.state import SIZE, OdometrySettings
     from raccoon.model.drive import DriveGeometry
+
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+    from reference_filter import ReferenceFilter
 
     settings, robot = OdometrySettings(), RobotConfig()
     geometry = DriveGeometry.from_robot(robot)

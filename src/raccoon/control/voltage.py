@@ -72,14 +72,14 @@ class SpeedBudget:
     internal_resistance: float = 0.05
     reserve: float = 0.05
 
-    def top_wheel_speed(self, wheel: WheelModel, acceleration: float = 0.0, motors: int = 2) -> float:
-        """Rad/s that `wheel` reaches while it still gains `acceleration` rad/s2, with `motors` alike pulling.
+    def top_wheel_speed(self, wheel: WheelModel, acceleration: float = 0.0) -> float:
+        """Rad/s that `wheel` reaches while it still gains `acceleration` rad/s2, and another one like it.
 
-        At the motor: U = (weakest - motors R_i I) (1 - reserve), and U = K_E w + R I with
+        At the motor: U = (weakest - 2 R_i I) (1 - reserve), and U = K_E w + R I with
         I = (J a + b w + T_c) / K_E. Solved for w; 0 where it cannot move at all.
         """
         share = 1.0 - self.reserve
-        constant, drop = wheel.back_emf_constant, self.internal_resistance * motors * share
+        constant, drop = wheel.back_emf_constant, 2.0 * self.internal_resistance * share
         held = (wheel.inertia * abs(acceleration) + wheel.coulomb) / constant
         slope = constant + (wheel.resistance + drop) * wheel.viscous / constant
         return max(0.0, (self.weakest * share - (wheel.resistance + drop) * held) / slope)

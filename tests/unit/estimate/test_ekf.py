@@ -7,9 +7,9 @@ import pytest
 from raccoon.estimate.ekf import generate as generate_ekf
 from raccoon.estimate.ekf import model as drive_model
 from raccoon.estimate.ekf.filter import DriveFilter, ProcessNoise, covariance_of, mean_of, variance_index
-from raccoon.estimate.ekf.reference import ReferenceFilter
 from raccoon.estimate.ekf.state import SIZE, State
 from raccoon.model.drive import DriveGeometry
+from reference_filter import ReferenceFilter
 
 GEOMETRY = DriveGeometry(0.0345, 0.16)
 NOISE = ProcessNoise(0.09, 4.0, 1e-10, 1e-8, 1e-7)

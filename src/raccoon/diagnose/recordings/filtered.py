@@ -16,35 +16,36 @@ and one of about 5 ms are between it and the time constant of the simulated filt
 KNOWN_LAG_STD = 0.0005
 """The same where it is known which samples a median saw: what a filter by 4.3 or 5.5 ms differs from one by
 5, and what the rate of the firmware's loop may be off."""
+CYCLE = 0.005
+"""S between two back-EMF samples of the simulated controller."""
 SHORTEST = 0.001
 """S, a filter of less does nothing in a simulation of steps of 1 ms."""
 
 
-def with_lag_of(device: Device, robot: RobotConfig, cycle: float = 0.005) -> RobotConfig:
+def with_lag_of(device: Device, robot: RobotConfig) -> RobotConfig:
     """The robot with the device's filter as its prior, where its own is only the default.
 
-    device: of the recording. cycle: s between two back-EMF samples of the simulated controller. A controller
-    that filters more or less than usual is no defect of the robot, and must not be named as one. Nothing
-    changes where the device does not know its lag, where robot.toml gives a filter, and where the device's
-    lag is that of robot.toml (a recording of the simulator).
+    device: of the recording. A controller that filters more or less than usual is no defect of the robot, and
+    must not be named as one. Nothing changes where the device does not know its lag, where robot.toml gives a
+    filter, and where the device's lag is that of robot.toml (a recording of the simulator).
     """
     own, lag = robot.model.bemf.filter_time_constant, device.bemf_lag
     if lag is None or own != BemfModel().filter_time_constant:
         return robot
-    if abs(lag - counter_lag(own.value, cycle)) < 1e-6:
+    if abs(lag - counter_lag(own.value, CYCLE)) < 1e-6:
         return robot
     firmware = firmware_of(device)
     if firmware is None or not firmware.wombat:
         value = max(lag, SHORTEST)
         told = replace(own, value=value, std=min(LAG_STD, 0.25 * value))
     else:
-        value = _time_constant(lag - cycle * firmware.chain.median, cycle)
+        value = _time_constant(lag - CYCLE * firmware.chain.median)
         told = replace(own, value=value, std=KNOWN_LAG_STD)
     return replace(
         robot, model=replace(robot.model, bemf=replace(robot.model.bemf, filter_time_constant=told))
     )
 
 
-def _time_constant(lag: float, cycle: float) -> float:
-    """s of the filter by samples of that cycle whose sums are behind by so many s; see `counter_lag`."""
-    return cycle / math.log1p(cycle / lag)
+def _time_constant(lag: float) -> float:
+    """s of the filter whose sums are behind by so many s; see `counter_lag`."""
+    return CYCLE / math.log1p(CYCLE / lag)

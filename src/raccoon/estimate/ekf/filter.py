@@ -3,8 +3,7 @@
 `DriveFilter` holds a `filterpy.kalman.ExtendedKalmanFilter`. What comes every cycle (predict, wheels,
 gyro, standing still) runs in `ekf.generated`, which does filterpy's arithmetic without its arrays; what
 comes now and then (a wall, a line, a known pose, a taped distance) goes through filterpy itself, with the
-full covariance and its Joseph form. `ekf.reference` does everything with stock filterpy: what the
-generated code is held to.
+full covariance and its Joseph form. A test holds the generated code to stock filterpy throughout.
 """
 
 from __future__ import annotations

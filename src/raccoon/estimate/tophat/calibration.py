@@ -117,16 +117,15 @@ def normal_tail(z: float) -> float:
     return 0.5 * math.erfc(z / math.sqrt(2.0))
 
 
-def best_threshold(white: Surface, black: Surface, prior_black: float = 0.5) -> float:
+def best_threshold(white: Surface, black: Surface) -> float:
     """Counts of the least expected error between two normal densities, always between the means.
 
-    Where the weighted densities cross: a quadratic in the reading. With equal spreads it is the middle, moved
-    by sd^2 / gap * log(prior_white / prior_black).
+    Where the densities cross: a quadratic in the reading. With equal spreads it is the middle.
     """
     a = 1.0 / white.sd**2 - 1.0 / black.sd**2
     b = 2.0 * (black.mean / black.sd**2 - white.mean / white.sd**2)
     c = white.mean**2 / white.sd**2 - black.mean**2 / black.sd**2
-    c += 2.0 * math.log(black.sd / white.sd * (1.0 - prior_black) / prior_black) * -1.0
+    c -= 2.0 * math.log(black.sd / white.sd)
     gap = black.mean - white.mean
     balanced = white.mean + gap * white.sd / (white.sd + black.sd)
     if abs(a) * gap < 1e-9 * abs(b):
@@ -156,15 +155,10 @@ def half_covered(white: Surface, black: Surface) -> float | None:
 
 
 def believed(
-    verdict: Verdict,
-    reason: str,
-    white: Surface,
-    black: Surface,
-    share_black: float,
-    prior_black: float = 0.5,
+    verdict: Verdict, reason: str, white: Surface, black: Surface, share_black: float
 ) -> TophatCalibration:
     """The calibration of two surfaces in which one believes: threshold, band and expected error follow."""
-    threshold = half_covered(white, black) or best_threshold(white, black, prior_black)
+    threshold = half_covered(white, black) or best_threshold(white, black)
     # The band holds what noise does at the threshold, but leaves 60 % of the way to each mean outside of it.
     low = max(threshold - 1.5 * white.sd, white.mean + 0.6 * (threshold - white.mean))
     high = min(threshold + 1.5 * black.sd, black.mean - 0.6 * (black.mean - threshold))
@@ -180,5 +174,5 @@ def believed(
         high=high,
         separation=(black.mean - white.mean) / (white.sd + black.sd),
         share_black=share_black,
-        error_rate=prior_black * missed + (1.0 - prior_black) * false,
+        error_rate=0.5 * missed + 0.5 * false,
     )

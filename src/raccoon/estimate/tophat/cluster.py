@@ -47,12 +47,12 @@ SOME_EVIDENCE, EVIDENCE = (
 # "positive" gives a weak verdict, "very strong" a sure one (Kass and Raftery 1995, Bayes factors)
 
 
-def calibrate(samples: ArrayLike, *, prior_black: float = 0.5) -> TophatCalibration:
+def calibrate(samples: ArrayLike) -> TophatCalibration:
     """Find white and black in the readings of a drive.
 
     samples: counts 0..4095, shape (n,), in order of time where there is one: edges, spikes and drift are then
-    told from surfaces. prior_black: how often black is at run time, for the threshold of the least expected
-    error; it is not the share in the samples, since a line is rarely driven over but always meant.
+    told from surfaces. The threshold takes black to be as likely as white, whatever the share in the samples:
+    a line is rarely driven over but always meant.
 
     Raises ConfigError for anything that is not 1-D finite numbers in 0..4095.
     """
@@ -61,31 +61,31 @@ def calibrate(samples: ArrayLike, *, prior_black: float = 0.5) -> TophatCalibrat
     if refused is not None:
         return refused
     if alternates(counts):
-        found = _found(demodulated(counts), prior_black)
+        found = _found(demodulated(counts))
         return replace(found, flickers=True, reason=f"{found.reason}; the light flickers")
-    return _found(counts, prior_black)
+    return _found(counts)
 
 
-def _found(counts: Array, prior_black: float) -> TophatCalibration:
+def _found(counts: Array) -> TophatCalibration:
     """The calibration on readings that are worth a search."""
     calm = settled(counts) & ~spikes(counts)
     found = clusters(counts[calm])
-    judged = _in_order(counts, found, prior_black) or _against_trend(counts, calm, prior_black)
+    judged = _in_order(counts, found) or _against_trend(counts, calm)
     if judged is not None:
         return judged
     if calm.mean() < NEARLY_ALL:
         found = clusters(counts)
-    return _in_no_order(counts, found, prior_black)
+    return _in_no_order(counts, found)
 
 
-def _in_order(counts: Array, found: Clusters, prior_black: float) -> TophatCalibration | None:
+def _in_order(counts: Array, found: Clusters) -> TophatCalibration | None:
     """The calibration, where the darker readings come in rows with edges as short as a line's."""
     if len(found.surfaces) < 2:
         return None
     white, black = _two_sides(found.surfaces)
     if not in_runs(counts, _middle(white, black)) or not changes_quickly(counts, white.mean, black.mean):
         return None
-    return _judged(_at_least_few(white, counts, -1.0), _at_least_few(black, counts, 1.0), prior_black)
+    return _judged(_at_least_few(white, counts, -1.0), _at_least_few(black, counts, 1.0))
 
 
 def _at_least_few(surface: Surface, counts: Array, outward: float) -> Surface:
@@ -99,7 +99,7 @@ def _at_least_few(surface: Surface, counts: Array, outward: float) -> Surface:
     return Surface(float(near.mean()), max(float(near.std()), surface.sd), len(near))
 
 
-def _against_trend(counts: Array, calm: NDArray[np.bool_], prior_black: float) -> TophatCalibration | None:
+def _against_trend(counts: Array, calm: NDArray[np.bool_]) -> TophatCalibration | None:
     """The same for readings whose floor drifts, at the level where the drive ended."""
     slow, known = trend(counts)
     drift = float(np.ptp(slow))
@@ -107,7 +107,7 @@ def _against_trend(counts: Array, calm: NDArray[np.bool_], prior_black: float) -
         return None
     level = float(slow[-1])
     flat = (counts - slow + level)[known]
-    judged = _in_order(flat, clusters(flat[calm[known]]), prior_black)
+    judged = _in_order(flat, clusters(flat[calm[known]]))
     if judged is None or judged.separation < FAR_APART or judged.white is None or judged.black is None:
         return None
     told = f"{judged.reason}; the light drifted by {drift:.0f} counts, the threshold holds for the end"
@@ -115,7 +115,7 @@ def _against_trend(counts: Array, calm: NDArray[np.bool_], prior_black: float) -
     return replace(judged, verdict=judged.verdict if lasting else Verdict.WEAK, reason=told)
 
 
-def _in_no_order(counts: Array, found: Clusters, prior_black: float) -> TophatCalibration:
+def _in_no_order(counts: Array, found: Clusters) -> TophatCalibration:
     """The calibration of a shuffled sample, or of one surface. Readings in rows had their chance before."""
     evidence = found.evidence
     if evidence < SOME_EVIDENCE:
@@ -128,7 +128,7 @@ def _in_no_order(counts: Array, found: Clusters, prior_black: float) -> TophatCa
         )
     dark = counts > middle
     alone = runs(dark) == np.count_nonzero(dark)
-    judged = _judged(white, black, prior_black)
+    judged = _judged(white, black)
     if judged.verdict is not Verdict.OK:
         return judged
     if alone and judged.share_black < RARE:
@@ -144,7 +144,7 @@ def _middle(white: Surface, black: Surface) -> float:
     return white.mean + (black.mean - white.mean) * white.sd / (white.sd + black.sd)
 
 
-def calibrate_two_phase(floor: ArrayLike, line: ArrayLike, *, prior_black: float = 0.5) -> TophatCalibration:
+def calibrate_two_phase(floor: ArrayLike, line: ArrayLike) -> TophatCalibration:
     """The same from two collections: the robot stood or drove on white first, then on black.
 
     Raises ConfigError as `calibrate` does.
@@ -162,7 +162,7 @@ def calibrate_two_phase(floor: ArrayLike, line: ArrayLike, *, prior_black: float
             f"floor {white.mean:.0f} and line {black.mean:.0f} counts do not stand apart",
             white=white,
         )
-    return _judged(white, black, prior_black)
+    return _judged(white, black)
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +196,7 @@ def clusters(counts: Array) -> Clusters:
     return Clusters(merged if len(merged) > 1 else [_surface(counts)], ordered, mixture.bic)
 
 
-def _judged(white: Surface, black: Surface, prior_black: float) -> TophatCalibration:
+def _judged(white: Surface, black: Surface) -> TophatCalibration:
     rarer = min(white.count, black.count)
     share = black.count / (white.count + black.count)
     separation = _separation(white, black)
@@ -212,7 +212,7 @@ def _judged(white: Surface, black: Surface, prior_black: float) -> TophatCalibra
     elif white.mean <= ANALOG_BOTTOM:
         reason = f"white reads {white.mean:.0f}, the converter's bottom: a change of the light is seen late"
         verdict = Verdict.WEAK
-    return believed(verdict, reason, _shrunk(white, black), _shrunk(black, white), share, prior_black)
+    return believed(verdict, reason, _shrunk(white, black), _shrunk(black, white), share)
 
 
 def _nothing(counts: Array) -> TophatCalibration:

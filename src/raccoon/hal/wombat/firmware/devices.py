@@ -4,8 +4,8 @@ This is the one place where the two firmwares' signs and scales are made alike; 
 
 **Motor polarity.** On the same socket a positive command turns the shaft one way under the stock firmware
 (D0 high, back-EMF = H - L) and the other way under RaccoonOS (D1 high, back-EMF = L - H). The stock direction
-is the reference: duties, back-EMF and positions are multiplied by `STOCK_POLARITY` or `RACCOON_POLARITY` on
-their way through the codec, so that the same robot.toml drives the same way on both.
+is the reference: duties, back-EMF and positions of RaccoonOS are multiplied by `RACCOON_POLARITY` on their
+way through the codec, so that the same robot.toml drives the same way on both.
 
 **IMU axes.** The chip is mounted with z down: lying flat the stock registers read -1 g on z. Up is therefore
 -z for both the accelerometer and the gyroscope. Forward is the chip's y and left its x: RaccoonOS takes its
@@ -43,7 +43,6 @@ from raccoon.core.readings import (
     Device,
 )
 
-STOCK_POLARITY = 1
 RACCOON_POLARITY = -1
 
 STOCK_COUNTS_PER_TICK = 250

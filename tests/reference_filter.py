@@ -1,5 +1,5 @@
 """The drive filter with stock filterpy throughout: the reference that the generated code must equal, and
-the clock it is measured against. Tests and benchmarks use it; the robot uses `ekf.DriveFilter`."""
+the clock it is measured against."""
 
 from __future__ import annotations
 
