@@ -150,7 +150,7 @@ def _check_numba(paths: Sequence[Path], robot_toml: Path | None) -> None:
     from raccoon.cli.slow import check_compiled, remark_slow
     from raccoon.core.config import RobotConfig, load_robot
     from raccoon.core.errors import RaccoonError
-    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.diagnose.recordings.kind import Kind, kind_of
     from raccoon.sim.plant.compiled import has_numba
     from raccoon.trace.loading import load_run
 

@@ -48,7 +48,8 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
     from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, usable
-    from raccoon.diagnose.recordings.kinds import NO_MODEL, Kind, kind_of
+    from raccoon.diagnose.recordings.kind import Kind, kind_of
+    from raccoon.diagnose.recordings.kinds import NO_MODEL
     from raccoon.trace.loading import load_run
 
     if args.truth_free:
@@ -91,7 +92,7 @@ def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Colu
     from raccoon.core.errors import CalibrationError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import usable
     from raccoon.diagnose.recordings.judged_on import not_judged_on
-    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.diagnose.recordings.kind import Kind, kind_of
     from raccoon.trace.loading import load_run
 
     other = load_run(path).recording

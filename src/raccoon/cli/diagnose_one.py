@@ -149,7 +149,7 @@ def robot_of(run: Run, named: Path | None) -> Whose:
     Raises ConfigError, and TraceError for a recording without samples.
     """
     from raccoon.core.config import load_robot
-    from raccoon.diagnose.recordings.kinds import Kind, kind_of
+    from raccoon.diagnose.recordings.kind import Kind, kind_of
     from raccoon.trace.loading import robot_near
 
     if named is not None:

@@ -8,24 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.kind import Kind
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-KINDS: Mapping[str, str] = {
-    "drive": "a drive with its commands",
-    "motors": "single motors",
-    "step": "one motor under one power",
-    "geometry": "wheels and a reference without commands",
-    "tophats": "tophats alone",
-    "nothing": "neither commands nor a reference",
+KINDS: Mapping[Kind, str] = {
+    Kind.DRIVE: "a drive with its commands",
+    Kind.MOTORS: "single motors",
+    Kind.STEP: "one motor under one power",
+    Kind.GEOMETRY: "wheels and a reference without commands",
+    Kind.TOPHATS: "tophats alone",
+    Kind.NOTHING: "neither commands nor a reference",
 }
-ON_OTHERS = ("drive", "motors", "geometry")
+ON_OTHERS = (Kind.DRIVE, Kind.MOTORS, Kind.GEOMETRY)
 """Kinds that are judged on another recording; the others on their own last part, or not at all."""
 SAME = 0.5
 """Share of a recording's samples that are in another one as well, from which the two are one."""
 
 
-def not_judged_on(columns: Columns, holdout: Columns, kind: str, other: str) -> str:
+def not_judged_on(columns: Columns, holdout: Columns, kind: Kind, other: Kind) -> str:
     """Why the other recording is of no use to this kind, as a note; "" where it is.
 
     Raises TraceError for one of another kind, and for one that holds the same samples.

@@ -1,11 +1,10 @@
-"""What kind of recording is it, and the diagnosis that fits it."""
+"""The diagnosis that fits the kind of a recording."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,8 @@ from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.implausible import with_doubts
 from raccoon.diagnose.recordings.judged_on import not_judged_on
-from raccoon.diagnose.recordings.motors import diagnose_motors, motor_ports
+from raccoon.diagnose.recordings.kind import Kind, kind_of
+from raccoon.diagnose.recordings.motors import diagnose_motors
 from raccoon.diagnose.recordings.named import Named, named
 from raccoon.diagnose.recordings.outranked import outranked
 from raccoon.diagnose.recordings.partial import (
@@ -40,7 +40,7 @@ from raccoon.diagnose.recordings.problems import said_once
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.recordings.repeated import without_repeated
-from raccoon.diagnose.recordings.rows import check_rows, rows_of, rows_of_others
+from raccoon.diagnose.recordings.rows import rows_of, rows_of_others
 from raccoon.diagnose.recordings.steps import diagnose_step, step_port
 from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
@@ -51,70 +51,13 @@ from raccoon.sim.effects.parameters import Parameters
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-SHORT_DRIVE = 2.0
 _WITH_MORE = {
     Verdict.ADEQUATE: Verdict.EXPLAINED,
     Verdict.UNKNOWN: Verdict.PARTLY,
     Verdict.NOT_IDENTIFIABLE: Verdict.PARTLY,
 }
 """The verdict of a drive whose tophats have causes too."""
-
-
 NO_MODEL = "the effects of --model were not used: only drives and tophats are simulated with them"
-
-
-class Kind(StrEnum):
-    """What a recording is of."""
-
-    DRIVE = "drive"
-    """A two-wheel drive with its commands."""
-    MOTORS = "motors"
-    """Single motors or axes: force, torque or voltage in, motion out."""
-    STEP = "step"
-    """One motor under one power."""
-    GEOMETRY = "geometry"
-    """Wheel angles and a reference of the pose, no commands."""
-    TOPHATS = "tophats"
-    """Reflectance sensors alone."""
-    NOTHING = "nothing"
-    """Nothing that the simulation predicts without what is missing."""
-
-
-def kind_of(columns: Columns, robot: RobotConfig) -> Kind:
-    """The kind, by the columns alone. Raises TraceError where they are no recording, see `check_rows`."""
-    check_rows(columns)
-    ports = (robot.drive.left, robot.drive.right)
-    if step_port(columns) is not None:
-        return Kind.STEP
-    if all(_has(columns, f"motor.{port}.duty") for port in ports):
-        return Kind.DRIVE
-    motors = motor_ports(columns)
-    if motors and not _is_drive(columns, ports):
-        return Kind.MOTORS
-    if all(_has(columns, f"motor.{port}.voltage") for port in ports):
-        return Kind.DRIVE
-    if any(name.endswith(".duty") for name in columns):
-        return Kind.DRIVE
-    wheels = all(
-        any(_has(columns, f"motor.{port}.{kind}") for kind in ("position", "bemf")) for port in ports
-    )
-    if wheels and _has(columns, "truth.x"):
-        return Kind.GEOMETRY
-    if not wheels and any(name.startswith("analog.") for name in columns):
-        return Kind.TOPHATS
-    return Kind.NOTHING
-
-
-def _has(columns: Columns, name: str) -> bool:
-    return name in columns and bool(np.isfinite(columns[name]).any())
-
-
-def _is_drive(columns: Columns, ports: tuple[int, int]) -> bool:
-    """Volts to both wheels for long enough, without currents, are a drive in another unit."""
-    seconds = float(np.ptp(columns["t"]))
-    both = all(_has(columns, f"motor.{port}.voltage") for port in ports)
-    currents = any(_has(columns, f"motor.{port}.current") for port in ports)
-    return both and not currents and seconds >= SHORT_DRIVE
 
 
 def diagnose_recording(
@@ -194,18 +137,7 @@ def _drive(
     counted = with_counted(columns, robot, device)
     sound = without_broken(counted.columns, robot)
     columns = sound.columns
-
-    others: list[str] = []
-
-    def whole(other: Columns, which: str) -> Columns:
-        part = without_broken(with_counted(other, robot, device).columns, robot)
-        others.extend(f"{which}: {each.text}" for each in part.faults)
-        return part.columns
-
-    if holdout is not None:
-        with said_of_holdout():
-            holdout = whole(holdout, "the other recording")
-    more = [whole(each, f"recording {number}") for number, each in enumerate(more, 2)]
+    holdout, more, others = _others(holdout, more, robot, device)
     firmware = firmware_of(device)
     if firmware is not None and made_by.said:
         firmware = replace(firmware, units=False)
@@ -219,12 +151,7 @@ def _drive(
     by_volts = commands_volts(columns, robot)
     check_commands([columns, *more], robot)
     if by_volts:
-        changed, stiff, causes = as_duty(columns, robot, holdout)
-        other = None if holdout is None else as_duty(holdout, stiff)[0]
-        start = start_of(columns, stiff, None, device)
-        tried = start.undecided([*causes, *map(own_cause, own)])
-        found = diagnose(changed, start.robot, holdout=other, causes=tried)
-        found = without_battery(with_reference(found, start))
+        found = _by_volts(columns, robot, holdout, own, device)
     else:
         start = start_of(columns, robot, model, device)
         tried = start.undecided([*drive_causes(), *map(own_cause, own)])
@@ -243,6 +170,39 @@ def _drive(
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
     found = replace(found, notes=(*found.notes, *unit, *made_by.notes, *others))
     return _with_tophats(found, columns, robot, model, truth_free)
+
+
+def _others(
+    holdout: Columns | None, more: Sequence[Columns], robot: RobotConfig, device: Device
+) -> tuple[Columns | None, list[Columns], list[str]]:
+    """The recordings beside the first without what is broken in them, and what that is."""
+    notes: list[str] = []
+
+    def whole(other: Columns, which: str) -> Columns:
+        part = without_broken(with_counted(other, robot, device).columns, robot)
+        notes.extend(f"{which}: {each.text}" for each in part.faults)
+        return part.columns
+
+    if holdout is not None:
+        with said_of_holdout():
+            holdout = whole(holdout, "the other recording")
+    return holdout, [whole(each, f"recording {number}") for number, each in enumerate(more, 2)], notes
+
+
+def _by_volts(
+    columns: Columns,
+    robot: RobotConfig,
+    holdout: Columns | None,
+    own: Sequence[OwnEffect],
+    device: Device,
+) -> Diagnosis:
+    """A drive whose commands are volts: there is nothing to be said of its battery."""
+    changed, stiff, causes = as_duty(columns, robot, holdout)
+    other = None if holdout is None else as_duty(holdout, stiff)[0]
+    start = start_of(columns, stiff, None, device)
+    tried = start.undecided([*causes, *map(own_cause, own)])
+    found = diagnose(changed, start.robot, holdout=other, causes=tried)
+    return without_battery(with_reference(found, start))
 
 
 def _with_tophats(

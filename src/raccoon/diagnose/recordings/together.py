@@ -10,19 +10,18 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.partial import commands_volts
 
 Columns = Mapping[str, NDArray[np.float64]]
 
-DRIVE = "drive"
 
-
-def check_drives(every: Sequence[Columns], kinds: Sequence[str]) -> None:
-    """Raise TraceError where one of several is no drive, or is there twice. kinds: of each, see `Kind`."""
+def check_drives(every: Sequence[Columns], kinds: Sequence[Kind]) -> None:
+    """Raise TraceError where one of several is no drive, or is there twice. kinds: of each."""
     if len(every) == 1:
         return
     for number, kind in enumerate(kinds):
-        if kind != DRIVE:
+        if kind is not Kind.DRIVE:
             raise TraceError(f"recording {number + 1}: it is of {kind}; only drives are diagnosed together")
     for (one, first), (two, second) in combinations(enumerate(every), 2):
         if _same(first, second):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.length import MOST_SECONDS, PAUSE, REST, bounded
 from raccoon.diagnose.recordings.rows import rows_of, rows_of_others
 
@@ -62,7 +63,7 @@ def test_what_is_no_time_is_left_to_be_refused() -> None:
 
 def test_each_of_several_says_which_it_is() -> None:
     long = drive(230.0, ((95.0, 130.0),))
-    found, said = rows_of_others([drive(5.0, ((0.0, 5.0),)), long], "drive", "recording {}")
+    found, said = rows_of_others([drive(5.0, ((0.0, 5.0),)), long], Kind.DRIVE, "recording {}")
     assert [len(each["t"]) for each in found] == [500, 5500]
     assert [each.partition(": ")[0] for each in said] == ["recording 3"]
 
@@ -71,10 +72,10 @@ def test_each_of_several_says_which_it_is() -> None:
 def test_of_motors_as_much_is_looked_at_and_a_pause_stays_one(effort: str) -> None:
     columns = drive(300.0, ((20.0, 290.0),))
     columns[f"motor.2.{effort}"] = columns.pop("motor.0.duty")
-    found, (said,) = rows_of(columns, "motors")
+    found, (said,) = rows_of(columns, Kind.MOTORS)
     assert said.startswith("of 300 s only 20.0 to 260.0 s are looked at")
     assert found[f"motor.2.{effort}"][0] == 0.5
     gap = {name: each[:9000] for name, each in found.items()}
     gap["t"] = gap["t"] + np.where(gap["t"] >= 50.0, 60.0, 0.0)
-    assert rows_of(gap, "motors") == (gap, ())
-    assert rows_of(columns, "tophats") == (columns, ())
+    assert rows_of(gap, Kind.MOTORS) == (gap, ())
+    assert rows_of(columns, Kind.TOPHATS) == (columns, ())

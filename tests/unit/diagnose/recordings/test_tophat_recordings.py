@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig, parse_robot
-from raccoon.diagnose.recordings.kinds import Kind, diagnose_recording, kind_of
+from raccoon.diagnose.recordings.kind import Kind, kind_of
+from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import Verdict
 from raccoon.model.paper import tophat_reading
 from raccoon.model.reflectance import counts

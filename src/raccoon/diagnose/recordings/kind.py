@@ -1,0 +1,77 @@
+"""What kind a recording is, by its columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.motors import motor_ports
+from raccoon.diagnose.recordings.steps import step_port
+from raccoon.trace.recording import check_lengths
+
+Columns = Mapping[str, NDArray[np.float64]]
+
+SHORT_DRIVE = 2.0
+"""S; volts to both wheels for a shorter time are no drive."""
+
+
+class Kind(StrEnum):
+    """What a recording is of."""
+
+    DRIVE = "drive"
+    """A two-wheel drive with its commands."""
+    MOTORS = "motors"
+    """Single motors or axes: force, torque or voltage in, motion out."""
+    STEP = "step"
+    """One motor under one power."""
+    GEOMETRY = "geometry"
+    """Wheel angles and a reference of the pose, no commands."""
+    TOPHATS = "tophats"
+    """Reflectance sensors alone."""
+    NOTHING = "nothing"
+    """Nothing that the simulation predicts without what is missing."""
+
+
+def kind_of(columns: Columns, robot: RobotConfig) -> Kind:
+    """The kind, by the columns alone. Raises TraceError for a recording without samples, and where a
+    column is not as long as t."""
+    if "t" not in columns or len(columns["t"]) == 0:
+        raise TraceError("the recording is empty: it has no samples with a time t")
+    check_lengths(columns)
+    ports = (robot.drive.left, robot.drive.right)
+    if step_port(columns) is not None:
+        return Kind.STEP
+    if all(_has(columns, f"motor.{port}.duty") for port in ports):
+        return Kind.DRIVE
+    motors = motor_ports(columns)
+    if motors and not _is_drive(columns, ports):
+        return Kind.MOTORS
+    if all(_has(columns, f"motor.{port}.voltage") for port in ports):
+        return Kind.DRIVE
+    if any(name.endswith(".duty") for name in columns):
+        return Kind.DRIVE
+    wheels = all(
+        any(_has(columns, f"motor.{port}.{kind}") for kind in ("position", "bemf")) for port in ports
+    )
+    if wheels and _has(columns, "truth.x"):
+        return Kind.GEOMETRY
+    if not wheels and any(name.startswith("analog.") for name in columns):
+        return Kind.TOPHATS
+    return Kind.NOTHING
+
+
+def _has(columns: Columns, name: str) -> bool:
+    return name in columns and bool(np.isfinite(columns[name]).any())
+
+
+def _is_drive(columns: Columns, ports: tuple[int, int]) -> bool:
+    """Volts to both wheels for long enough, without currents, are a drive in another unit."""
+    seconds = float(np.ptp(columns["t"]))
+    both = all(_has(columns, f"motor.{port}.voltage") for port in ports)
+    currents = any(_has(columns, f"motor.{port}.current") for port in ports)
+    return both and not currents and seconds >= SHORT_DRIVE
