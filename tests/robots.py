@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
 from raccoon import Action, Robot, RobotConfig, open_robot, wait
 from raccoon.core.config import Measured, MotorConfig, TophatConfig
 from raccoon.core.port import Port
-from raccoon.core.readings import SIMULATOR, Truth
+from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -39,6 +39,39 @@ def simulated(
         effect, _, side = name.partition("@")
         parameters = parameters.with_effect(effect, side or None, **values)
     return SimPort(parameters, world or World.empty(), robot=config, seed=seed, start=start)
+
+
+class Between:
+    """A port before another one, by default the simulated robot's: `seen` changes what is read, `sent` what
+    is commanded. It remembers every command and every remark."""
+
+    def __init__(
+        self,
+        port: Port | None = None,
+        *,
+        seen: Callable[[Inputs], Inputs] = lambda inputs: inputs,
+        sent: Callable[[Outputs], Outputs] = lambda outputs: outputs,
+    ) -> None:
+        self.port = simulated() if port is None else port
+        self.seen, self.sent = seen, sent
+        self.written: list[Outputs] = []
+        self.notes: list[str] = []
+
+    def read(self) -> Inputs:
+        return self.seen(self.port.read())
+
+    def write(self, outputs: Outputs) -> None:
+        self.written.append(outputs)
+        self.port.write(self.sent(outputs))
+
+    def close(self) -> None:
+        self.port.close()
+
+    def annotate(self, name: str, values: tuple[float, ...]) -> None:
+        """Estimates are not looked at here."""
+
+    def event(self, text: str) -> None:
+        self.notes.append(text)
 
 
 def run(

@@ -30,6 +30,7 @@ from raccoon.model.motor import steady_speed
 from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import Box, Line, Ramp, World
+from robots import Between
 
 TOPHATS = RobotConfig(tophats={"left": TophatConfig(0, 0.10, 0.035), "right": TophatConfig(1, 0.10, -0.035)})
 
@@ -256,24 +257,19 @@ def test_a_robot_that_rolls_on_behind_a_loose_plug_knows_its_place_less_well(por
         assert known < 0.01 < after < once == pytest.approx(robot.estimate.x_std, abs=0.002)
 
 
-class Restarted:
+class Restarted(Between):
     """The port of an emulated Wombat that restarts at `at` s."""
 
     def __init__(self, port: WombatPort, at: float) -> None:
-        self._port, self._at = port, at
+        super().__init__(port)
+        self._wombat, self._at = port, at
 
     def read(self) -> Inputs:
-        inputs = self._port.read()
+        inputs = super().read()
         if inputs.time >= self._at:
             self._at = math.inf
-            _emulator(self._port).reset()
+            _emulator(self._wombat).reset()
         return inputs
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
 
 
 def test_a_restart_in_the_middle_of_a_calibration_spoils_no_tophat() -> None:

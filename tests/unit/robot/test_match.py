@@ -29,36 +29,24 @@ from raccoon.core.readings import STOP, Inputs, Outputs
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.deadline import MatchOver
 from raccoon.robot.match import mission, run_match, timed, wait_for_light
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 
-class Lamp:
-    """The simulated robot with a start light on analog port 3 that goes on at `on` s; remembers commands."""
+class Lamp(Between):
+    """The simulated robot with a start light on analog port 3 that goes on at `on` s."""
 
     def __init__(self, on: float = 1.0) -> None:
-        self._port = simulated()
+        super().__init__(seen=self._lit)
         self._on = on
-        self.last = STOP
-        self.notes: list[str] = []
 
-    def read(self) -> Inputs:
-        inputs = self._port.read()
+    @property
+    def last(self) -> Outputs:
+        return self.written[-1]
+
+    def _lit(self, inputs: Inputs) -> Inputs:
         analog = list(inputs.analog)
         analog[3] = 300.0 if inputs.time >= self._on else 3000.0
         return replace(inputs, analog=tuple(analog))
-
-    def write(self, outputs: Outputs) -> None:
-        self.last = outputs
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
-
-    def annotate(self, name: str, values: tuple[float, ...]) -> None:
-        """Estimates are not looked at here."""
-
-    def event(self, text: str) -> None:
-        self.notes.append(text)
 
 
 def test_servos_hold_until_the_end_and_are_off_then() -> None:

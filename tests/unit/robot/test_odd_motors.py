@@ -40,7 +40,7 @@ from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World
-from robots import CONFIG, run, simulated
+from robots import CONFIG, Between, run, simulated
 
 BARE = replace(CONFIG, motors={})
 
@@ -153,7 +153,7 @@ def test_unequal_motors_as_the_paper_has_them_are_not_complained_about(chain: Ch
 def test_a_motor_changed_after_the_calibration_is_said_once_everywhere(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    port = Notes(6.6, {"motor.back_emf_constant@right": {"factor": 1.04}})
+    port = on_battery(6.6, **{"motor.back_emf_constant@right": {"factor": 1.04}})
     results, end, robot = run(seq(straight(0.3), straight(0.3)), port)
     assert end.x < 0.595  # only a tape can tell how far a changed motor drives
     assert results[1].std > 0.005  # and the result says how unsure it is
@@ -164,25 +164,19 @@ def test_a_motor_changed_after_the_calibration_is_said_once_everywhere(
     assert len(robot.drive.remarks) == 1
 
 
-class Held:
+class Held(Between):
     """An emulated Wombat whose right wheel somebody holds for `seconds` from `begin` s on."""
 
     def __init__(self, begin: float, seconds: float) -> None:
         self._begin, self._end, self._clock = begin, begin + seconds, SteppedClock()
         plant = SimulatedPlant(Parameters.from_robot(RobotConfig()), World.empty())
         self._emulator = Emulator(plant, 21, clock=self._clock)
-        self._port = WombatPort(self._emulator, clock=self._clock)
+        super().__init__(WombatPort(self._emulator, clock=self._clock))
 
     def read(self) -> Inputs:
         holds = self._begin <= self._clock.now() < self._end
         self._emulator.faults.stalled = {1} if holds else set()
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
+        return super().read()
 
 
 @pytest.mark.parametrize(("begin", "seconds"), [(0.9, 0.05), (1.5, 0.3)])
@@ -212,24 +206,13 @@ def test_wheels_that_spin_at_a_wall_are_no_odd_motors(caplog: pytest.LogCaptureF
     assert not any("voltage" in record.message for record in caplog.records)
 
 
-class Unplugged:
-    """The simulated robot with the plug of the right motor out: it coasts."""
-
-    def __init__(self) -> None:
-        self._port = simulated()
-
-    def read(self) -> Inputs:
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(replace(outputs, duty=(outputs.duty[0], 0.0, 0.0, 0.0), brake=(True, False) * 2))
-
-    def close(self) -> None:
-        self._port.close()
+def without_right(outputs: Outputs) -> Outputs:
+    """As where the plug of the right motor is out: it coasts."""
+    return replace(outputs, duty=(outputs.duty[0], 0.0, 0.0, 0.0), brake=(True, False) * 2)
 
 
 def test_an_unplugged_motor_ends_the_motion_early_and_is_named() -> None:
-    port: Port = Unplugged()
+    port: Port = Between(sent=without_right)
     with Robot(port, CONFIG) as robot:
         robot.run(wait(0.5))
         begin = robot.time
@@ -286,35 +269,15 @@ def test_more_acceleration_makes_no_motion_slower(speed: float) -> None:
         assert quick.duration <= usual.duration + 0.05
 
 
-class Notes:
-    """The simulated robot on a battery, with the remarks of its recording."""
-
-    def __init__(self, battery: float, effects: Mapping[str, Mapping[str, float]] | None = None) -> None:
-        supply = {"battery.open_circuit_voltage": {"voltage": battery}}
-        self._port = simulated(effects={**supply, **(effects or {})})
-        self.notes: list[str] = []
-
-    def read(self) -> Inputs:
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
-
-    def annotate(self, name: str, values: tuple[float, ...]) -> None:
-        """Estimates are not looked at here."""
-
-    def event(self, text: str) -> None:
-        self.notes.append(text)
+def on_battery(volts: float, **effects: Mapping[str, float]) -> Between:
+    return Between(simulated(effects={"battery.open_circuit_voltage": {"voltage": volts}, **effects}))
 
 
 def test_scaled_duties_drive_alike_at_80_percent_and_say_what_is_missing_at_100() -> None:
     ways: dict[tuple[float, float], float] = {}
     for duty in (0.8, 1.0):
         for battery in (6.1, 7.0):
-            port = Notes(battery)
+            port = on_battery(battery)
             _, end, _ = run(motors(duty, duty, tuned_at=7.0).until(after_time(1.5)), port)
             ways[duty, battery] = end.x
             assert duty == 1.0 or not port.notes
@@ -323,7 +286,7 @@ def test_scaled_duties_drive_alike_at_80_percent_and_say_what_is_missing_at_100(
 
 
 def test_the_missing_speed_is_noted() -> None:
-    port = Notes(6.1)
+    port = on_battery(6.1)
     run(motors(1.0, 1.0, tuned_at=7.0).until(after_time(0.2)), port)
     # 0.9 V of 7.0 V are missing, at 0.92 (rad/s)/V and 34.5 mm: 29 mm/s.
     assert [note.split(" m/s")[0] for note in port.notes] == ["remark: voltage scaling: 13 % missing, 0.029"]

@@ -32,42 +32,31 @@ from raccoon import (
 )
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import MechanismConfig, ServoConfig
-from raccoon.core.readings import STOP, Inputs, Outputs
+from raccoon.core.readings import STOP
 from raccoon.estimate.tophat import calibrate
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.world.table import World
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 ARM = RobotConfig(motors=CONFIG.motors, tophats=CONFIG.tophats, mechanisms={"arm": MechanismConfig(motor=2)})
 CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
 
 
-class Pausing:
-    """The simulated robot, which a test can let go on by itself; remembers every command."""
+class Pausing(Between):
+    """The simulated robot, which a test can let go on by itself."""
 
     def __init__(self, config: RobotConfig = ARM) -> None:
-        self._port = simulated(config=config)
-        self.written: list[Outputs] = []
-
-    def read(self) -> Inputs:
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        self.written.append(outputs)
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
+        super().__init__(simulated(config=config))
 
     def pause(self, seconds: float, *, stopped: bool = False) -> None:
         """Nobody reads. stopped: as the supervisor does it, the motors are stopped meanwhile."""
         if stopped:
-            self._port.write(STOP)
+            self.port.write(STOP)
         for _ in range(round(seconds * 200)):
-            self._port.read()
+            self.port.read()
 
     def duties(self) -> list[float]:
         return [max(abs(each) for each in written.duty) for written in self.written]

@@ -23,7 +23,7 @@ from raccoon import (
 )
 from raccoon.core.config import MechanismConfig
 from raccoon.core.readings import MOTOR_PORTS, NO_ANALOG, NO_DIGITAL, Fault, Inputs, Outputs, Words
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 BEGIN = 1.5
 ARM = RobotConfig(motors=CONFIG.motors, mechanisms={"arm": MechanismConfig(motor=2)})
@@ -52,8 +52,8 @@ def encoders(inputs: Inputs) -> Inputs:
     return replace(inputs, bemf=NOTHING, gyro=None, accel=None)
 
 
-class Silent:
-    """The simulated robot, of which `silence` hides something from BEGIN on; remembers every command."""
+class Silent(Between):
+    """The simulated robot, of which `silence` hides something from BEGIN on."""
 
     def __init__(
         self,
@@ -61,26 +61,23 @@ class Silent:
         seconds: float,
         base: Callable[[Inputs], Inputs] = lambda inputs: inputs,
     ) -> None:
-        self._port, self._base = simulated(config=ARM), base
-        self._silence, self._end = silence, BEGIN + seconds
+        super().__init__(simulated(config=ARM), seen=self._heard)
+        self._base, self._silence, self._end = base, silence, BEGIN + seconds
         self._time = 0.0
-        self.written: list[tuple[float, float]] = []
+        self.power: list[tuple[float, float]] = []
         """S, and the largest duty of any motor, with its sign."""
 
-    def read(self) -> Inputs:
-        inputs = self._base(self._port.read())
+    def _heard(self, inputs: Inputs) -> Inputs:
+        inputs = self._base(inputs)
         self._time = inputs.time
         return self._silence(inputs) if BEGIN < self._time < self._end else inputs
 
     def write(self, outputs: Outputs) -> None:
-        self.written.append((self._time, max(outputs.duty, key=abs)))
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
+        self.power.append((self._time, max(outputs.duty, key=abs)))
+        super().write(outputs)
 
     def duties(self, begin: float, end: float) -> list[float]:
-        return [duty for time, duty in self.written if begin <= time < end]
+        return [duty for time, duty in self.power if begin <= time < end]
 
 
 @pytest.mark.parametrize("silence", [dead, wheels, left])

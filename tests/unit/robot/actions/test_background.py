@@ -25,9 +25,9 @@ from raccoon import (
     wait,
 )
 from raccoon.core.config import MechanismConfig
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Steps
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 ARM = RobotConfig(motors=CONFIG.motors, mechanisms={"arm": MechanismConfig(motor=2)})
 
@@ -122,25 +122,15 @@ def test_the_background_ends_with_the_match(program: Action[object]) -> None:
         assert ended == ["ended"]
 
 
-class Unreliable:
-    """The simulated robot, whose cable falls out when a test says so; remembers every command."""
+class Unreliable(Between):
+    """The simulated robot, whose cable falls out when a test says so."""
 
-    def __init__(self) -> None:
-        self._port = simulated()
-        self.written: list[Outputs] = []
-        self.broken = False
+    broken = False
 
     def read(self) -> Inputs:
         if self.broken:
             raise HardwareError("the cable fell out")
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        self.written.append(outputs)
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
+        return super().read()
 
 
 def test_a_tick_that_fails_stops_the_motors() -> None:

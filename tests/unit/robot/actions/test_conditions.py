@@ -20,14 +20,14 @@ from raccoon import (
 )
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import ControllerConfig
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import Inputs
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.robot.emulated import SimulatedPlant
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Wall, World
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 WALL = World(walls=(Wall((0.29, -1.0), (0.29, 1.0)),))
 """Met after 0.2 m."""
@@ -38,15 +38,14 @@ def walled() -> SimPort:
     return simulated(world=WALL, effects={"motor.current_limit": {"limit": 0.5}})
 
 
-class Struck:
+class Struck(Between):
     """The simulated robot, which is struck once on its way, from the front."""
 
     def __init__(self) -> None:
-        self._port = simulated()
+        super().__init__(seen=self._felt)
         self._struck: float | None = None
 
-    def read(self) -> Inputs:
-        inputs = self._port.read()
+    def _felt(self, inputs: Inputs) -> Inputs:
         assert inputs.truth is not None
         assert inputs.accel is not None
         if self._struck is None and inputs.truth.x > 0.2:
@@ -54,12 +53,6 @@ class Struck:
         if self._struck is None or inputs.time - self._struck > 0.03:
             return inputs
         return replace(inputs, accel=(-15.0 / inputs.device.accel_m_s2, *inputs.accel[1:]))
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
 
 
 def test_a_robot_backs_off_from_what_stalls_it() -> None:

@@ -6,9 +6,9 @@ import pytest
 
 from raccoon import CalibrationError, open_robot, repeat, seq, straight, wait
 from raccoon.core.config import BatteryConfig, Measured, RobotConfig
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import Inputs
 from raccoon.robot.calibration.battery_check import check_battery, judge, tuned_voltage
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 TUNED = replace(CONFIG, battery=BatteryConfig(tuned_at=Measured(7.0)))
 
@@ -64,25 +64,13 @@ def test_the_pack_s_resistance_is_learnt_while_driving() -> None:
     assert 0.3 < pack.charge < 0.8  # 3.30 V a cell, in the flat middle of LiFePO4
 
 
-class Dying:
-    """The simulated robot, whose battery reads 1 V after 2 s, as a converter that dies does."""
-
-    def __init__(self) -> None:
-        self._port = simulated()
-
-    def read(self) -> Inputs:
-        inputs = self._port.read()
-        return inputs if inputs.time < 2.0 else replace(inputs, battery=1.0 / inputs.device.battery_volts)
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
+def dying(inputs: Inputs) -> Inputs:
+    """The battery reads 1 V after 2 s, as a converter that dies does."""
+    return inputs if inputs.time < 2.0 else replace(inputs, battery=1.0 / inputs.device.battery_volts)
 
 
 def test_a_battery_reading_that_dies_on_the_way_changes_nothing() -> None:
-    with open_robot(CONFIG, port=Dying()) as robot:
+    with open_robot(CONFIG, port=Between(seen=dying)) as robot:
         robot.run(wait(0.5))
         result = robot.run(straight(0.6, 0.25))
         assert not result.saturated

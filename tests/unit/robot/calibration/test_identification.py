@@ -8,10 +8,10 @@ from raccoon import CalibrationError, MotionTimeout, Robot, open_robot, wait
 from raccoon.control.identify import WheelVoltages
 from raccoon.core.config import RobotConfig
 from raccoon.core.port import Port
-from raccoon.core.readings import SIMULATOR, Inputs, Outputs
+from raccoon.core.readings import SIMULATOR, Outputs
 from raccoon.robot.calibration.identification import Excitation, WheelFit, excite, fit_wheels, power_factors
 from raccoon.robot.parts.drive import Drive, dead_time
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 
 def seen_on(port: Port) -> Excitation:
@@ -75,24 +75,13 @@ def test_the_inertia_is_found_through_either_firmware(port: str) -> None:
         assert fit.voltages.acceleration == pytest.approx(1.8 * 0.02 / 1.08, rel=0.2)
 
 
-class Unplugged:
-    """The simulated robot with the plug of the left motor out."""
-
-    def __init__(self) -> None:
-        self._port = simulated()
-
-    def read(self) -> Inputs:
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(replace(outputs, duty=(0.0, *outputs.duty[1:]), brake=(False, True, False, False)))
-
-    def close(self) -> None:
-        self._port.close()
+def without_left(outputs: Outputs) -> Outputs:
+    """As where the plug of the left motor is out."""
+    return replace(outputs, duty=(0.0, *outputs.duty[1:]), brake=(False, True, False, False))
 
 
 def test_a_motor_that_does_not_turn_is_named() -> None:
-    seen = seen_on(Unplugged())
+    seen = seen_on(Between(sent=without_left))
     with pytest.raises(CalibrationError, match=r"left wheel \(motor port 0\): \d+ windows.*plugged in"):
         fit_wheels(seen, CONFIG, SIMULATOR)
 

@@ -16,32 +16,25 @@ from raccoon import (
     wait_for_light,
 )
 from raccoon.core.port import Port
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import Inputs
 from raccoon.core.sections import ControllerConfig
 from raccoon.estimate.start_light import StartLightCalibration
-from robots import CONFIG, simulated
+from robots import CONFIG, Between
 
 PORT = 5
 
 
-class Lamp:
+class Lamp(Between):
     """A port with a light sensor on an analog input: counts by time."""
 
     def __init__(self, counts: Callable[[float], float | None], port: Port | None = None) -> None:
-        self._port = simulated() if port is None else port
+        super().__init__(port, seen=self._lit)
         self._counts = counts
 
-    def read(self) -> Inputs:
-        inputs = self._port.read()
+    def _lit(self, inputs: Inputs) -> Inputs:
         analog = list(inputs.analog)
         analog[PORT] = self._counts(inputs.time)
         return replace(inputs, analog=tuple(analog))
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
 
 
 def test_calibrate_rehearse_and_start() -> None:

@@ -30,13 +30,13 @@ from raccoon import (
     when,
 )
 from raccoon.core.config import ControllerConfig
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import STOP, Outputs
 from raccoon.robot.emulated import open_emulated
 from raccoon.robot.motions import driving
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
-from robots import CONFIG, run, simulated
+from robots import CONFIG, Between, run, simulated
 
 
 @pytest.mark.parametrize("way", [1.0, -1.0])
@@ -108,26 +108,9 @@ def test_errors_of_one_motion_are_made_good_by_the_next() -> None:
     assert end.x == pytest.approx(0.5, abs=0.004)
 
 
-class Stuck:
-    """The simulated robot against a wall: its wheels do not turn whatever is commanded."""
-
-    def __init__(self) -> None:
-        self._port = simulated()
-
-    def read(self) -> Inputs:
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        self.wanted = outputs
-        self._port.write(Outputs())
-
-    def close(self) -> None:
-        self._port.close()
-
-
 def test_a_blocked_robot_gives_up_and_says_why() -> None:
     with pytest.raises(MotionTimeout, match=r"no motion at left \(motor port 0\) and right"):
-        run(straight(0.2), Stuck())
+        run(straight(0.2), Between(sent=lambda _: STOP))
 
 
 def test_a_robot_that_was_moved_does_not_drive_back() -> None:

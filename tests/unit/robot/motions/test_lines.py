@@ -26,7 +26,7 @@ from raccoon import (
     wait,
 )
 from raccoon.core.config import BodyConfig, RobotConfig
-from raccoon.core.readings import Inputs, Outputs
+from raccoon.core.readings import STOP
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.motions.driving import search
@@ -34,7 +34,7 @@ from raccoon.robot.motions.lines import align_on_line, align_on_wall
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import Line, Wall, World
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
 
@@ -101,24 +101,8 @@ def test_a_tophat_without_calibration_is_said() -> None:
         robot.run(follow_line("left"))
 
 
-class Stuck:
-    """The simulated robot with its motors unplugged."""
-
-    def __init__(self) -> None:
-        self._port = simulated()
-
-    def read(self) -> Inputs:
-        return self._port.read()
-
-    def write(self, outputs: Outputs) -> None:
-        """Nothing arrives."""
-
-    def close(self) -> None:
-        self._port.close()
-
-
 def test_a_robot_that_cannot_move_gives_up_looking_for_a_line() -> None:
-    with open_robot(CONFIG, port=Stuck()) as robot:
+    with open_robot(CONFIG, port=Between(sent=lambda _: STOP)) as robot:
         for sensor in robot.tophats.values():
             sensor.calibrate(CALIBRATION)
         robot.run(wait(0.5))
@@ -130,7 +114,7 @@ def test_a_robot_that_cannot_move_gives_up_looking_for_a_line() -> None:
 
 
 def test_a_robot_that_cannot_move_gives_up_calibrating() -> None:
-    with open_robot(CONFIG, port=Stuck()) as robot:
+    with open_robot(CONFIG, port=Between(sent=lambda _: STOP)) as robot:
         for calibration in (calibrate_tophats, lambda each: calibrate_drive(each, lambda: 0.6)):
             begin = robot.time
             with pytest.raises(

@@ -19,12 +19,11 @@ from raccoon import (
     open_robot,
     wait,
 )
-from raccoon.core.port import Port
-from raccoon.core.readings import Inputs, Outputs, Status
+from raccoon.core.readings import Inputs, Status
 from raccoon.estimate.tophat.store import TophatStore
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
-from robots import CONFIG, simulated
+from robots import CONFIG, Between, simulated
 
 LINES = "".join(
     f"[[line]]\npoints = [[{0.3 + 0.37 * i:.2f}, -1.0], [{0.3 + 0.37 * i:.2f}, 1.0]]\nwidth = 0.02\n"
@@ -191,24 +190,12 @@ def test_a_calibration_that_the_card_does_not_take_is_used_and_that_is_said(
         assert not list(store.parent.iterdir())
 
 
-class Rewired:
-    """A port whose analog readings go through `change` from 8 s on."""
-
-    def __init__(self, port: Port, change: Callable[[list[float | None]], None]) -> None:
-        self._port, self._change = port, change
-
-    def read(self) -> Inputs:
-        inputs = self._port.read()
-        counts = list(inputs.analog)
-        if inputs.time > 8.0:
-            self._change(counts)
-        return replace(inputs, analog=tuple(counts))
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        self._port.close()
+def rewired(inputs: Inputs, change: Callable[[list[float | None]], None]) -> Inputs:
+    """The analog readings go through `change` from 8 s on."""
+    counts = list(inputs.analog)
+    if inputs.time > 8.0:
+        change(counts)
+    return replace(inputs, analog=tuple(counts))
 
 
 def unplug(counts: list[float | None]) -> None:
@@ -235,7 +222,7 @@ def test_what_is_wrong_with_a_sensor_is_said(
     tmp_path: Path, change: Callable[[list[float | None]], None], said: str, status: Status
 ) -> None:
     port = simulated(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
-    with open_robot(CONFIG, port=Rewired(port, change)) as robot:
+    with open_robot(CONFIG, port=Between(port, seen=lambda inputs: rewired(inputs, change))) as robot:
         robot.run(wait(0.3))
         calibrate_tophats(robot, 0.9)
         robot.run(drive(0.24).until(after_distance(0.9)))
