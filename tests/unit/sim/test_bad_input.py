@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -116,29 +115,3 @@ def test_impossible_parameters(value: Any) -> None:
 def test_named_with_value_and_bound(make: Callable[[], object], message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         make()
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[model.motor]\narmature_resistance = -1.0", r"armature_resistance = -1\.0: allowed are numbers"),
-        ("[model.drive]\ntrack_width = 0", r"track_width = 0: allowed are numbers from 0\.01 to 10"),
-        ("[model.drive]\ntracks = 1", "tracks: there is no such key"),
-        ('[[effect]]\nid = "x.y"', "effect number 1: effect 'x.y': there is no such id"),
-        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = -1 }', "torque is -1 N m: allowed"),
-        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = nan }', "torque is nan N m"),
-        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = "a" }', "it must be a number"),
-        ('[[effect]]\nid = "friction.coulomb"\nwhere = "up"', "where is 'up'"),
-        ("effect = [1]", r"write \[\[effect\]\]"),
-        ("[chain]\ncoast_share = 2", "coast_share is 2: allowed are numbers from"),
-        ('[chain]\ncoast_share = "a"', "coast_share is 'a': allowed are numbers from"),
-        ("[chain]\nmedian = 3", "median is 3: allowed are true and false"),
-        ("[[effect", "not a TOML file"),
-    ],
-)
-def test_model_files_name_the_file_too(tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "model.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigError, match=message) as error:
-        Parameters.from_model_file(path)
-    assert str(path) in str(error.value)

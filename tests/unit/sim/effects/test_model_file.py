@@ -110,7 +110,10 @@ def test_nominal_values_are_those_of_the_robot() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ('[[effect]]\nid = "battery.magic"', r"effect number 1: effect 'battery\.magic'"),
+        (
+            '[[effect]]\nid = "battery.magic"',
+            r"effect number 1: effect 'battery\.magic': there is no such id",
+        ),
         ('[[effect]]\nid = "battery.discharge"\nwhere = "left"', "allowed are nothing"),
         (
             '[[effect]]\nid = "drive.inertia"\nparameters = { factor = -1 }',
@@ -140,8 +143,18 @@ def test_nominal_values_are_those_of_the_robot() -> None:
             r"factor is 10+\.\.\.: no float is as large",
         ),
         ("[chain]\nmedain = true", r"chain\.medain"),
-        ("[model.motor]\narmature_resistance = -1.0", "armature_resistance = -1"),
-        ("[model.drive]\ntrack_width = 0.0", "track_width = 0"),
+        ("[model.motor]\narmature_resistance = -1.0", r"armature_resistance = -1\.0: allowed are numbers"),
+        ("[model.drive]\ntrack_width = 0", r"track_width = 0: allowed are numbers from 0\.01 to 10"),
+        ("[model.drive]\ntracks = 1", "tracks: there is no such key"),
+        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = -1 }', "torque is -1 N m: allowed"),
+        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = nan }', "torque is nan N m"),
+        ('[[effect]]\nid = "friction.coulomb"\nparameters = { torque = "a" }', "it must be a number"),
+        ('[[effect]]\nid = "friction.coulomb"\nwhere = "up"', "where is 'up'"),
+        ("effect = [1]", r"write \[\[effect\]\]"),
+        ("[chain]\ncoast_share = 2", "coast_share is 2: allowed are numbers from"),
+        ('[chain]\ncoast_share = "a"', "coast_share is 'a': allowed are numbers from"),
+        ("[chain]\nmedian = 3", "median is 3: allowed are true and false"),
+        ("[[effect", "not a TOML file"),
         ("[wheels]\n", "wheels: there is no"),
     ],
 )
