@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from raccoon.cli.crew import add_crew, check_crew
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -47,19 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="fit all drives of one robot as one: short ones tell together what none does alone",
     )
     parser.add_argument("--truth-free", action="store_true", help="use no truth.* column")
-    parser.add_argument(
-        "--workers",
-        type=int,
-        default=1,
-        help="for many recordings: processes (default 1, 0: one for each core)",
-    )
-    parser.add_argument(
-        "--executor",
-        choices=("processes", "dask"),
-        default="processes",
-        help="for many recordings: where the workers run (processes of this computer)",
-    )
-    parser.add_argument("--scheduler", help="with --executor dask: its address (default: one of its own)")
+    add_crew(parser, 1)
     parser.add_argument("--json", type=Path, help="write the diagnosis as JSON")
     parser.add_argument("--html", type=Path, help="write a report with pictures")
     parser.add_argument(
@@ -101,14 +91,11 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.diagnose_one import diagnose_job, diagnose_together, job_of
     from raccoon.cli.doing import diagnosis_shown
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
-    from raccoon.core.errors import ConfigError, TraceError
+    from raccoon.core.errors import TraceError
 
     outputs = (args.json, args.html, args.save_model)
     check_folders(*outputs)
-    if args.workers < 0:
-        raise ConfigError(f"--workers {args.workers}: allowed are whole numbers from 0")
-    if args.scheduler is not None and args.executor != "dask":
-        raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
+    check_crew(args)
     _show_remarks()
     paths = recordings(args.trace)
     if not paths:

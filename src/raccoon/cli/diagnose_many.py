@@ -7,12 +7,12 @@ import json
 import sys
 import time
 from collections.abc import Collection, Mapping, Sequence
-from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.cli.crew import crew_of
 from raccoon.cli.diagnose_one import Answer, Job, diagnose_or_reason, job_of, robot_of
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from raccoon.diagnose.fleet.model import Foreseen
     from raccoon.diagnose.fleet.summary import Fleet
     from raccoon.diagnose.result import Diagnosis
-    from raccoon.sweep.execute import Crew
     from raccoon.trace.recording import Column
 
     Columns = Mapping[str, Column]
@@ -207,7 +206,7 @@ class Work:
             return
         from raccoon.sweep.execute import run_all
 
-        with _crew(self._args) as crew:
+        with crew_of(self._args) as crew:
             for number, each in run_all(
                 partial(_numbered, jobs), range(len(jobs)), crew, partial(_lost, jobs)
             ):
@@ -235,14 +234,6 @@ class Progress:
         text = f"{count}/{self._total} recordings, {failed} failed, {left // 60}:{left % 60:02d} left "
         start, end = ("\r", "\n" if count == self._total else "") if self._live else ("", "\n")
         print(f"{start}{text}", file=sys.stderr, end=end, flush=True)
-
-
-def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
-    from raccoon.sweep.workers import dask_crew, process_crew
-
-    if args.executor == "dask":
-        return dask_crew(args.scheduler, args.workers or None)
-    return process_crew(args.workers or None)
 
 
 def _finite(value: object) -> object:

@@ -139,11 +139,11 @@ def test_tables_and_picture(ends: dict[str, Ends], tmp_path: Path) -> None:
     ("arguments", "said"),
     [
         (["--condition", "moonlight"], "allowed are battery 6.1-7.0 V, battery sags"),
-        (["--robots", "0"], "--robots is 0: it must be 1 or more"),
+        (["--robots", "0"], "--robots 0: allowed are whole numbers from 1"),
         (["--robots", "5", "--quick"], "--robots 5: --quick means 2; leave one of them out"),
-        (["--workers", "0"], "--workers is 0: it must be 1 or more"),
+        (["--workers", "-1"], "--workers -1: allowed are whole numbers from 0"),
         (["--plot", "map.bmp"], "--plot map.bmp: allowed are the endings .svg, .png, .pdf"),
-        (["--tape", "1"], "--tape is 1.0 m: allowed are numbers from 0 to 0.1"),
+        (["--tape", "1"], "--tape 1: allowed are numbers from 0 to 0.1 (m)"),
     ],
 )
 def test_what_is_not_allowed_is_refused(

@@ -138,8 +138,8 @@ def test_a_file_without_a_folder_is_named_as_it_was_given(
 
 
 def test_bad_input_is_one_clear_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["demo", "--workers", "0"]) == 2
-    assert capsys.readouterr().err == "raccoon demo: --workers 0: allowed are whole numbers from 1\n"
+    assert main(["demo", "--workers", "-1"]) == 2
+    assert capsys.readouterr().err == "raccoon demo: --workers -1: allowed are whole numbers from 0\n"
 
 
 def test_an_output_that_takes_nothing_more_is_one_plain_line(

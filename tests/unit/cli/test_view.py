@@ -114,7 +114,7 @@ def test_a_recording_without_poses_is_refused(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["-o", "drive.pdf"], ".svg, .png, .gif"),
-        (["--speed", "0"], "--speed is 0"),
+        (["--speed", "0"], "--speed 0: "),
         (["--speed", "1e-320"], "allowed are numbers from 0.01 to 1000"),
         (["--start", "nan", "0", "0"], "--start nan 0 0: allowed are X and Y"),
         (["--start", "1e300", "0", "0"], "--start 1e+300 0 0: allowed are X and Y"),

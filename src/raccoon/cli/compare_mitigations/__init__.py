@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from raccoon.cli.crew import add_workers, check_workers
 from raccoon.cli.numbers import check_seed
 from raccoon.cli.outputs import check_folders, check_pictures, check_replaceable
 from raccoon.core.errors import ConfigError
@@ -30,7 +31,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--robots", type=int, help="simulated robots a column (without it the full table, 24 to 200)"
     )
     parser.add_argument("--seed", type=int, default=1, help="of everything random (1)")
-    parser.add_argument("--workers", type=int, default=1, help="processes to use (1)")
+    add_workers(parser, 1)
     parser.add_argument(
         "--tape", type=float, default=0.001, help="m, standard deviation of the tape that all go by (0.001)"
     )
@@ -110,11 +111,10 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
     if args.robots is not None and args.quick:
         raise ConfigError(f"--robots {args.robots}: --quick means {QUICK}; leave one of them out")
     if args.robots is not None and args.robots < 1:
-        raise ConfigError(f"--robots is {args.robots}: it must be 1 or more")
-    if args.workers < 1:
-        raise ConfigError(f"--workers is {args.workers}: it must be 1 or more")
+        raise ConfigError(f"--robots {args.robots}: allowed are whole numbers from 1")
+    check_workers(args.workers)
     if not 0.0 <= args.tape < 0.1:
-        raise ConfigError(f"--tape is {args.tape} m: allowed are numbers from 0 to 0.1")
+        raise ConfigError(f"--tape {args.tape:g}: allowed are numbers from 0 to 0.1 (m)")
     full = full_table()
     for name in args.condition or ():
         if name not in full:

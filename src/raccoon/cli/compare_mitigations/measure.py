@@ -245,7 +245,7 @@ def measured(
     found = {robot: ends for robot, ends in (known or {}).items() if robot[1] < robots.get(robot[0], 0)}
     missing = [robot for robot in in_turn(robots) if robot not in found]
     jobs = [(*robot, seed, tape_std) for robot in missing]
-    with process_crew(processes) if processes > 1 else nullcontext() as crew:
+    with process_crew(processes or None) if processes != 1 else nullcontext() as crew:
         results = map(_job, jobs) if crew is None else crew.executor.map(_job, jobs)
         for robot, ends in zip(missing, results, strict=True):
             found[robot] = ends

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from raccoon.cli.crew import add_workers, check_workers
+
 HELP = "the paper's batteries, motors and lights: open loop and with the library, without hardware"
 
 
@@ -14,7 +16,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=Path("raccoon-demo"), help="folder for the picture and the trace"
     )
     parser.add_argument("--seed", type=int, default=1, help="of everything random (default 1)")
-    parser.add_argument("--workers", type=int, default=2, help="processes to use (default 2)")
+    add_workers(parser, 2)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -22,5 +24,6 @@ def run(args: argparse.Namespace) -> int:
     from raccoon.cli.demo.show import show
     from raccoon.cli.slow import remark_slow
 
+    check_workers(args.workers)
     remark_slow()
     return show(args.out, args.seed, args.workers)

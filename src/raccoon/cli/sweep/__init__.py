@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from raccoon.cli.crew import add_crew
+
 HELP = "play a program many times on simulated robots that differ: how often it fails, and why"
 
 
@@ -17,21 +19,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out", type=Path, help="table of all matches, .csv or .parquet; taken up again there"
     )
-    _configure_workers(parser)
+    add_crew(parser, 0)
     _configure_matches(parser)
     parser.add_argument("--only", type=int, metavar="RUN", help="play just this match of the sweep")
     parser.add_argument("--record", type=Path, help="with --only: where its trace goes")
-
-
-def _configure_workers(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--executor",
-        choices=("processes", "dask"),
-        default="processes",
-        help="where matches are played (processes of this computer)",
-    )
-    parser.add_argument("--workers", type=int, help="processes (one for each core)")
-    parser.add_argument("--scheduler", help="with --executor dask: its address (default: one of its own)")
 
 
 def _configure_matches(parser: argparse.ArgumentParser) -> None:

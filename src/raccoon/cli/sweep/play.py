@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from contextlib import AbstractContextManager
 
+from raccoon.cli.crew import check_crew, crew_of
 from raccoon.cli.numbers import check_seed, check_start
 from raccoon.cli.outputs import check_folders, check_recording
 from raccoon.cli.sweep.bar import Bar
@@ -15,12 +15,10 @@ from raccoon.core.config import load_robot
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world.table import World
-from raccoon.sweep.execute import Crew
 from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
 from raccoon.sweep.match import Match, play, seed_of
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import sweep, with_nominal_end
-from raccoon.sweep.workers import dask_crew, process_crew
 from raccoon.trace.record import already_there
 
 
@@ -32,8 +30,9 @@ def sweep_and_print(args: argparse.Namespace) -> int:
     match = match_of(args)
     try:
         with Bar(args.runs) as bar:
-            crew = _crew(args)
-            rows = sweep(match, args.runs, seed=args.seed, executor=crew, out=args.out, progress=bar.show)
+            rows = sweep(
+                match, args.runs, seed=args.seed, executor=crew_of(args), out=args.out, progress=bar.show
+            )
     except KeyboardInterrupt:
         if args.out is not None:
             print(f"what was played is in {args.out}: the same command goes on from there", file=sys.stderr)
@@ -87,7 +86,7 @@ def match_of(args: argparse.Namespace) -> Match:
 def _check_numbers(args: argparse.Namespace) -> None:
     """Raise ConfigError, in the words and units of the command line."""
     if not args.seconds > 0.0:
-        raise ConfigError(f"--seconds is {args.seconds}: allowed are numbers above 0")
+        raise ConfigError(f"--seconds {args.seconds:g}: allowed are numbers above 0")
     ends = (
         ("within", args.within, 1.0, "m; 3 cm are 0.03"),
         ("within-angle", args.within_angle, 180.0, "deg"),
@@ -95,11 +94,12 @@ def _check_numbers(args: argparse.Namespace) -> None:
     for name, value, most, unit in ends:
         if not 0.0 < value <= most:
             allowed = f"numbers above 0 up to {most:g} ({unit}; --any-end: the end does not count)"
-            raise ConfigError(f"--{name} is {value}: allowed are {allowed}")
+            raise ConfigError(f"--{name} {value:g}: allowed are {allowed}")
+    check_crew(args)
     check_seed(args.seed)
     check_start(args.start)
     if not 0.0 <= args.faults <= 1.0:
-        raise ConfigError(f"--faults is {args.faults}: allowed are numbers from 0 to 1")
+        raise ConfigError(f"--faults {args.faults:g}: allowed are numbers from 0 to 1")
 
 
 def _factors(args: argparse.Namespace, usual: tuple[Factor, ...]) -> tuple[Factor, ...]:
@@ -114,11 +114,3 @@ def _factors(args: argparse.Namespace, usual: tuple[Factor, ...]) -> tuple[Facto
         if not own & {(each.effect, each.parameter, each.where), (each.effect, each.parameter, None)}
     ]
     return (*kept, *given)
-
-
-def _crew(args: argparse.Namespace) -> AbstractContextManager[Crew]:
-    if args.executor == "dask":
-        return dask_crew(args.scheduler, args.workers)
-    if args.scheduler is not None:
-        raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
-    return process_crew(args.workers)

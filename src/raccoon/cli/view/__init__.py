@@ -41,7 +41,7 @@ def run(args: argparse.Namespace) -> int:
     if target.suffix not in ENDINGS:
         raise ConfigError(f"{target}: allowed are the endings {', '.join(ENDINGS)}")
     if not SLOWEST <= args.speed <= FASTEST:
-        raise ConfigError(f"--speed is {args.speed}: allowed are numbers from {SLOWEST:g} to {FASTEST:g}")
+        raise ConfigError(f"--speed {args.speed:g}: allowed are numbers from {SLOWEST:g} to {FASTEST:g}")
     if args.start is not None:
         check_start(args.start)
     if args.table is not None and args.no_table:

@@ -1,0 +1,56 @@
+"""Where the many runs of a command are done: in how many processes, or on the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import argparse
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING
+
+from raccoon.core.errors import ConfigError
+
+if TYPE_CHECKING:
+    from raccoon.sweep.execute import Crew
+
+
+def add_workers(parser: argparse.ArgumentParser, usual: int) -> None:
+    """The option `--workers`. usual: how many without it, 0 one for each core."""
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=usual,
+        help="processes to use, 0 one for each core (default %(default)s)",
+    )
+
+
+def add_crew(parser: argparse.ArgumentParser, usual: int) -> None:
+    """The options of commands that may have their workers elsewhere."""
+    add_workers(parser, usual)
+    parser.add_argument(
+        "--executor",
+        choices=("processes", "dask"),
+        default="processes",
+        help="where the workers run (processes of this computer)",
+    )
+    parser.add_argument("--scheduler", help="with --executor dask: its address (default: one of its own)")
+
+
+def check_workers(workers: int) -> None:
+    """Raise ConfigError for a `--workers` that is no number of processes."""
+    if workers < 0:
+        raise ConfigError(f"--workers {workers}: allowed are whole numbers from 0")
+
+
+def check_crew(args: argparse.Namespace) -> None:
+    """Raise ConfigError where the options of `add_crew` do not fit together."""
+    check_workers(args.workers)
+    if args.scheduler is not None and args.executor != "dask":
+        raise ConfigError(f"--scheduler {args.scheduler}: it belongs to --executor dask")
+
+
+def crew_of(args: argparse.Namespace) -> AbstractContextManager[Crew]:
+    """The workers that the options of `add_crew` ask for."""
+    from raccoon.sweep.workers import dask_crew, process_crew
+
+    if args.executor == "dask":
+        return dask_crew(args.scheduler, args.workers or None)
+    return process_crew(args.workers or None)
