@@ -12,12 +12,13 @@ import raccoon
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs" / "motions.md").read_text("utf-8")
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
-DRIVING = ("motions.goals", "motions.driving", "motions.paths", "motions.lines")
+DRIVING = ("motions.goals", "motions.driving", "motions.paths", "motions.lines", "motions.following")
 HOMES = (
     *DRIVING,
     "actions.actions",
     "actions.condition",
     "actions.conditions",
+    "actions.functions",
     "match",
     "calibration.battery_check",
     "calibration.tophats",
