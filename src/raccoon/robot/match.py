@@ -160,23 +160,7 @@ def run_match(
 
     Raises RuntimeError for a second match: open the robot again for each.
     """
-    check_robot(robot, "run_match()")
-    if isinstance(program, list | tuple):
-        raise TypeError(
-            "run_match() takes one action, not a list of them: write seq(*actions) or mission(*actions)"
-        )
-    if not isinstance(program, Action):
-        check_function(program, "run_match()", "robot")
-    if start is not None:
-        check_kind(start, Action, "run_match(): start", ", such as wait_for_light(port) or wait(1.0)")
-    check_number("seconds", seconds, "of a match, above 0")
-    if not 0.0 < seconds <= LONGEST:
-        raise ValueError(f"seconds is {seconds}: allowed are numbers above 0 up to {LONGEST:g}")
-    robot.require()
-    if robot.deadline is not None:
-        raise RuntimeError("this robot has begun its match already: open the robot again for another one")
-    if isinstance(program, Action):  # before the light is waited for
-        program.check(robot)
+    _check_match(robot, program, start, seconds)
     if start is not None:
         robot.run(start)
     if robot.inputs is None:
@@ -211,6 +195,28 @@ def run_match(
         say(robot, NOTHING_RUN)
     tell(robot)
     return MatchReport(took, finished, steps, result, tuple(robot.drive.remarks.values()))
+
+
+def _check_match(
+    robot: Robot, program: Action[Any] | Callable[[Robot], Any], start: Action[Any] | None, seconds: float
+) -> None:
+    check_robot(robot, "run_match()")
+    if isinstance(program, list | tuple):
+        raise TypeError(
+            "run_match() takes one action, not a list of them: write seq(*actions) or mission(*actions)"
+        )
+    if not isinstance(program, Action):
+        check_function(program, "run_match()", "robot")
+    if start is not None:
+        check_kind(start, Action, "run_match(): start", ", such as wait_for_light(port) or wait(1.0)")
+    check_number("seconds", seconds, "of a match, above 0")
+    if not 0.0 < seconds <= LONGEST:
+        raise ValueError(f"seconds is {seconds}: allowed are numbers above 0 up to {LONGEST:g}")
+    robot.require()
+    if robot.deadline is not None:
+        raise RuntimeError("this robot has begun its match already: open the robot again for another one")
+    if isinstance(program, Action):  # before the light is waited for
+        program.check(robot)
 
 
 def _real(robot: Robot, alarm: bool | None) -> bool:

@@ -14,6 +14,7 @@ from raccoon.core.readings import (
     MOTOR_PORTS,
     SIMULATOR,
     STOP,
+    Device,
     Inputs,
     Outputs,
     Truth,
@@ -95,11 +96,8 @@ class SimPort:
         self._converter = Converter(tophats, self._noise, self._scatter)
         self._cycles = cycle_count(1.0 / rate_hz, parameters.chain.cycle)
         self._truth = truth
-        counted = counter_lag(config.model.bemf.filter_time_constant.value, parameters.chain.cycle)
-        name = SIMULATOR.name if parameters.chain == Chain() else f"{SIMULATOR.name}-chain"
-        driven = 1.0 - parameters.chain.coast_share
         self._tick = device.position_counts_seconds
-        self._device = replace(device, name=name, bemf_lag=counted, driven_share=driven)
+        self._device = _with_chain(device, config, parameters.chain)
         self._outputs = STOP
         self._rate_hz = rate_hz
         self._cycle = -1
@@ -174,6 +172,16 @@ class SimPort:
             bemf[port], counted = motor.words
             position[port] = int(counted / self._tick)
         return tuple(bemf), tuple(position)
+
+
+def _with_chain(device: Device, config: RobotConfig, chain: Chain) -> Device:
+    """The words as this chain makes them: how late back-EMF is, and how long its samples take."""
+    return replace(
+        device,
+        name=SIMULATOR.name if chain == Chain() else f"{SIMULATOR.name}-chain",
+        bemf_lag=counter_lag(config.model.bemf.filter_time_constant.value, chain.cycle),
+        driven_share=1.0 - chain.coast_share,
+    )
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:

@@ -123,55 +123,69 @@ def base_coordinates(
     than any fault.
     """
     model = robot.model
-    found: list[Coordinate] = []
+    return (
+        *_battery(model, inside),
+        *_motors(robot, inside),
+        *_friction(model, inside),
+        *_sliding(wheels, inside),
+        *_delays(model, inside, free_running, wombat),
+        *_gyro(robot, inside, low_pass, wombat),
+        *_drive(model, inside),
+    )
 
-    def plus(id: str, where: str | None, parameter: str, number: Measured) -> None:  # noqa: A002
-        if number.std > 0.0:
-            found.append(added(id, where, parameter, number.std, low=-inside, high=inside))
 
-    def times(id: str, where: str | None, number: Measured, parameter: str = "factor") -> None:  # noqa: A002
-        if number.std > 0.0:
-            found.append(multiplied(id, where, number.std / number.value, -inside, inside, parameter))
+def _plus(
+    id: str,  # noqa: A002
+    where: str | None,
+    parameter: str,
+    number: Measured,
+    inside: float,
+) -> Iterator[Coordinate]:
+    if number.std > 0.0:
+        yield added(id, where, parameter, number.std, low=-inside, high=inside)
 
-    plus("battery.open_circuit_voltage", None, "voltage", model.battery.open_circuit_voltage)
-    plus("battery.internal_resistance", None, "resistance", model.battery.internal_resistance)
+
+def _times(
+    id: str,  # noqa: A002
+    where: str | None,
+    number: Measured,
+    inside: float,
+    parameter: str = "factor",
+) -> Iterator[Coordinate]:
+    if number.std > 0.0:
+        yield multiplied(id, where, number.std / number.value, -inside, inside, parameter)
+
+
+def _battery(model: NominalModel, inside: float) -> Iterator[Coordinate]:
+    yield from _plus(
+        "battery.open_circuit_voltage", None, "voltage", model.battery.open_circuit_voltage, inside
+    )
+    yield from _plus(
+        "battery.internal_resistance", None, "resistance", model.battery.internal_resistance, inside
+    )
     id_, most = "battery.discharge", SELF_DISCHARGE_MOST
-    found.append(added(id_, None, "volts_per_coulomb", SELF_DISCHARGE, low=0.0, high=most))
-    for side, motor in (("left", model.left), ("right", model.right)):
-        times("motor.armature_resistance", side, motor.armature_resistance)
-        times("motor.back_emf_constant", side, motor.back_emf_constant)
-        times("drive.wheel_radius", side, model.drive.wheel_radius)
-        port = robot.drive.left if side == "left" else robot.drive.right
-        plus("bemf.offset", side, "counts", robot.motor(port).bemf_offset or model.bemf.offset)
+    yield added(id_, None, "volts_per_coulomb", SELF_DISCHARGE, low=0.0, high=most)
+
+
+def _motors(robot: RobotConfig, inside: float) -> Iterator[Coordinate]:
+    model = robot.model
+    ports = robot.drive.left, robot.drive.right
+    for side, motor, port in zip(SIDES, (model.left, model.right), ports, strict=True):
+        yield from _times("motor.armature_resistance", side, motor.armature_resistance, inside)
+        yield from _times("motor.back_emf_constant", side, motor.back_emf_constant, inside)
+        yield from _times("drive.wheel_radius", side, model.drive.wheel_radius, inside)
+        offset = robot.motor(port).bemf_offset or model.bemf.offset
+        yield from _plus("bemf.offset", side, "counts", offset, inside)
+
+
+def _friction(model: NominalModel, inside: float) -> Iterator[Coordinate]:
     for place in (None, *SIDES):  # robot.toml has one number of both wheels, which each has about
         coulomb, viscous = (_part(each, place) for each in (model.friction.coulomb, model.friction.viscous))
         if coulomb.value > 0.0:
-            times("friction.coulomb", place, coulomb, "torque")
+            yield from _times("friction.coulomb", place, coulomb, inside, "torque")
         else:
-            plus("friction.coulomb", place, "torque", coulomb)
-        plus("friction.viscous", place, "coefficient", viscous)
-    found.extend(_sliding(wheels, inside))
-    lag, delay = model.bemf.filter_time_constant, WOMBAT_LATENCY if wombat else LOOP_LATENCY
-    if free_running:
-        delay = math.hypot(delay, UNKNOWN_PHASE)
-        lag = replace(lag, std=math.hypot(lag.std, UNKNOWN_PHASE)) if lag.std > 0.0 else lag
-    for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
-        plus("bemf.filter_lag", side, "time_constant", lag)
-    found.append(added("actuation.latency", None, "seconds", delay, low=0.0, high=INSIDE))
-    plus("imu.gyro_bias", None, "rate", model.imu.gyro_bias)
-    times("imu.gyro_scale", None, model.imu.gyro_scale)
-    if low_pass:
-        most = LOW_PASS_MOST
-        found.append(multiplied("imu.low_pass", None, LOW_PASS_WIDTH, -most, most, "time_constant", LOW_PASS))
-        late = max(LOW_PASS_DELAY, 0.5 / robot.controller.rate_hz)
-        most = INSIDE if wombat else LOW_PASS_DELAY_MOST
-        found.append(added("imu.latency", None, "seconds", late, low=0.0, high=most))
-    times("drive.track_width", None, model.drive.track_width)
-    for kind, number in (("straight", model.drive.inertia_straight), ("turn", model.drive.inertia_turn)):
-        if number.std > 0.0:
-            width = number.std / number.value
-            found.append(_inertia(kind, width, inside))
-    return tuple(found)
+            yield from _plus("friction.coulomb", place, "torque", coulomb, inside)
+        yield from _plus("friction.viscous", place, "coefficient", viscous, inside)
 
 
 def _part(number: Measured, place: str | None) -> Measured:
@@ -187,6 +201,37 @@ def _sliding(wheels: Wheels, inside: float) -> Iterator[Coordinate]:
     if wheels is Wheels.CREEPING:
         yield multiplied(id_, None, width, -inside, inside, "creep", CREEP)
         yield added(id_, None, "creep_tail", CREEP_TAIL, 0.0, 1.0 / CREEP_TAIL)
+
+
+def _delays(model: NominalModel, inside: float, free_running: bool, wombat: bool) -> Iterator[Coordinate]:
+    lag, delay = model.bemf.filter_time_constant, WOMBAT_LATENCY if wombat else LOOP_LATENCY
+    if free_running:
+        delay = math.hypot(delay, UNKNOWN_PHASE)
+        lag = replace(lag, std=math.hypot(lag.std, UNKNOWN_PHASE)) if lag.std > 0.0 else lag
+    for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
+        yield from _plus("bemf.filter_lag", side, "time_constant", lag, inside)
+    yield added("actuation.latency", None, "seconds", delay, low=0.0, high=INSIDE)
+
+
+def _gyro(robot: RobotConfig, inside: float, low_pass: bool, wombat: bool) -> Iterator[Coordinate]:
+    imu = robot.model.imu
+    yield from _plus("imu.gyro_bias", None, "rate", imu.gyro_bias, inside)
+    yield from _times("imu.gyro_scale", None, imu.gyro_scale, inside)
+    if low_pass:
+        most = LOW_PASS_MOST
+        yield multiplied("imu.low_pass", None, LOW_PASS_WIDTH, -most, most, "time_constant", LOW_PASS)
+        late = max(LOW_PASS_DELAY, 0.5 / robot.controller.rate_hz)
+        yield added(
+            "imu.latency", None, "seconds", late, low=0.0, high=INSIDE if wombat else LOW_PASS_DELAY_MOST
+        )
+
+
+def _drive(model: NominalModel, inside: float) -> Iterator[Coordinate]:
+    drive = model.drive
+    yield from _times("drive.track_width", None, drive.track_width, inside)
+    for kind, number in (("straight", drive.inertia_straight), ("turn", drive.inertia_turn)):
+        if number.std > 0.0:
+            yield _inertia(kind, number.std / number.value, inside)
 
 
 def _inertia(kind: str, width: float, inside: float) -> Coordinate:

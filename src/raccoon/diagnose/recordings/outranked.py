@@ -11,17 +11,18 @@ from raccoon.diagnose.result import CauseResult
 def outranked(causes: Sequence[CauseResult], robot: RobotConfig) -> tuple[str, ...]:
     """A note where a named cause is a number of [model] that a program of this robot does not look at."""
     ports = {"left": (robot.drive.left,), "right": (robot.drive.right,)}
-    measured: dict[str, None] = {}
-    models: dict[str, None] = {}
-    for cause in causes:
-        for port in ports.get(cause.where or "", (robot.drive.left, robot.drive.right)):
-            for key, numbers in robot.motor(port).before_model().items():
-                for number in numbers:
-                    if number.startswith(cause.id):  # drive.inertia is that of driving straight
-                        measured[f"motor.{port}.{key}"] = models[f"model.{number}"] = None
-    if not measured:
+    keys = [
+        (f"motor.{port}.{key}", f"model.{number}")
+        for cause in causes
+        for port in ports.get(cause.where or "", (robot.drive.left, robot.drive.right))
+        for key, numbers in robot.motor(port).before_model().items()
+        for number in numbers
+        if number.startswith(cause.id)  # drive.inertia is that of driving straight
+    ]
+    if not keys:
         return ()
+    measured, models = (", ".join(dict.fromkeys(each)) for each in zip(*keys, strict=True))
     return (
-        f"robot.toml has {', '.join(measured)}, by which programs go before {', '.join(models)}: a new value "
-        "there changes the simulation alone; calibrate again where the robot has changed",
+        f"robot.toml has {measured}, by which programs go before {models}: a new value there changes the "
+        "simulation alone; calibrate again where the robot has changed",
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,7 +48,6 @@ def calibrate_tophats(
     naming each tophat whose readings allow no threshold, and why; no calibration is changed then.
     """
     from raccoon.estimate.tophat import calibrate
-    from raccoon.estimate.tophat.quality import restless
 
     check_robot(robot, "calibrate_tophats()")
     check_way(distance=distance)
@@ -72,13 +72,7 @@ def calibrate_tophats(
     found = {
         name: calibrate(_counts(readings, sensor.config.analog)) for name, sensor in robot.tophats.items()
     }
-    useless = {
-        name: f"{each.verdict}, {each.reason}" for name, each in found.items() if each.threshold is None
-    }
-    for name, sensor in robot.tophats.items():
-        port = sensor.config.analog
-        if any(restless(_counts(each, port)) for each in (begin, end)):
-            useless[name] = f"floating, it wanders while the robot stands: is it plugged into analog {port}?"
+    useless = _useless(robot, found, (begin, end))
     if useless:
         reasons = "; ".join(f"{name}: {why}" for name, why in useless.items())
         raise CalibrationError(f"after {distance:g} m: {reasons}")
@@ -91,6 +85,22 @@ def calibrate_tophats(
         except (OSError, ValueError) as error:
             say(robot, f"the tophats are calibrated, but {kept} does not have it: {error}")
     return found
+
+
+def _useless(
+    robot: Robot, found: Mapping[str, TophatCalibration], standing: Sequence[Sequence[Inputs]]
+) -> dict[str, str]:
+    """Why a tophat cannot be used, by name. standing: what was read while the robot stood."""
+    from raccoon.estimate.tophat.quality import restless
+
+    useless = {
+        name: f"{each.verdict}, {each.reason}" for name, each in found.items() if each.threshold is None
+    }
+    for name, sensor in robot.tophats.items():
+        port = sensor.config.analog
+        if any(restless(_counts(each, port)) for each in standing):
+            useless[name] = f"floating, it wanders while the robot stands: is it plugged into analog {port}?"
+    return useless
 
 
 def load_tophats(
@@ -183,5 +193,5 @@ def _store(robot: Robot, found: dict[str, TophatCalibration], store: Path, set_n
     TophatStore(store).add(*entries)
 
 
-def _counts(readings: list[Inputs], port: int) -> list[float]:
+def _counts(readings: Sequence[Inputs], port: int) -> list[float]:
     return [counts for each in readings if (counts := each.analog[port]) is not None]

@@ -13,9 +13,8 @@ from dataclasses import replace
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SIMULATOR, Device
 from raccoon.model.bemf import counts_scale
-from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.parameters import SIDES, Parameters
 
-SIDES = ("left", "right")
 BELIEVED = (0.5, 2.0)
 """Shares of the nominal K_E that a motor can have."""
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import BATTERY_VOLTS_PER_COUNT
 from raccoon.sim.effects.chain import Noise
-from raccoon.sim.effects.parameters import Parameters
+from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.effects.physical import gyro_lag, safe_step, states_at_rest
 from raccoon.sim.plant.lanes import NO_READING
 from raccoon.sim.plant.quantities import Plant, State
@@ -23,7 +23,6 @@ __all__ = ["Lanes", "Rollout", "channel_names", "initial_states", "rollout"]
 
 Floats = NDArray[np.float64]
 Initial = State | Mapping[str, ArrayLike]
-_SIDES = ("left", "right")
 _LATENCY = 3  # column of `Lanes.gyro`
 
 
@@ -179,7 +178,7 @@ def initial_states(plant: Floats, initial: Initial | None) -> Floats:
     if "heading" in given:
         given.setdefault("heading_cos", np.cos(given["heading"]))
         given.setdefault("heading_sin", np.sin(given["heading"]))
-    for side in _SIDES:
+    for side in SIDES:
         if f"speed_{side}" in given:
             _settle(given, side, plant)
     for name, value in given.items():
@@ -240,7 +239,7 @@ def _field(name: str, ports: tuple[int, int]) -> str:
     if name in _PLAIN_FIELDS:
         return _PLAIN_FIELDS[name]
     _, port, kind = name.split(".")
-    return f"{_MOTOR_FIELDS[kind]}_{_SIDES[ports.index(int(port))]}"
+    return f"{_MOTOR_FIELDS[kind]}_{SIDES[ports.index(int(port))]}"
 
 
 def _channel(name: str, recorded: Mapping[str, Floats], lanes: Lanes, age: Floats) -> Floats:
