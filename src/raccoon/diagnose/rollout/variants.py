@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.sample_clock import in_force
-from raccoon.diagnose.hypotheses.coordinates import Settings, neutral_settings
+from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
 from raccoon.diagnose.rollout.encoders import WINDOW, counted
@@ -104,7 +104,6 @@ class PlantRollout:
         self._robot = robot
         cycle = _cycle(usual_step(log.time), habits.chain.cycle)
         self._habits = replace(habits, chain=replace(habits.chain, cycle=cycle))
-        self._neutral = neutral_settings(robot)
         ports = {"left": robot.drive.left, "right": robot.drive.right}
         self._heard = {} if plain else _readings(log)
         self._silent = 0.0 if habits.firmware is None else habits.firmware.silent
