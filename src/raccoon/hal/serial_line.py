@@ -9,12 +9,13 @@ from __future__ import annotations
 import contextlib
 import errno
 import select
-from collections.abc import Callable
 from typing import Protocol
 
 from raccoon.core.clock import Clock
 from raccoon.core.errors import HardwareError
 
+RETRY = 0.5
+"""S from one attempt to open a device again to the next."""
 WRITE_TIMEOUT = 0.02
 """s; a command is a few bytes and the kernel buffers 4096, so only a dead line takes that long."""
 CHUNK_LIMIT = 4096
@@ -33,9 +34,6 @@ class SerialDevice(Protocol):
     def close(self) -> None: ...
 
 
-Opener = Callable[[str, int], SerialDevice]
-
-
 def open_serial(path: str, baud: int) -> SerialDevice:
     """Open `path` at `baud`, 8N1, for us alone; neither reads nor writes ever block for long.
 
@@ -47,21 +45,17 @@ def open_serial(path: str, baud: int) -> SerialDevice:
 
 
 class SerialLine:
-    """Bytes to and from one device; after an unplug it is opened again, every `retry` s at most.
+    """Bytes to and from one device; after an unplug it is opened again, every RETRY s at most.
 
     `openings` counts successful openings: a protocol that sees it change must start from the beginning.
     Raises HardwareError when the device cannot be opened the first time.
     """
 
-    def __init__(
-        self, path: str, baud: int, clock: Clock, *, retry: float = 0.5, opener: Opener = open_serial
-    ) -> None:
+    def __init__(self, path: str, baud: int, clock: Clock) -> None:
         self.path = path
         self.openings = 0
         self._baud = baud
         self._clock = clock
-        self._retry = retry
-        self._opener = opener
         self._device: SerialDevice | None = None
         self._closed = False
         self._next_attempt = clock.now()
@@ -101,7 +95,7 @@ class SerialLine:
 
     def reopen(self) -> None:
         """Let a device go that is open but dead; the next read after the retry time opens it again."""
-        self._next_attempt = self._clock.now() + self._retry
+        self._next_attempt = self._clock.now() + RETRY
         self._drop()
 
     def close(self) -> None:
@@ -110,8 +104,8 @@ class SerialLine:
         self._drop()
 
     def _open(self) -> None:
-        self._next_attempt = self._clock.now() + self._retry
-        self._device = self._opener(self.path, self._baud)
+        self._next_attempt = self._clock.now() + RETRY
+        self._device = open_serial(self.path, self._baud)
         self.openings += 1
 
     def _reopen(self) -> bool:

@@ -15,16 +15,13 @@ class Explanation:
     """One sensor that would read these two levels.
 
     height: m. ambient: 0 is the paper's normal light, 1 its direct sun. reflected: the sensor's own light
-    from white; by_black: black's share of it. sun: ambient light from white; sun_by_black: black's share of
-    it.
+    from white. sun_by_black: black's share of the ambient light from white.
     """
 
     generation: str
     height: float
     ambient: float
     reflected: float
-    by_black: float
-    sun: float
     sun_by_black: float
 
 
@@ -52,7 +49,7 @@ def _explain(model: SensorModel, u: float, v: float) -> Explanation | None:
         return None
     height = NEAR * (reflected / model.reflected_near) ** (-1.0 / model.falloff)
     ambient = sun / (model.sun_near * (height / NEAR) ** model.sun_exponent)
-    return Explanation(model.generation, height, ambient, reflected, r, sun, s)
+    return Explanation(model.generation, height, ambient, reflected, s)
 
 
 def _strangeness(explanation: Explanation) -> float:
