@@ -39,11 +39,10 @@ LEAST_ROWS = 12
 class WheelState:
     """What the watch thinks of one wheel.
 
-    stalled: driven and not moving. known: enough was seen for the rest. speed_factor, load_factor: present
-    over nominal V a rad/s (K_E) and V a N m (R / K_E), with their standard deviations.
+    known: enough was seen for the rest. speed_factor, load_factor: present over nominal V a rad/s (K_E) and
+    V a N m (R / K_E), with their standard deviations.
     """
 
-    stalled: bool
     known: bool
     speed_factor: float
     speed_factor_std: float
@@ -180,4 +179,4 @@ class WheelWatch:
         speed, speed_std = fit.values[1] * model.gain, fit.std(1) * model.gain
         load = fit.values[2] / model.acceleration_voltage
         load_std = fit.std(2) / model.acceleration_voltage
-        return WheelState(self.stalled, fit.rows >= LEAST_ROWS, speed, speed_std, load, load_std)
+        return WheelState(fit.rows >= LEAST_ROWS, speed, speed_std, load, load_std)

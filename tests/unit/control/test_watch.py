@@ -174,7 +174,7 @@ def test_too_little_voltage_to_move_is_no_stall() -> None:
 
 def test_a_load_that_is_hardly_known_is_not_odd() -> None:
     """At one speed for a minute the fit forgets what an acceleration took."""
-    unsure = WheelState(False, True, 1.0, 0.01, 0.24, 0.54)
+    unsure = WheelState(True, 1.0, 0.01, 0.24, 0.54)
     assert oddities(unsure, unsure) == ("", "")
-    sure = WheelState(False, True, 1.0, 0.01, 0.24, 0.03)
+    sure = WheelState(True, 1.0, 0.01, 0.24, 0.03)
     assert all("times the voltage a load should" in each for each in oddities(sure, sure))

@@ -10,10 +10,9 @@ WIDTH = 30
 
 
 class Bar:
-    """Shows matches played, failures and the time that is left. total: matches."""
+    """Shows matches played, failures and the time that is left."""
 
-    def __init__(self, total: int) -> None:
-        self._total = total
+    def __init__(self) -> None:
         self._begun = time.monotonic()
         self._first: int | None = None
         self._tenths = -1

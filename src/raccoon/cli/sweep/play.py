@@ -29,7 +29,7 @@ def sweep_and_print(args: argparse.Namespace) -> int:
     check_folders(args.out)
     match = match_of(args)
     try:
-        with Bar(args.runs) as bar:
+        with Bar() as bar:
             rows = sweep(
                 match, args.runs, seed=args.seed, executor=crew_of(args), out=args.out, progress=bar.show
             )

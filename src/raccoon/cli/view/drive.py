@@ -42,12 +42,11 @@ class Path2:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive to draw. truth or estimate may be absent, not both. events: time and text. body: the robot's
-    outline, the usual one where the recording does not say."""
+    """A drive to draw. truth or estimate may be absent, not both. body: the robot's outline, the
+    usual one where the recording does not say."""
 
     truth: Path2 | None
     estimate: Path2 | None
-    events: tuple[tuple[float, str], ...]
     body: BodyConfig
 
     @property
@@ -88,9 +87,7 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
         else:
             begin = (start[0], start[1], math.radians(start[2])) if start else (0.0, 0.0, 0.0)
         estimate = estimate.placed(*begin)
-    time = run.recording["t"]
-    events = tuple((float(time[each.tick]), each.text) for each in run.recording.events if each.tick >= 0)
-    return Drive(truth, estimate, events, BodyConfig() if run.robot is None else run.robot.body)
+    return Drive(truth, estimate, BodyConfig() if run.robot is None else run.robot.body)
 
 
 def _truth(run: Run) -> Path2 | None:

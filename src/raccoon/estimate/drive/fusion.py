@@ -74,7 +74,6 @@ class Step:
 
     reading: Reading
     flat: Flat
-    distance: float
 
     @property
     def time(self) -> float:
@@ -124,7 +123,7 @@ class Fusion:
         way.left += reading.values[0] * span
         way.right += reading.values[1] * span
         way.seconds += span
-        self._steps.append(Step(reading, flat, self.distance))
+        self._steps.append(Step(reading, flat))
 
     def _judged(
         self, reading: Reading, before: Flat, innovations: Flat, reasons: Reasons, repeated_gyro: bool

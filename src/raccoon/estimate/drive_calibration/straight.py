@@ -39,17 +39,15 @@ class StraightCalibration:
     """What a taped straight drive tells. Every value with its standard deviation.
 
     left, right: radians per tick. left_offset, right_offset: back-EMF counts at rest in the sign of the
-    board, None where the recording has no rest with back-EMF. gyro_bias: rad/s. turn: rad the robot turned
-    on the way. remarks: what is strange about the result, in words.
+    board, None where the recording has no rest with back-EMF. turn: rad the robot turned on the way.
+    remarks: what is strange about the result, in words.
     """
 
     left: Measured
     right: Measured
     left_offset: Measured | None
     right_offset: Measured | None
-    gyro_bias: Measured | None
     turn: float
-    distance: float
     remarks: tuple[str, ...] = ()
 
     def applied(self, robot: RobotConfig) -> RobotConfig:
@@ -136,9 +134,7 @@ def calibrate_straight(
         right=values[1],
         left_offset=offsets[0],
         right_offset=offsets[1],
-        gyro_bias=bias,
         turn=turn,
-        distance=distance,
         remarks=surprises(robot, inputs[0].device, values, distance),
     )
 

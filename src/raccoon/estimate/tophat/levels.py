@@ -41,7 +41,6 @@ class Levels:
         "_light_anchor",
         "_light_noise",
         "_light_var",
-        "_own",
         "_own_dark",
         "_share",
         "_share_sd",
@@ -77,7 +76,7 @@ class Levels:
         shares = [each.sun_by_black for each in known] or [0.38, 0.58]
         self._share = sum(shares) / len(shares)
         self._share_sd = 0.03 if len(shares) == 1 else 0.10
-        self._own = own = min((each.reflected for each in known), default=0.1 * self.light)
+        own = min((each.reflected for each in known), default=0.1 * self.light)
         # In the sun its own light is a small difference of two large ones, and less sure.
         self._floor = (0.8 if own > 0.5 * self.light else 0.4) * own
         self._own_dark = 0.01 * own

@@ -182,13 +182,9 @@ def set_calibration(counts_per_cm: tuple[float, float], height_mm: float) -> byt
 
 
 class FrameDecoder:
-    """Finds frames in a byte stream that may be cut, garbled or joined in the middle.
-
-    rejected: bytes thrown away so far while looking for a frame.
-    """
+    """Finds frames in a byte stream that may be cut, garbled or joined in the middle."""
 
     def __init__(self) -> None:
-        self.rejected = 0
         self._buffer = bytearray()
 
     def clear(self) -> None:
@@ -209,7 +205,6 @@ class FrameDecoder:
             if reader is None or crc8(memoryview(buffer)[at + 1 : end - 1]) != buffer[end - 1]:
                 # Only one byte: a start byte inside damaged data must not hide the true one right behind it.
                 at += 1
-                self.rejected += 1
                 continue
             _, _, _, time_ms = _HEAD.unpack_from(buffer, at)
             frames.append(reader(time_ms, bytes(buffer[at + _HEAD.size : end - 1])))

@@ -135,13 +135,9 @@ def _wheels(opcode: int, left: int, right: int, limit: int, unit: str) -> bytes:
 
 
 class StreamDecoder:
-    """Finds stream frames in a byte stream that may be cut, garbled or joined in the middle.
-
-    rejected: bytes thrown away so far while looking for a frame.
-    """
+    """Finds stream frames in a byte stream that may be cut, garbled or joined in the middle."""
 
     def __init__(self) -> None:
-        self.rejected = 0
         self._buffer = bytearray()
 
     def clear(self) -> None:
@@ -159,7 +155,6 @@ class StreamDecoder:
             if sensors is None:
                 # Only one byte: a header inside damaged data must not hide the true one right behind it.
                 at += 1
-                self.rejected += 1
             else:
                 at += FRAME_LENGTH
                 frames.append(sensors)

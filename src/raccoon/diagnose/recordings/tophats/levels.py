@@ -67,22 +67,6 @@ class Levels:
         std = float(max(0.5 * np.sqrt(3.0 / max(fewest, 1.0)), 0.02)) * self.noise
         return ParameterResult(self.noise, max(std, 0.5), "counts", assumed)
 
-    def part(self, keep: Flags) -> Levels | None:
-        """The levels of a part of the time; None where it did not see enough of both."""
-        if min((keep & self.black).sum(), (keep & ~self.black).sum()) < FEWEST:
-            return None
-        time, counts, black = self.time[keep], self.counts[keep], self.black[keep]
-        return Levels(
-            time,
-            counts,
-            black,
-            self.noise,
-            pieces(time),
-            *_usual(counts, black),
-            self.sorted_surely,
-            self.pattern,
-        )
-
     def means(self, keep: Flags) -> Array:
         """Rows of piece, black 0/1, level, its deviation, for pieces with enough readings."""
         rows = []

@@ -22,8 +22,7 @@ MOVE_FLOOR, MOVE_GAIN, MOVE_STEP, MOVE_TOLERANCE, MOVE_LIMIT = 15, 20, 150, 40, 
 class RaccoonMotor:
     """One motor. `command` is the frame as it lies in memory; bits and offsets follow the version."""
 
-    def __init__(self, port: int, version: int) -> None:
-        self._port = port
+    def __init__(self, version: int) -> None:
         self._newer = version >= 21
         self._raw: list[float] = [0.0, 0.0, 0.0]
         self._count = 0.0
@@ -113,7 +112,7 @@ class RaccoonMotors:
         self._gain_offset = 70 + shift
         self._tail_offset = 136 + shift
         self._forward: tuple[tuple[float, float, float], ...] = ((0.0, 0.0, 0.0),) * MOTOR_PORTS
-        self.motors = [RaccoonMotor(port, version) for port in range(MOTOR_PORTS)]
+        self.motors = [RaccoonMotor(version) for _ in range(MOTOR_PORTS)]
         self.stopped = False
         self.bemf_disabled = False
         self._modes = 0
