@@ -26,9 +26,9 @@ import tophat_lights
 import tophat_plots
 from raccoon.core.errors import CalibrationError
 from raccoon.estimate.tophat import Tophat, calibrate
-from raccoon.estimate.tophat.methods import METHODS, RunningMidpoint
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS
+from tophat_methods import METHODS, RunningMidpoint
 from tophat_start import start_light
 
 Array = NDArray[np.float64]

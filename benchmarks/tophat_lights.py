@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import CalibrationError
 from raccoon.estimate.tophat import Tophat, TophatGroup, calibrate
-from raccoon.estimate.tophat.methods import METHODS, RunningMidpoint
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS
+from tophat_methods import METHODS, RunningMidpoint
 
 Array = NDArray[np.float64]
 RATE = 200.0

@@ -40,6 +40,7 @@ GENERATIONS = ("old", "new")
 NEAR, FAR = 0.007, 0.023  # m, the heights of Tables II and III
 LEAST_HEIGHT, MOST_HEIGHT = 0.002, 0.06  # m; nearer, the light misses the receiver and the law of R(h) ends
 AMBIENT = {"normal": 0.0, "sun": 1.0}
+LINE_WIDTH, WAY_A_READING = 0.015, 0.24 / 200.0  # m, of a simulated calibration drive at 0.24 m/s
 """Ambient level of the paper's two lights."""
 
 Number = TypeVar("Number", float, NDArray[np.float64])
@@ -244,11 +245,7 @@ def drive_over_line(
     condition: TophatReading,
     *,
     distance: float = 0.6,
-    line_width: float = 0.015,
-    speed: float = 0.24,
-    rate_hz: float = 200.0,
     noise: float = 3.0,
-    texture: float = 0.02,
     gain: float = 1.0,
 ) -> tuple[Array, Array]:
     """A calibration drive across one black line on white, in one of the paper's conditions.
@@ -257,8 +254,8 @@ def drive_over_line(
     the spot on black (0 white, 1 black, between at the edges). The line lies at random, not near the ends.
     """
     radius = spot_radius(condition.height)
-    position = np.arange(0.0, distance, speed / rate_hz)
-    darkness = line_coverage(position, rng.uniform(0.2, 0.8) * distance, line_width, radius)
+    position = np.arange(0.0, distance, WAY_A_READING)
+    darkness = line_coverage(position, rng.uniform(0.2, 0.8) * distance, LINE_WIDTH, radius)
     optics = fit(condition.generation).at(condition.height, gain)
-    samples = read(rng, darkness, optics, ambient=AMBIENT[condition.light], noise=noise, texture=texture)
+    samples = read(rng, darkness, optics, ambient=AMBIENT[condition.light], noise=noise)
     return samples, darkness

@@ -10,7 +10,6 @@ from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Vector
 
 T = TypeVar("T")
-PREFIX = "fault."
 KINDS: Mapping[str, str] = {
     "fault.imu_silent": "the IMU says nothing any more",
     "fault.imu_frozen": "the IMU repeats its last reading",

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raccoon.core.errors import CalibrationError, ConfigError
+from raccoon.core.errors import ConfigError
 from raccoon.estimate.tophat import TophatCalibration, Verdict, calibrate
-from raccoon.estimate.tophat.methods import METHODS, RunningMidpoint
 from raccoon.estimate.tophat.store import KEPT, StoredCalibration, TophatStore
 from raccoon.estimate.tophat.watch import CalibrationWatch, Fit, height_changed, swapped
 
@@ -197,25 +196,3 @@ def test_swapped_plugs_are_named() -> None:
         "left",
         "right",
     )
-
-
-@pytest.mark.parametrize(("name", "threshold"), [("fixed", 1500), ("midpoint", 1000), ("k_means", 1000)])
-def test_methods_find_the_middle_of_an_easy_case(name: str, threshold: float) -> None:
-    assert METHODS[name]([200.0] * 80 + [1800.0] * 80) == pytest.approx(threshold)
-
-
-def test_methods_have_the_weakness_they_are_known_for() -> None:
-    rare = [200.0] * 190 + [1800.0] * 10
-    assert METHODS["percentile"](rare) == pytest.approx(200.0)  # 5 % black lies beyond the 90th percentile
-    assert METHODS["trimmed"]([200.0] * 9 + [1000.0] + [1800.0] * 9) == pytest.approx(1000.0)
-    with pytest.raises(CalibrationError, match="contrast 600"):
-        METHODS["k_means"]([1000.0] * 50 + [1600.0] * 50)
-    with pytest.raises(CalibrationError, match="1 readings"):
-        METHODS["midpoint"]([3.0])
-
-
-def test_running_midpoint_waits_for_variation() -> None:
-    running = RunningMidpoint()
-    assert running.update(200.0) is None
-    assert running.update(1800.0) is True
-    assert running.update(250.0) is False

@@ -1,4 +1,4 @@
-"""Other ways to a threshold, as named alternatives and for comparison. None of them can say no, but one.
+"""Other ways to a threshold, for comparison (see tophat.py). None of them can say no, but one.
 
 `midpoint` and `RunningMidpoint` are the paper's start-up and on-the-fly methods; `percentile` and `trimmed`
 are those that the clustering literature compares k-means with (92, 98 and 100 % success); `k_means` is
