@@ -41,6 +41,7 @@ NEAR, FAR = 0.007, 0.023  # m, the heights of Tables II and III
 LEAST_HEIGHT, MOST_HEIGHT = 0.002, 0.06  # m; nearer, the light misses the receiver and the law of R(h) ends
 AMBIENT = {"normal": 0.0, "sun": 1.0}
 LINE_WIDTH, WAY_A_READING = 0.015, 0.24 / 200.0  # m, of a simulated calibration drive at 0.24 m/s
+TEXTURE = 0.02  # sd of the floor's own brightness as a share of it, from reading to reading
 """Ambient level of the paper's two lights."""
 
 Number = TypeVar("Number", float, NDArray[np.float64])
@@ -228,14 +229,12 @@ def read(
     *,
     ambient: Array | float = 0.0,
     noise: float = 3.0,
-    texture: float = 0.02,
 ) -> Array:
     """Readings as the converter gives them: whole counts in 0..4095.
 
     darkness: share of the spot on black, shape (n,). noise: counts, sd of a standing sensor (2..5 measured).
-    texture: sd of the floor's own brightness as a share of it, from reading to reading.
     """
-    patchy = optics.light(darkness, ambient) * np.exp(texture * rng.standard_normal(darkness.shape))
+    patchy = optics.light(darkness, ambient) * np.exp(TEXTURE * rng.standard_normal(darkness.shape))
     exact = FULL_SCALE / (1.0 + patchy) + noise * rng.standard_normal(darkness.shape)
     return np.asarray(np.clip(np.round(exact), 0.0, FULL_SCALE))
 

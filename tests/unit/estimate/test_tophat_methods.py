@@ -19,9 +19,8 @@ def test_methods_find_the_middle_of_an_easy_case(name: str, threshold: float) ->
 
 def test_methods_have_the_weakness_they_are_known_for() -> None:
     rare = [200.0] * 190 + [1800.0] * 10
-    assert methods.METHODS["percentile"](rare) == pytest.approx(
-        200.0
-    )  # 5 % black lies beyond the 90th percentile
+    # 5 % black lies beyond the 90th percentile
+    assert methods.METHODS["percentile"](rare) == pytest.approx(200.0)
     assert methods.METHODS["trimmed"]([200.0] * 9 + [1000.0] + [1800.0] * 9) == pytest.approx(1000.0)
     with pytest.raises(CalibrationError, match="contrast 600"):
         methods.METHODS["k_means"]([1000.0] * 50 + [1600.0] * 50)
