@@ -12,7 +12,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.sim.effects.calibrated import calibrated_factor, simulated_device
 from raccoon.sim.effects.effect import effect
-from raccoon.sim.effects.parameters import SIDES, Parameters
+from raccoon.sim.effects.parameters import Parameters
 from raccoon.sweep.faults import KINDS
 
 if TYPE_CHECKING:
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 LIGHT = "light.ambient"
 """Light over the whole table, 0 indoors to 1 direct sun. It and the faults are no effects of the robot."""
+_SIDES = ("left", "right")
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +122,7 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
         _normal("imu.gyro_bias", "rate", 0.0, 0.002),
         _normal("imu.gyro_scale", "factor", 1.0, 0.003),
     ]
-    for side in SIDES:
+    for side in _SIDES:
         factors += [
             _normal("motor.back_emf_constant", "factor", *_known_ticks(robot, side, 0.03), side),
             _normal("motor.armature_resistance", "factor", 1.0, 0.09, side),
@@ -170,7 +171,9 @@ def nominal_values(robot: RobotConfig, factors: tuple[Factor, ...]) -> dict[str,
     return {
         each.name: _factor(robot, each.where)
         for each in factors
-        if each.effect == "motor.back_emf_constant" and each.where in SIDES and _calibrated(robot, each.where)
+        if each.effect == "motor.back_emf_constant"
+        and each.where in _SIDES
+        and _calibrated(robot, each.where)
     }
 
 
