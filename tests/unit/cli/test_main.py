@@ -12,6 +12,7 @@ import pytest
 
 from raccoon import __version__
 from raccoon.cli import main
+from raccoon.cli.crew import crew_of
 from raccoon.cli.main import COMMANDS, build_parser
 
 
@@ -100,6 +101,14 @@ def test_what_several_commands_ask_has_one_name() -> None:
     }
     assert asked["demo"] == asked["compare-mitigations"] == {"--workers"}
     assert set().union(*asked.values()) == {"--workers", "--executor"}
+
+
+def test_no_number_of_workers_is_one_for_each_core(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[int | None] = []
+    monkeypatch.setattr("raccoon.sweep.workers.process_crew", asked.append)
+    for workers in (0, 3):
+        crew_of(argparse.Namespace(executor="processes", scheduler=None, workers=workers))
+    assert asked == [None, 3]
 
 
 def test_init_writes_a_file_that_can_be_read_and_never_overwrites(
