@@ -106,12 +106,6 @@ class Recording:
         """Port numbers that have a column, such as ports("motor", "bemf") or ports("analog")."""
         return ports_in(self.columns, kind, channel)
 
-    def window(self, start: int, stop: int) -> Recording:
-        """Rows start to stop (not included) as a recording of its own."""
-        columns = {name: column[start:stop] for name, column in self.columns.items()}
-        events = [Event(each.tick - start, each.text) for each in self.events if start <= each.tick < stop]
-        return Recording(columns, events, self.device, list(self.problems))
-
 
 def check_lengths(columns: Mapping[str, Column]) -> None:
     """Raise TraceError naming a column that is not as long as t."""

@@ -157,16 +157,13 @@ def test_a_missing_column_is_named_with_those_that_exist() -> None:
         Recording({"t": T})["motor.0.bemf"]
 
 
-def test_ports_and_windows() -> None:
+def test_the_ports_of_a_recording() -> None:
     names = ("motor.1.bemf", "motor.0.bemf", "motor.0.duty", "analog.3", "analog.x")
     columns = {"t": np.arange(4.0)} | {name: np.arange(4.0) for name in names}
-    recording = Recording(columns, [Event(0, "start"), Event(2, "line")])
+    recording = Recording(columns)
     assert recording.ports("motor", "bemf") == [0, 1]
     assert recording.ports("analog") == [3]
-    part = recording.window(1, 3)
-    np.testing.assert_array_equal(part["t"], [1.0, 2.0])
-    assert part.events == [Event(1, "line")]
-    assert not part.has_truth
+    assert not recording.has_truth
 
 
 def test_a_duty_holds_until_the_next_one_of_its_motor() -> None:

@@ -37,10 +37,6 @@ class Session:
                 raise HardwareError(f"{inputs.device.name}: its clock stands still at {inputs.time} s")
         return self.cycles[first:]
 
-    def stop(self) -> None:
-        """Stop every motor."""
-        self._port.write(STOP)
-
     def _cycle(self, outputs: Outputs) -> Inputs:
         inputs = self._port.read()
         self._port.write(outputs)
