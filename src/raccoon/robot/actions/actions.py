@@ -70,18 +70,8 @@ class Action(Generic[T_co]):
 
         def steps(robot: Robot) -> Steps[T_co | None]:
             holds = condition.start(robot)
-            body = self.start(robot)
-            try:
-                while not holds():
-                    try:
-                        next(body)
-                    except StopIteration as end:
-                        result: T_co = end.value
-                        return result
-                    yield
-                return None
-            finally:
-                close(body)
+            done = yield from _while(self.start(robot), lambda: not holds())
+            return None if done is None else done[0]
 
         return Action(f"{self.name} until {condition.name}", steps, each_of(self, condition))
 
@@ -91,18 +81,10 @@ class Action(Generic[T_co]):
 
         def steps(robot: Robot) -> Steps[T_co]:
             start = robot.time
-            body = self.start(robot)
-            try:
-                while robot.time - start <= seconds:
-                    try:
-                        next(body)
-                    except StopIteration as end:
-                        result: T_co = end.value
-                        return result
-                    yield
-            finally:
-                close(body)
-            raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({robot.drive.complaint()})")
+            done = yield from _while(self.start(robot), lambda: robot.time - start <= seconds)
+            if done is None:
+                raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({robot.drive.complaint()})")
+            return done[0]
 
         return Action(self.name, steps, self.check)
 
@@ -248,20 +230,29 @@ def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Acti
     """The action, with `look` called before each of its ticks."""
 
     def steps(robot: Robot) -> Steps[T]:
-        body = action.start(robot)
-        try:
-            while True:
-                look(robot)
-                try:
-                    next(body)
-                except StopIteration as end:
-                    result: T = end.value
-                    return result
-                yield
-        finally:
-            body.close()
+        def looked() -> bool:
+            look(robot)
+            return True
+
+        done = yield from _while(action.start(robot), looked)
+        assert done is not None
+        return done[0]
 
     return Action(name, steps, action.check)
+
+
+def _while(body: Steps[T], goes_on: Callable[[], bool]) -> Steps[tuple[T] | None]:
+    """`body` while `goes_on` says so before each of its ticks: its result, None where it was ended."""
+    try:
+        while goes_on():
+            try:
+                next(body)
+            except StopIteration as end:
+                return (end.value,)
+            yield
+        return None
+    finally:
+        close(body)
 
 
 def wait(seconds: float) -> Action[None]:
