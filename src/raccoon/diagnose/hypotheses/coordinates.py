@@ -67,7 +67,7 @@ class Cause:
     """An effect of the catalogue at one place.
 
     variants: for each starting guess the points (one u for each coordinate) whose secants from 0 give its
-    columns. replaces: parameters that are set outright (an inverse limit, a phase) instead of added to. own:
+    columns. joint: sets the parameters itself, where one depends on several (a strength and its shape). own:
     an effect that the catalogue does not have.
     """
 
