@@ -41,8 +41,8 @@ class PathState:
 class Path:
     """Through `points` (m, at least two), each corner rounded by an arc of `rounding` m or what fits.
 
-    length: m. sharpest_curvature: 1/m. Raises ValueError for points that are not finite, too few of them, or
-    a corner that turns back (more than 170 degrees).
+    length: m. pieces: its lines and arcs. Raises ValueError for points that are not finite, too few of them,
+    or a corner that turns back (more than 170 degrees).
     """
 
     def __init__(self, points: Sequence[Point], rounding: float = 0.1) -> None:
@@ -54,27 +54,26 @@ class Path:
         kept = distinct(points)
         if len(kept) < 2:
             raise ValueError(f"{len(kept)} different points: a path needs at least 2")
-        self._pieces = _pieces(kept, rounding)
+        self.pieces = _pieces(kept, rounding)
         self._begins = [0.0]
-        for piece in self._pieces:
+        for piece in self.pieces:
             self._begins.append(self._begins[-1] + piece.length)
         self.length = self._begins[-1]
-        self.sharpest_curvature = max(abs(piece.curvature) for piece in self._pieces)
 
     @property
     def start(self) -> Pose:
         """Where it begins, and which way."""
-        return self._pieces[0].start
+        return self.pieces[0].start
 
     @property
     def end(self) -> Pose:
         """Where it ends, and which way."""
-        return self._pieces[-1].at(self._pieces[-1].length)
+        return self.pieces[-1].at(self.pieces[-1].length)
 
     def at(self, way: float) -> PathState:
         """`way` m after the start; before it and after the end along the first and last piece."""
         index = self._index(way)
-        piece = self._pieces[index]
+        piece = self.pieces[index]
         return PathState(piece.at(way - self._begins[index]), piece.curvature)
 
     def nearest(self, x: float, y: float, around: float, reach: float = 0.03) -> float:
@@ -86,10 +85,10 @@ class Path:
         return way
 
     def _index(self, way: float) -> int:
-        for index in range(len(self._pieces) - 1):
+        for index in range(len(self.pieces) - 1):
             if way < self._begins[index + 1]:
                 return index
-        return len(self._pieces) - 1
+        return len(self.pieces) - 1
 
 
 def distinct(points: Sequence[Point]) -> list[Point]:

@@ -133,7 +133,7 @@ class SCurve:
         if time >= self.duration:
             return ProfileState(self.distance, 0.0, 0.0)
         begin, jerk, state = next(phase for phase in reversed(self._phases) if time >= phase[0])
-        here = _jerked(state, jerk, time - begin)
+        here = jerked(state, jerk, time - begin)
         sign = self._sign
         return ProfileState(sign * here.position, sign * here.velocity, sign * here.acceleration)
 
@@ -148,7 +148,8 @@ def profile(distance: float, speed: float, acceleration: float, jerk: float = 0.
     return Trapezoid(distance, speed, acceleration)
 
 
-def _jerked(state: ProfileState, jerk: float, time: float) -> ProfileState:
+def jerked(state: ProfileState, jerk: float, time: float) -> ProfileState:
+    """The state after `time` s of this jerk."""
     s, v, a = state.position, state.velocity, state.acceleration
     return ProfileState(
         s + time * (v + time * (a / 2.0 + time * jerk / 6.0)),
@@ -162,7 +163,7 @@ def _phases(pieces: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float
     begin, state, phases = 0.0, ProfileState(0.0, 0.0, 0.0), []
     for seconds, jerk in pieces:
         phases.append((begin, jerk, state))
-        begin, state = begin + seconds, _jerked(state, jerk, seconds)
+        begin, state = begin + seconds, jerked(state, jerk, seconds)
     return tuple(phases)
 
 

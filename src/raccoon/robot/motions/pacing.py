@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.control.motion import TrackingGains
 from raccoon.control.profile import Profile, ProfileState
+from raccoon.control.stages import Staged
 from raccoon.core.errors import MotionTimeout
 from raccoon.model.pose import Pose
 from raccoon.robot.remarks import mismatch, miswired, say, tell
@@ -89,7 +90,7 @@ class Pace:
     def __init__(
         self,
         robot: Robot,
-        profile: Profile,
+        profile: Profile | Staged,
         lag_limit: float,
         timeout: float | None = None,
         planned: float = 1.0,

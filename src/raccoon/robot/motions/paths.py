@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.control.motion import line_command
 from raccoon.control.path import Path, Point, distinct, legs
-from raccoon.control.profile import profile
+from raccoon.control.stages import Stage, Staged
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_heading, check_limits, check_number, check_speed, check_way
@@ -101,8 +101,9 @@ def follow_path(
     The first piece leads from the robot's place to the first point at which it does not stand already; it
     turns on the spot where that lies aside. Where the points after that lead back to where it comes from, it
     stops at that first point and turns as well. rounding: m, radius of the arcs that round the corners.
-    speed: m/s of the faster wheel, the highest on the way. tolerance: m along the path at its end. timeout: s
-    of each way without a stop. Raises ValueError for points that are no path, such as some that turn back.
+    speed: m/s of the faster wheel, so corners are slower than straights. tolerance: m along the path at its
+    end. timeout: s of each way without a stop. Raises ValueError for points that are no path, such as some
+    that turn back.
     """
     check_speed(speed=speed)
     check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
@@ -152,11 +153,14 @@ def _follow(
 ) -> Steps[MotionResult]:
     motion = robot.config.motion
     turns = round((robot.plan.heading - path.start.heading) / math.tau) * math.tau
-    outer = 1.0 + robot.drive.half_track * path.sharpest_curvature
-    wanted = (motion.speed if speed is None else float(speed)) / outer
-    top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
-    walk = profile(path.length, top, acceleration, motion.jerk)
-    pace = Pace(robot, walk, LAG_LIMIT, timeout, top / wanted, "path")
+    stages, planned = [], 1.0
+    for piece in path.pieces:
+        outer = 1.0 + robot.drive.half_track * abs(piece.curvature)
+        wanted = (motion.speed if speed is None else float(speed)) / outer
+        top, acceleration = robot.drive.speeds.planned(wanted, motion.acceleration, outer)
+        stages.append(Stage(piece.length, top, acceleration))
+        planned = min(planned, top / wanted)
+    pace = Pace(robot, Staged(stages, motion.jerk), LAG_LIMIT, timeout, planned, "path")
     progress = [0.0]
 
     def place(way: float) -> Pose:

@@ -34,6 +34,13 @@ def test_a_path_is_followed_through_its_rounded_corners() -> None:
     assert abs(result.across) < 0.002
 
 
+def test_only_a_corner_is_driven_slowly_and_not_the_whole_path() -> None:
+    """0.69 m of straights at 0.15 m/s and 0.15 m of arcs, of 25 mm, at a quarter of it: 4.6 and 4.0 s."""
+    result, end, _ = run(follow_path([(0.5, 0.0), (0.15, 0.1), (0.7, 0.1)], speed=0.15))
+    assert (end.x, end.y) == pytest.approx((0.7, 0.1), abs=0.006)
+    assert result.duration < 11.0
+
+
 def test_a_path_begins_with_the_first_point_at_which_the_robot_is_not() -> None:
     near = [(0.3, 0.0), (0.301, 0.002)]
     (_, there), end, _ = run(seq(straight(0.3), follow_path(near[:1])))
