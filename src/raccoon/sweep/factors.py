@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from raccoon.core.config import MotorConfig, RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
+from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.sim.effects.calibrated import calibrated_factor, simulated_device
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
@@ -20,6 +21,11 @@ if TYPE_CHECKING:
 
 LIGHT = "light.ambient"
 """Light over the whole table, 0 indoors to 1 direct sun. It and the faults are no effects of the robot."""
+USUAL_OFFSET = 42.0
+"""Counts, root mean square of what six motors read at rest behind RaccoonOS."""
+PLAIN_TICKS = OdometrySettings().calibrated_scale
+"""Of ticks that robot.toml has as a plain number, which says nothing of how well it is known: as for the
+odometry."""
 _SIDES = ("left", "right")
 
 
@@ -130,7 +136,7 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
             # A calibration knows K_E and radius only as their product, which is K_E's here.
             _normal("drive.wheel_radius", "factor", 1.0, 0.0 if _calibrated(robot, side) else 0.005, side),
             Factor("drive.backlash", "angle", 0.0, 0.05, where=side),
-            _normal("bemf.offset", "counts", *_known_offset(robot, side, 30.0), side),
+            _normal("bemf.offset", "counts", *_known_offset(robot, side), side),
         ]
     return (*factors, *_tophat_factors(robot))
 
@@ -151,13 +157,15 @@ def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, fl
     if ticks is None or not _calibrated(robot, side):
         return 1.0, usual
     mean = _factor(robot, side)
-    return mean, mean * ticks.std / ticks.value
+    return mean, mean * (ticks.std / ticks.value or PLAIN_TICKS)
 
 
-def _known_offset(robot: RobotConfig, side: str, usual: float) -> tuple[float, float]:
+def _known_offset(robot: RobotConfig, side: str) -> tuple[float, float]:
     """Mean and standard deviation of a motor's reading at rest, counts."""
     offset = _motor(robot, side).bemf_offset
-    return (0.0, usual) if offset is None else (offset.value, offset.std)
+    if offset is None:
+        return 0.0, USUAL_OFFSET
+    return offset.value, offset.std or robot.model.bemf.offset.std
 
 
 def _factor(robot: RobotConfig, side: str) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from raccoon.core.config import DriveModel, RobotConfig
+from raccoon.core.config import DriveModel, ImuModel, RobotConfig
 from raccoon.core.readings import Device
 from raccoon.estimate.ekf.filter import ProcessNoise
 from raccoon.estimate.ekf.model import Array
@@ -25,7 +25,7 @@ def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tup
     deviations[[State.X, State.Y, State.HEADING]] = 1e-4
     deviations[State.VELOCITY], deviations[State.TURN_RATE] = 0.1, 0.5
     deviations[State.GYRO_BIAS] = max(imu.gyro_bias.std, settings.gyro_bias)
-    deviations[State.GYRO_SCALE] = max(imu.gyro_scale.std, 1e-5)
+    deviations[State.GYRO_SCALE] = max(imu.gyro_scale.std or ImuModel().gyro_scale.std, 1e-5)
     deviations[State.GYRO_DELAY] = settings.gyro_delay
     for side, offset in (("left", State.LEFT_OFFSET), ("right", State.RIGHT_OFFSET)):
         deviations[offset] = offset_std_counts(robot, settings, side) * counts_scale(robot, side, device)
@@ -48,21 +48,24 @@ def scale_covariance(left: float, right: float, track: float) -> Array:
 
 
 def offset_std_counts(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:
-    """Standard deviation of a motor's back-EMF offset, counts; 0 says it has none (an encoder)."""
+    """Standard deviation of a motor's back-EMF offset, counts; 0 says it has none (an encoder, 0 exactly).
+
+    One that was written down as a plain number is known as well as the model's: motors do not stay at it.
+    """
     own = robot.motor(getattr(robot.drive, side)).bemf_offset
     if own is not None:
-        return own.std
+        return own.std or (robot.model.bemf.offset.std if own.value else 0.0)
     return max(robot.model.bemf.offset.std, settings.uncalibrated_offset_counts)
 
 
 def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:
     """Relative standard deviation of the track width.
 
-    Where robot.toml gives neither a date nor a deviation of its own nobody measured it, and the wheels touch
-    the floor somewhere within their width.
+    Where robot.toml gives neither a date nor a deviation of its own nobody measured it by driving, a ruler at
+    the most, and the wheels touch the floor somewhere within their width.
     """
     track, nominal = robot.model.drive.track_width, DriveModel().track_width
-    measured = track.date is not None or track.std != nominal.std
+    measured = track.date is not None or track.std not in (0.0, nominal.std)
     return max(track.std / track.value, 1e-4 if measured else settings.uncalibrated_track)
 
 

@@ -141,6 +141,7 @@ def _offset(config: RobotConfig, trial: MotorTrial, subject: str) -> list[Findin
         return [Finding(subject, Verdict.OK, measured, values=values)]
     problem = f"robot.toml says {expected:+.1f}: the position creeps while the robot stands"
     remedy = (
-        f"write bemf_offset = {trial.offset:.1f} under [motor.{trial.motor_port}], if the robot stood still"
+        f"write bemf_offset = {{ value = {trial.offset:.1f}, std = {config.model.bemf.offset.std:g} }} "
+        f"under [motor.{trial.motor_port}], if the robot stood still"
     )
     return [Finding(subject, Verdict.WARNING, measured, problem, remedy, values)]
