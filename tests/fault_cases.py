@@ -251,13 +251,13 @@ def _silence_shortly(bench: Bench) -> None:
     bench.emulator.run = run_and_recover  # type: ignore[method-assign]
 
 
-def _sag(volts: float) -> Callable[[Bench], None]:
-    def sag(bench: Bench) -> None:
+def sag(volts: float) -> Callable[[Bench], None]:
+    def weaken(bench: Bench) -> None:
         pack = replace(bench.config.model.battery, open_circuit_voltage=Measured(volts, 0.1))
         model = replace(bench.config.model, battery=pack)
         bench.plant.become(Parameters.from_robot(replace(bench.config, model=model)))
 
-    return sag
+    return weaken
 
 
 def _near_wrap(bench: Bench) -> None:
@@ -305,7 +305,7 @@ CASES = [
     Case("frames shifted by 1 byte", "recovered", Fault.MISALIGNED, _shift(1)),
     Case("controller restarts", "recovered", Fault.RESET, _reset),
     Case("brown-out, restarts for ever", "stopped", Fault.LINK_DEAD, _set(brown_out_voltage=20.0)),
-    Case("battery sags to 5.4 V", "degraded", Fault.BROWN_OUT, _sag(5.4)),
+    Case("battery sags to 5.4 V", "degraded", Fault.BROWN_OUT, sag(5.4)),
     Case("link silent (0xFF) for 50 ms", "recovered", Fault.LINK_DEAD, _silence_shortly),
     Case("link dead, all 0x00", "stopped", Fault.LINK_DEAD, _set(silent=0x00)),
     Case("link dead, all 0xFF", "stopped", Fault.LINK_DEAD, _set(silent=0xFF)),
@@ -332,7 +332,7 @@ CASES = [
         Fault.BEMF_INVALID,
         prepare=_set(bemf_offset=(55.0, 0.0, 0.0, 0.0)),
     ),
-    Case("back-EMF beyond 2000 counts", "recovered", Fault.BEMF_INVALID, _sag(22.0), firmwares=RACCOON),
+    Case("back-EMF beyond 2000 counts", "recovered", Fault.BEMF_INVALID, sag(22.0), firmwares=RACCOON),
     Case("cycle 30 ms late", "recovered", Fault.OVERRUN, _late),
     Case("another program commands", "stopped", Fault.COMMAND_LOST, _second_owner, firmwares=STOCK),
     Case("another program sends zeros", "given up", Fault.MOTOR_FAULT, _second_owner, firmwares=RACCOON),

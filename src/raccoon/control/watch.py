@@ -31,6 +31,8 @@ UNSURE = 5
 """Windows that are kept back: it takes a quarter of a second until a wall shows in what both wheels carry."""
 RAMP = 1.0
 """V by which the voltage of a motion that speeds up changes in a window, at the most."""
+BATTERY_LAG = 0.1
+"""s by which the battery's voltage is known late: a motor gets other volts meanwhile than it was meant to."""
 LEAST_ROWS = 12
 """Windows before anything is said."""
 
@@ -98,6 +100,7 @@ class WheelWatch:
         "_loose",
         "_low",
         "_model",
+        "_sagged",
         "_silent",
         "_static",
         "_windows",
@@ -116,17 +119,19 @@ class WheelWatch:
         self._fit = RecursiveFit(nominal, spread, noise=0.06, memory=120.0)
         self._found: deque[tuple[Vector3, float, float]] = deque(maxlen=UNSURE)
         self._low = self._high = 0.0
-        self._silent = self._loose = 0.0
+        self._silent = self._loose = self._sagged = 0.0
         self.stalled = False
         self.held = False
         """Whether somebody knows that the wheel carries more or less than when it drives straight on: nothing
         is learnt then."""
 
-    def update(self, voltage: float, speed: float | None, dt: float) -> None:
+    def update(self, voltage: float, speed: float | None, dt: float, sagged: float = 0.0) -> None:
         """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading.
 
-        A driven wheel that does not say that it turns counts as stalled after as long as one that stands.
+        sagged: by which share the battery's voltage fell or rose in this cycle. A driven wheel that does not
+        say that it turns counts as stalled after as long as one that stands.
         """
+        self._sagged += sagged * voltage
         if speed is None:
             self._windows.clear()
             self._silent += dt
@@ -143,6 +148,7 @@ class WheelWatch:
             self._loose = LOOSE_TIME
         if self._loose > 0.0:
             self._windows.clear()
+            self._sagged = 0.0
         else:
             self._learn(voltage, speed, dt)
 
@@ -157,8 +163,10 @@ class WheelWatch:
             row, volts = found
             # What is read is of a moment earlier: of another mean voltage, where that swings.
             swung = LATE * max(0.0, self._high - self._low - RAMP) / WINDOW
-            self._found.append((row, volts, math.hypot(LATE * row[2] / self._model.gain, swung)))
+            sagged = BATTERY_LAG / WINDOW * self._sagged
+            self._found.append((row, volts, math.hypot(LATE * row[2] / self._model.gain, swung, sagged)))
             self._low = self._high = voltage
+            self._sagged = 0.0
 
     def doubt(self) -> None:
         """It turns out to push against something: what was seen last is not learnt."""

@@ -81,7 +81,18 @@ class Wheel:
     cycle, dead_time: s that a cycle is to take, and that the gains were made for.
     """
 
-    __slots__ = ("_active", "_applied", "_per_speed", "_slow", "_static", "expected", "model", "pid", "watch")
+    __slots__ = (
+        "_active",
+        "_applied",
+        "_limit",
+        "_per_speed",
+        "_slow",
+        "_static",
+        "expected",
+        "model",
+        "pid",
+        "watch",
+    )
 
     def __init__(
         self,
@@ -99,6 +110,7 @@ class Wheel:
         self._static, self._per_speed = model.static_voltage, 1.0 / model.gain
         self._active = False
         self._applied = 0.0
+        self._limit: float | None = None  # V, in the cycle before
 
     def voltage(
         self, target: float, acceleration: float, speed: float | None, dt: float, limit: float
@@ -107,7 +119,8 @@ class Wheel:
         if not self._active:  # start from what the wheel does, so that taking over does not jerk
             self._active = True
             self.expected.reset(speed or 0.0)
-        self.watch.update(self._applied, speed, dt)
+        sagged, self._limit = 0.0 if self._limit is None else limit / self._limit - 1.0, limit
+        self.watch.update(self._applied, speed, dt, sagged)
         reading = self.expected.advance(dt)
         self.expected.command(target, acceleration)
         feedforward = self.model.voltage(target, acceleration)
