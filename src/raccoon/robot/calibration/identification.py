@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from raccoon.control.feedforward import WheelModel, wheel_models
 from raccoon.control.identify import Vector3, WheelVoltages, Windows, fit_voltages
 from raccoon.control.pid import PidGains
 from raccoon.control.tuning import Margins, margins, speed_loop_gains
+from raccoon.control.watch import LATE
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
@@ -192,6 +193,8 @@ def _fit(side: str, port: int, rows: Rows, model: WheelModel, late: float) -> Wh
             raise CalibrationError(
                 f"{where}: {name}_voltage comes out as {value:.3g} +- {std:.2g}: the data cannot support it"
             )
+    # What is read a moment later than it is taken to be looks like as much inertia, in every window alike.
+    found = replace(found, acceleration_std=math.hypot(found.acceleration_std, LATE * found.speed))
     fitted = model.with_voltages(max(found.static, 0.0), found.speed, found.acceleration)
     gains = speed_loop_gains(fitted, SPEED_SMOOTHING, late)
     reached = margins(gains, fitted, SPEED_SMOOTHING, late)
