@@ -159,8 +159,8 @@ def arc(
     """Drive along a circle of `radius` m through `angle` rad (left is positive), ending at rest.
 
     The centre is on the side it turns to (on the other one where it drives backwards). speed: m/s of the
-    outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of the way.
-    timeout: s. Raises as `straight`.
+    outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of that
+    wheel. timeout: s. Raises as `straight`.
     """
     check_limits(tolerance=tolerance, timeout=timeout)
     check_angle(turns, angle=angle)
@@ -188,7 +188,7 @@ def pivot(
     """Turn by `angle` rad (left is positive) about one wheel, which stands still: "left" or "right".
 
     speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
-    tolerance: m of the robot's middle. timeout: s. Raises as `straight`.
+    tolerance: m of that wheel. timeout: s. Raises as `straight`.
     """
     check_limits(tolerance=tolerance, timeout=timeout)
     check_angle(turns, angle=angle)
@@ -242,7 +242,7 @@ def _arc(
         done = turned()
         along, here = signed * done, start.along_arc(signed, done)
         _, across = here.offset_of(robot.estimate.x, robot.estimate.y)
-        if pace.may_end(signed * angle - along, tolerance):
+        if pace.may_end(outer * (signed * angle - along), tolerance):
             break
         off = robot.estimate.heading - here.heading
         velocity, turn_rate = line_command(state, along, across, off, GAINS)

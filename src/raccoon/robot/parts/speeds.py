@@ -97,8 +97,10 @@ class Speeds:
 
         Speeding up hard takes voltage that the speed is then short of. So of an acceleration above the
         default only as much is planned as leaves the speed of the default: more never makes a robot slower.
+        The default is that of the faster wheel: in a sharp bend the robot itself speeds up by less.
         """
-        return _eased(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, USUAL.acceleration)
+        usual = USUAL.acceleration / outer
+        return _eased(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, usual)
 
     def planned_turn(self, wanted: float, acceleration: float) -> tuple[float, float]:
         """The same of a turn on the spot: rad/s and rad/s2."""
