@@ -95,6 +95,15 @@ def test_a_robot_whose_wheels_come_to_a_wall_one_after_the_other_is_held() -> No
     assert held - begun < 0.25
 
 
+def test_one_that_pushes_again_and_again_is_held_each_time() -> None:
+    """The pushes before were half learnt as a heavy floor: the third spun 0.2 m without a word."""
+    wheels = Wheels()
+    wheels.run(2.0, (4.0, 4.0), (0.0, 0.0))
+    for _ in range(6):
+        assert wheels.run(1.5, (4.0, 4.0), (0.9 * GRIP, 0.9 * GRIP)) is not None
+        wheels.run(0.3, (0.0, 0.0), (0.0, 0.0))
+
+
 def test_a_robot_that_backs_off_is_not_held() -> None:
     wheels = Wheels()
     wheels.run(2.0, (4.0, 4.0), (0.0, 0.0))

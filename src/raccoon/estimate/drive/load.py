@@ -74,6 +74,7 @@ class LoadWatch:
         "_counted",
         "_direction",
         "_excess",
+        "_free",
         "_given",
         "_known",
         "_last",
@@ -94,7 +95,8 @@ class LoadWatch:
     def __init__(self, robot: RobotConfig, device: Device) -> None:
         self._robot = robot
         self._radius = robot.model.drive.wheel_radius.value
-        self._rolls = _static_voltage(robot, "left"), _static_voltage(robot, "right")
+        self._rolls = self._free = _static_voltage(robot, "left"), _static_voltage(robot, "right")
+        self.held = False
         self._known = self._battery = self._time = 0.0
         self.configure(device)
         self.interrupt()
@@ -111,6 +113,13 @@ class LoadWatch:
         self._release()
 
     def _release(self) -> None:
+        """It is not driven on.
+
+        Where it was held to the end that was no heavy floor, and nothing is kept of it: the third push
+        against a wall would pass for rolling.
+        """
+        if self.held:
+            self._rolls = self._free
         self._excess = self._change = self._suspicious = self._way = self._counted = self.doubt = 0.0
         self.held = False
 
@@ -171,7 +180,8 @@ class LoadWatch:
         limit = LEAST_LOAD + JERKED * self._change
         if self._excess > limit:
             self._suspicious += span
-            self.held = self.held or (self._suspicious > HELD_AFTER and self._known > KNOWN_AFTER)
+            if not self.held and self._suspicious > HELD_AFTER and self._known > KNOWN_AFTER:
+                self.held, self._free = True, self._rolls
         elif self._excess < 0.5 * LEAST_LOAD or not self.held:
             self._suspicious = 0.0
             self.held = False
