@@ -127,6 +127,18 @@ def _guessed(robot: Robot, fault: Fault) -> str:
     return held and f"; how far {held} turned meanwhile is guessed: drive it against its end stop"
 
 
+def tell_undriven(robot: Robot, times: int) -> None:
+    """Say that speeds which were asked for before a `run` drive nothing. times: in a row, without a `tick`
+    between them; a loop that was left before its own asks once.
+    """
+    if times == 2:
+        say(
+            robot,
+            "a speed that is asked of robot.drive holds for one robot.tick(), and a run() stops it first: "
+            "ask again before each tick(), or write robot.run(drive(speed, turn_rate).until(...))",
+        )
+
+
 def say(robot: Robot, said: str, kind: str | None = None) -> None:
     """A remark for the recording, the log and the match report, unless one of its kind was made before.
 

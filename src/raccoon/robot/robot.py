@@ -21,7 +21,7 @@ from raccoon.robot.deadline import end_match
 from raccoon.robot.instead import instead
 from raccoon.robot.knowledge import Knowledge, numbers
 from raccoon.robot.parts.tophats import Floor
-from raccoon.robot.remarks import say, tell_cycle
+from raccoon.robot.remarks import say, tell_cycle, tell_undriven
 
 if TYPE_CHECKING:
     from raccoon.robot.match import StepTime
@@ -64,6 +64,7 @@ class Robot(Knowledge):
         self._cycle = 1.0 / self.config.controller.rate_hz
         self._pause = max(PAUSE, 2.0 * self._cycle)
         self._late = 0  # cycles in a row that were too long
+        self._undriven = 0  # times in a row that a loop asked for a speed, and nothing drove it
         self._running: str | None = None
         self._thread = 0  # in which it runs, or ran last
         self._turn = RLock()  # held while something begins, ends or is stopped, never during a cycle
@@ -97,6 +98,8 @@ class Robot(Knowledge):
             if self.drive.asked:  # by a loop that ended before its tick
                 self.drive.stop()
                 self.replan()
+                self._undriven += 1
+                tell_undriven(self, self._undriven)
             while True:
                 self._sense()
                 try:
@@ -122,6 +125,7 @@ class Robot(Knowledge):
         Raises RuntimeError in a `run`, which reads by itself, and in another `tick`; Stopped as `run` does.
         """
         self._begin("tick()", "it reads by itself; let time pass with wait()")
+        self._undriven = 0
         if self.drive.asked:
             self.replan()
             self.drive.speeds.limited |= self.drive.cut

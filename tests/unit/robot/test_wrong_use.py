@@ -327,6 +327,22 @@ def test_a_motion_after_a_loop_that_ended_before_its_tick_is_no_second_one() -> 
         assert robot.run(straight(0.05)).along == pytest.approx(0.0, abs=0.002)
 
 
+def test_speeds_that_no_tick_follows_are_said_to_drive_nothing() -> None:
+    """The robot stood, without a word: as `mav(); msleep(100);` in C looks like here."""
+    with open_robot(CONFIG, port=simulated()) as robot:
+        for _ in range(3):  # loops that are left before their tick
+            robot.drive.velocity(0.1)
+            robot.tick()
+            robot.drive.velocity(0.1)
+            robot.run(wait(0.1))
+        assert not robot.drive.remarks
+        for _ in range(3):
+            robot.drive.velocity(0.1)
+            robot.run(wait(0.1))
+        (said,) = robot.drive.remarks.values()
+        assert "holds for one robot.tick()" in said
+
+
 def test_what_opens_no_robot_is_refused_by_its_name() -> None:
     with pytest.raises(TypeError, match="config is 3: it must be the name of"):
         open_robot(loose(3))
