@@ -8,7 +8,7 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.execute import Crew, run_all
@@ -119,6 +119,23 @@ def description(match: Match, seed: int) -> dict[str, Any]:
     }
 
 
-def with_nominal_end(match: Match) -> Match:
-    """The match that is won where it ends near to where the robot of robot.toml ends. Raises ConfigError."""
-    return match.ending_at(nominal_end(match))
+def with_nominal_end(match: Match, crew: Crew | None = None) -> Match:
+    """The match that is won where it ends near to where the robot of robot.toml ends. Raises ConfigError.
+
+    crew: who plays it there; this process where None, which a program that ends its process ends with it.
+    """
+    if crew is None:
+        return match.ending_at(nominal_end(match))
+    ((_, end),) = run_all(partial(_nominal, match), (0,), crew, partial(_never_ended, match))
+    return match.ending_at(end)
+
+
+def _nominal(match: Match, _: int) -> tuple[float, float, float]:
+    return nominal_end(match)
+
+
+def _never_ended(match: Match, _: int) -> NoReturn:
+    raise ConfigError(
+        f"{match.program.name} fails on the nominal robot already: it ends its process (os._exit, a bare "
+        "except in an endless loop, or a library that crashed)"
+    )

@@ -4,7 +4,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import pytest
 
 import sweep_work
 from raccoon.core.errors import ConfigError
+from raccoon.sweep.execute import Crew
 from raccoon.sweep.results import read_results
 from raccoon.sweep.runs import sweep, with_nominal_end
 from sweep_work import tiny_match
@@ -98,6 +99,22 @@ def test_the_goal_is_where_the_nominal_robot_ends() -> None:
     assert all(row["position_error"] < 0.05 and row["status"] == "ok" for row in rows)
     strict = sweep(match.ending_at((1.0, 0.0, 0.0)), 2, executor=AtOnce())
     assert [row["reason"] for row in strict] == ["ended more than 0.05 m off"] * 2
+
+
+class Dying(Executor):
+    """Its workers die of each call."""
+
+    def submit(self, *_: Any, **__: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_exception(BrokenExecutor())
+        return future
+
+
+def test_a_program_that_ends_its_process_is_said_to_do_so_on_the_nominal_robot() -> None:
+    """It ended the sweep with it, without a word and with status 0."""
+    with pytest.raises(ConfigError, match="on the nominal robot already: it ends its process"):
+        with_nominal_end(tiny_match(), Crew(Dying, 1))
+    assert with_nominal_end(tiny_match(), Crew(AtOnce, 1)) == with_nominal_end(tiny_match())
 
 
 def test_a_number_of_runs_is_asked_for() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from contextlib import nullcontext
 
 from raccoon.cli.crew import check_crew, crew_of
 from raccoon.cli.numbers import check_seed, check_start
@@ -29,10 +30,11 @@ def sweep_and_print(args: argparse.Namespace) -> int:
     check_folders(args.out)
     match = match_of(args)
     try:
-        with Bar() as bar:
-            rows = sweep(
-                match, args.runs, seed=args.seed, executor=crew_of(args), out=args.out, progress=bar.show
-            )
+        with Bar() as bar, crew_of(args) as crew:
+            if not args.any_end:
+                match = with_nominal_end(match, crew)
+            played = nullcontext(crew)
+            rows = sweep(match, args.runs, seed=args.seed, executor=played, out=args.out, progress=bar.show)
     except KeyboardInterrupt:
         if args.out is not None:
             print(f"what was played is in {args.out}: the same command goes on from there", file=sys.stderr)
@@ -51,6 +53,8 @@ def one(args: argparse.Namespace) -> int:
     if args.record is not None:
         check_recording(args.record)
     match = match_of(args)
+    if not args.any_end:
+        match = with_nominal_end(match)
     print_row(play(match, args.only, seed_of(args.seed, args.only), args.record))
     if args.record is None:
         return 0
@@ -62,7 +66,7 @@ def one(args: argparse.Namespace) -> int:
 
 
 def match_of(args: argparse.Namespace) -> Match:
-    """The match that the arguments describe. Raises ConfigError, FileNotFoundError."""
+    """The match that the arguments describe, which ends anywhere. Raises ConfigError, FileNotFoundError."""
     _check_numbers(args)
     robot = load_robot(args.robot)
     x, y, degrees = args.start
@@ -80,7 +84,7 @@ def match_of(args: argparse.Namespace) -> Match:
     )
     if not match.factors:
         raise ConfigError("nothing is varied: leave out --only-varied, or give --vary")
-    return match if args.any_end else with_nominal_end(match)
+    return match
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
