@@ -25,7 +25,7 @@ def prior(robot: RobotConfig, settings: OdometrySettings, device: Device) -> tup
     deviations[[State.X, State.Y, State.HEADING]] = 1e-4
     deviations[State.VELOCITY], deviations[State.TURN_RATE] = 0.1, 0.5
     deviations[State.GYRO_BIAS] = max(imu.gyro_bias.std, settings.gyro_bias)
-    deviations[State.GYRO_SCALE] = max(imu.gyro_scale.std or ImuModel().gyro_scale.std, 1e-5)
+    deviations[State.GYRO_SCALE] = max(gyro_scale_std(robot), 1e-5)
     deviations[State.GYRO_DELAY] = settings.gyro_delay
     for side, offset in (("left", State.LEFT_OFFSET), ("right", State.RIGHT_OFFSET)):
         deviations[offset] = offset_std_counts(robot, settings, side) * counts_scale(robot, side, device)
@@ -48,14 +48,23 @@ def scale_covariance(left: float, right: float, track: float) -> Array:
 
 
 def offset_std_counts(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:
-    """Standard deviation of a motor's back-EMF offset, counts; 0 says it has none (an encoder, 0 exactly).
+    """Standard deviation of a motor's back-EMF offset, counts; 0 says it has none (an encoder, 0 exactly)."""
+    known = known_offset_std(robot, side)
+    return max(robot.model.bemf.offset.std, settings.uncalibrated_offset_counts) if known is None else known
+
+
+def known_offset_std(robot: RobotConfig, side: str) -> float | None:
+    """Counts; of the offset that robot.toml has of this motor, None where it has none.
 
     One that was written down as a plain number is known as well as the model's: motors do not stay at it.
     """
     own = robot.motor(getattr(robot.drive, side)).bemf_offset
-    if own is not None:
-        return own.std or (robot.model.bemf.offset.std if own.value else 0.0)
-    return max(robot.model.bemf.offset.std, settings.uncalibrated_offset_counts)
+    return None if own is None else own.std or (robot.model.bemf.offset.std if own.value else 0.0)
+
+
+def gyro_scale_std(robot: RobotConfig) -> float:
+    """Standard deviation of the gyro's scale; of a plain number that of one that nobody measured."""
+    return robot.model.imu.gyro_scale.std or ImuModel().gyro_scale.std
 
 
 def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from raccoon.core.config import RobotConfig
+from raccoon.estimate.drive.prior import gyro_scale_std
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
 from raccoon.estimate.drive_calibration.paths import by_start, residuals
 
@@ -35,8 +36,7 @@ def left_out(
     if not any(
         each.truth is not None for each in manoeuvres
     ):  # the gyro's scale is wrong with all parts alike
-        scale = robot.model.imu.gyro_scale
-        square[2] += (scale.std / scale.value) ** 2
+        square[2] += (gyro_scale_std(robot) / robot.model.imu.gyro_scale.value) ** 2
     deviations: Array = np.sqrt(
         square + _by_starts(robot, fitted, factors) + _by_tape(robot, fitted, factors)
     )

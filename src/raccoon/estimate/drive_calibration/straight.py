@@ -22,9 +22,11 @@ from statistics import fmean, pstdev
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
+from raccoon.estimate.drive.prior import known_offset_std, track_std
 from raccoon.estimate.drive.wheels import WheelDecoder
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
 from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
+from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
 
 SHORTEST = 0.2
@@ -124,7 +126,7 @@ def calibrate_straight(
         relative = math.sqrt(
             (distance_std / distance) ** 2
             + (0.5 * turn_std * drive.track_width.value / side_way) ** 2
-            + (half * drive.track_width.std / side_way) ** 2
+            + (half * track_std(robot, OdometrySettings()) * drive.track_width.value / side_way) ** 2
             + SLIP**2 / abs(side_way)
             + (ticks_std / ticks) ** 2
         )
@@ -218,7 +220,8 @@ def counted(
     moving = bool(speeds) and abs(fmean(speeds)) > MOVING_COUNTS * scale
     _require(not moving, f"the {side} wheel still turns at the end of the recording: record until it rests")
     seconds = inputs[-1].time - inputs[0].time
-    offset_std = offset.std if offset is not None else (motor.bemf_offset or robot.model.bemf.offset).std
+    known = known_offset_std(robot, side) if offset is None else offset.std
+    offset_std = robot.model.bemf.offset.std if known is None else known
     # One tick at either end, and the offset's share of the time.
     ticks_std = math.hypot(1.0, offset_std * seconds / device.position_counts_seconds)
     return sum(angles) / (scale * device.position_counts_seconds), ticks_std
