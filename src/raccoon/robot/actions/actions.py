@@ -80,10 +80,18 @@ class Action(Generic[T_co]):
         check_positive("seconds", seconds)
 
         def steps(robot: Robot) -> Steps[T_co]:
-            start = robot.time
-            done = yield from _while(self.start(robot), lambda: robot.time - start <= seconds)
+            start, why = robot.time, ""
+
+            def in_time() -> bool:
+                nonlocal why
+                if robot.time - start <= seconds:
+                    return True
+                why = "; ".join((robot.drive.complaint(), *robot.attachments.moving))  # before it is stopped
+                return False
+
+            done = yield from _while(self.start(robot), in_time)
             if done is None:
-                raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({robot.drive.complaint()})")
+                raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({why})")
             return done[0]
 
         return Action(self.name, steps, self.check)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TypeVar
 
@@ -30,6 +31,16 @@ class Attachments:
     def held(self) -> tuple[str, ...]:
         """Names of the mechanisms that are held or moved."""
         return tuple(name for name, each in self.mechanisms.items() if each.goal is not None)
+
+    @property
+    def moving(self) -> tuple[str, ...]:
+        """What the mechanisms do that an action moves, in words."""
+        return tuple(
+            f"{name} at {math.degrees(each.angle):.0f} deg, "
+            + ("power and no motion" if each.stalled else "turning")
+            for name, each in self.mechanisms.items()
+            if each.moved_by is not None
+        )
 
     def resume(self) -> None:
         """Go on after a pause in which nothing was controlled."""

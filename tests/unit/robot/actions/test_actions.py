@@ -32,6 +32,7 @@ class Bench:
         self.log: list[str] = []
         self.background: list[Steps[Any]] = []
         self.drive = SimpleNamespace(complaint=lambda: "the wheels follow")
+        self.attachments = SimpleNamespace(moving=())
 
     @property
     def time(self) -> float:

@@ -235,6 +235,14 @@ def test_homing_against_the_end_stop() -> None:
         assert not port.written[-1].brake[3]
 
 
+def test_a_homing_that_finds_no_end_stop_says_where_the_arm_is() -> None:
+    """It said of the wheels alone that nothing drove them."""
+    with open_robot(CONFIG, port=Spy()) as robot:
+        home = spin("arm", -1.5).until(blocked("arm")).timeout(1.0)
+        with pytest.raises(MotionTimeout, match=r"not driven; arm at -[78]\d deg, turning\)"):
+            robot.run(home)
+
+
 def test_an_arm_goes_on_at_once_from_what_blocked_it() -> None:
     home = seq(spin("arm", -1.5).until(blocked("arm")), zero("arm"))
     port = Spy()
