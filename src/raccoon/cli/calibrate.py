@@ -192,7 +192,8 @@ def _add_tophats(kinds: Any) -> None:
         "--store", type=Path, default=Path("tophats.json"), help="file of the calibrations (tophats.json)"
     )
     parser.add_argument(
-        "--set", help="name of the surface, such as practice-table (default); with --show only this one"
+        "--set",
+        help="name of the surface, such as practice-table (without it: default); with --show only this one",
     )
     parser.add_argument("--show", action="store_true", help="show the stored calibrations and their history")
     parser.add_argument("--write", action="store_true", help="store the result (else only show it)")
