@@ -233,6 +233,8 @@ def main() -> None:
     args = parser.parse_args()
     if unknown := set(args.parts) - set(PARTS):
         parser.error(f"unknown parts: {', '.join(sorted(unknown))}")
+    if args.pages is not None:
+        args.pages.mkdir(parents=True, exist_ok=True)
     print(f"{'':58s} {'asked':>23s} {'measured':>36s}")
     for name in args.parts or PARTS:
         part, folder = PARTS[name]
