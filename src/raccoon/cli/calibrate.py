@@ -172,7 +172,7 @@ def _show(entries: Mapping[str, Measured]) -> None:
     """Each value with its deviation."""
     for key, value in entries.items():
         # A share of what may well be 0, such as an offset, tells nothing.
-        known = value.std < abs(value.value)
+        known = 3.0 * value.std < abs(value.value)
         share = f" ({100 * value.std / abs(value.value):.2f} %)" if known else ""
         battery = "" if value.battery_voltage is None else f" at {value.battery_voltage:.2f} V"
         print(f"{key:28} {value.value:.6g} +- {value.std:.2g}{share}{battery}")

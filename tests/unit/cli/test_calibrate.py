@@ -99,13 +99,15 @@ def test_an_offset_that_may_be_0_has_no_share(
 ) -> None:
     entries = {
         "motor.0.bemf_offset": Measured(-0.17, std=0.24),
+        "motor.1.bemf_offset": Measured(-0.76, std=0.67),
         "model.drive.track_width": Measured(0.16, std=0.001),
     }
     monkeypatch.setattr("raccoon.cli.calibrate._manoeuvre", lambda *_: entries)
     recording(tmp_path / "run.csv", SQUARE[:1], truth=False)
     assert main(["calibrate", "drive", str(tmp_path / "run.csv"), "--robot", str(robot)]) == 0
-    offset, track, _ = capsys.readouterr().out.splitlines()
-    assert offset.endswith("-0.17 +- 0.24")
+    left, right, track, _ = capsys.readouterr().out.splitlines()
+    assert left.endswith("-0.17 +- 0.24")
+    assert right.endswith("-0.76 +- 0.67")
     assert track.endswith("0.16 +- 0.001 (0.62 %)")
 
 
