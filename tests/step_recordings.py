@@ -121,6 +121,12 @@ def _robot(numbers: Floats, effects: tuple[str, ...]) -> Parameters:
     return robot
 
 
+def steps_inside(numbers: Floats, scale: Floats, high: Floats) -> Floats:
+    """How far each number is moved for its column; down where it would leave its bounds."""
+    steps = NEAR * np.maximum(np.abs(numbers), scale)
+    return np.where(numbers + steps > high, -steps, steps)
+
+
 def fitted(wheel: Wheel, effects: tuple[str, ...] = ()) -> Floats:
     """Numbers that fit the steps to 2 V and 4 V, with effects of the catalogue besides the base."""
     train = wheel.time < SPLIT
@@ -137,7 +143,7 @@ def fitted(wheel: Wheel, effects: tuple[str, ...] = ()) -> Floats:
         return np.asarray(errors(numbers[None])[0], float)
 
     def columns(numbers: Floats) -> Floats:
-        steps = NEAR * np.maximum(np.abs(numbers), scale)
+        steps = steps_inside(numbers, scale, high)
         here, *moved = errors(np.vstack([numbers, numbers + np.diag(steps)]))
         return np.asarray((np.array(moved) - here).T / steps, float)
 

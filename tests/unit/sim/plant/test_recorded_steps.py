@@ -12,6 +12,7 @@ from step_recordings import (
     recordings,
     sag,
     simulated,
+    steps_inside,
     wheels,
 )
 
@@ -45,3 +46,9 @@ def test_a_fit_finds_the_numbers_of_a_simulated_wheel() -> None:
     np.testing.assert_allclose(found[[0, 1, 2, 5]], numbers[[0, 1, 2, 5]], rtol=0.02, atol=1e-4)
     assert held_out(wheel, found, LATENCY).r2 > 0.999
     assert set(LATENCY) <= set(EFFECTS)
+
+
+def test_a_number_at_its_bound_is_moved_inwards_for_its_column() -> None:
+    numbers, high = np.array([10.0, 2.0]), np.array([10.0, 10.0])
+    low, up = steps_inside(numbers, np.array([0.1, 0.1]), high)
+    assert low < 0.0 < up
