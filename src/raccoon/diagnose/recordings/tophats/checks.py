@@ -27,11 +27,12 @@ class Scale:
     most: float
 
 
-SCALES = (
+FEWER_BITS = (
     Scale("readings of 10 bits (0..1023)", 4.0, 1023.0),
     Scale("readings of 8 bits (0..255)", 16.0, 255.0),
-    Scale("percent", (FULL_SCALE + 1.0) / 100.0, 100.0),
 )
+"""KIPR's analog10() and analog8()."""
+SCALES = (*FEWER_BITS, Scale("percent", (FULL_SCALE + 1.0) / 100.0, 100.0))
 
 
 def possible(counts: Array, port: int) -> tuple[Array, tuple[SensorFault, ...]]:

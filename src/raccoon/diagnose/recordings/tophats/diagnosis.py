@@ -21,7 +21,7 @@ from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.recordings.tophats.fit import Nominal
 from raccoon.diagnose.recordings.tophats.judge import SensorResult, judge_tophat
 from raccoon.diagnose.recordings.tophats.words import AMBIENT, GAIN, HEIGHT, NOISE
-from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
+from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict
 from raccoon.sim.effects.effect import effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.trace.recording import ports_in
@@ -89,7 +89,7 @@ def diagnose_tophats(
         _verdict(bool(channels), bool(causes), any(each.unknown for each in parts)),
         channels,
         ranked,
-        tuple(rejected for each in parts for rejected in each.rejected),
+        (*(rejected for each in parts for rejected in each.rejected), *_missing(columns, robot, of_a_drive)),
         Unexplained(
             # What chance makes, of levels that are as assumed or explained, is no part of it.
             float(np.mean([each.rest if each.unknown else 0.0 for each in parts])) if parts else 0.0,
@@ -103,6 +103,18 @@ def diagnose_tophats(
         tuple(fault for each in parts for fault in each.faults),
         tuple(curve for each in parts for curve in each.curves),
     )
+
+
+def _missing(columns: Columns, robot: RobotConfig, of_a_drive: bool) -> list[Rejected]:
+    """What cannot be told of tophats that the robot has and the recording has not."""
+    recorded = _recorded(columns)
+    ports = [] if of_a_drive else sorted({each.analog for each in robot.tophats.values()} - set(recorded))
+    ids = (AMBIENT, GAIN, HEIGHT, NOISE)
+    return [
+        Rejected(f"{id_}@{port}", f"not identifiable: analog.{port} is missing")
+        for port in ports
+        for id_ in ids
+    ]
 
 
 def _notes(

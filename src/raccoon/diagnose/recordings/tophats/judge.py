@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.recordings.tophats.alike import also_so, rivals_of
 from raccoon.diagnose.recordings.tophats.checks import other_unit, possible
 from raccoon.diagnose.recordings.tophats.fit import (
     FITS,
@@ -52,7 +53,6 @@ from raccoon.sim.tophats import GENERATION
 
 Array = NDArray[np.float64]
 
-TIE = 3.0
 FITTED = 0.7
 LITTLE_MOVE = 0.25
 """Share of what is wrong with the levels by which they may move and still be judged as one."""
@@ -197,9 +197,10 @@ def _result(
         without = min(error(each.ids, each.values) for each in fits if set(each.ids) == set(kept))
         gain = Gain(without / floor, after / floor, float(np.clip((without - after) / removable, 0.0, 1.0)))
         number = _number(id_, float(best.values[index]), float(best.stds[index]), nominal)
-        rivals = _rivals(fits, best, id_, levels.whole)
+        rivals = rivals_of(fits, best, id_, levels.whole)
         causes.append(tophat_cause(id_, port, number, gain, rivals, probability(fits, id_)))
     causes, notes = _as_it_is(causes, port, best)
+    notes = (*notes, *also_so(port, levels, nominal, fits, best))
     if not told:
         notes = (*notes, unsure_note(port, levels.usual))
     if levels.noise > np.hypot(nominal.sd + 2.0 * USUAL_NOISE, levels.pattern):
@@ -280,21 +281,3 @@ def _number(id_: str, moved: float, std: float, nominal: Nominal) -> ParameterRe
 def _mean(seen: Array, black: Array, side: int) -> float:
     mine = seen[black == side]
     return float(mine.mean()) if len(mine) else 0.0
-
-
-def _rivals(fits: Sequence[LevelFit], best: LevelFit, id_: str, whole: int) -> tuple[str, ...]:
-    """Causes of other fits that do about as well without this one. Where one level is left, and where the
-    numbers of the causes are not what was fitted, all that fit the levels are listed. Two numbers give any
-    two levels: beside what was fitted anything else is listed."""
-    if best.numbers > 1:
-        return tuple(sorted(set(WIDTHS) - set(best.ids)))
-    loose = whole < 2 or not best.exact
-    found = {
-        name
-        for each in fits
-        if each.cost < best.cost + TIE or (loose and each.misfit <= FITS)
-        if id_ not in each.ids
-        for name in each.ids
-        if name not in best.ids
-    }
-    return tuple(sorted(found))

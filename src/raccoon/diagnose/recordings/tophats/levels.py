@@ -121,7 +121,7 @@ def levels_of(time: Array, counts: Array, surface: Array | None) -> Levels | str
     if pairs.sum() >= FEWEST:
         noise = noise_of(np.diff(counts)[pairs])
     quiet, pattern = quieter(np.diff(counts), pairs, black, usual, noise)
-    off = noise if surface is None else _apart(counts[sure], black[sure], noise)
+    off = noise if surface is None else _apart(counts[sure], black[sure], piece[sure], noise)
     if abs(usual[1] - usual[0]) < max(LEAST_CONTRAST, CLEAR * off):
         end = "; both are cut off: it is saturated" if 0 not in cut else ""
         return f"white ({usual[0]:.0f}) and black ({usual[1]:.0f} counts) cannot be told apart{end}"
@@ -153,9 +153,15 @@ def pieces(time: Array) -> NDArray[np.intp]:
     return np.asarray(np.minimum(share * PIECES, PIECES - 1), np.intp)
 
 
-def _apart(counts: Array, black: Flags, noise: float) -> float:
-    """Deviation of the contrast where a reference says what is black: then single readings need not tell."""
-    return float(np.hypot(median_off(counts[black], noise), median_off(counts[~black], noise)))
+def _apart(counts: Array, black: Flags, piece: NDArray[np.intp], noise: float) -> float:
+    """Deviation of the contrast where a reference says what is black: then single readings need not tell, and
+    light that changes the levels from one piece of time to another hides no contrast."""
+    still = counts.astype(float)
+    for index in np.unique(piece):
+        for side in (False, True):
+            mine = (piece == index) & (black == side)
+            still[mine] -= np.median(still[mine]) if mine.any() else 0.0
+    return float(np.hypot(median_off(still[black], noise), median_off(still[~black], noise)))
 
 
 def _one_surface(counts: Array, noise: float) -> str:

@@ -78,6 +78,22 @@ def older_note(port: int, number: ParameterResult) -> str:
     )
 
 
+def older_too_note(port: int, height: float) -> str:
+    """An older sensor that reads at another height what a newer one does at the named one."""
+    return (
+        f"analog.{port}: at about {two_digits(1000.0 * height)} mm a sensor of the older make reads the "
+        "same: measure the height, or look at its make"
+    )
+
+
+def bits_note(port: int, words: str, counts: float) -> str:
+    """Readings that may be counts of fewer bits than the recording should have."""
+    return (
+        f"analog.{port}: it may hold {words} instead of counts of 12 bits (0..4095), which a smaller fault "
+        f"would explain: look at what writes it; if so, multiply by {counts:g} and diagnose again"
+    )
+
+
 def unsure_note(port: int, levels: tuple[float, float]) -> str:
     """Two levels that no single cause gives, of which nobody says that they are white and black."""
     return (
