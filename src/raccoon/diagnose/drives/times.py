@@ -34,6 +34,11 @@ def check_time(time: Array, slowest: float = SLOWEST_STEP) -> None:
     if float(steps.max(initial=0.0)) > LONGEST_GAP:
         row = int(np.argmax(steps)) + 1
         raise TraceError(f"t jumps from {time[row - 1]:.12g} s to {time[row]:.12g} s at row {row}")
+    check_step(time, slowest)
+
+
+def check_step(time: Array, slowest: float = SLOWEST_STEP) -> None:
+    """Raise TraceError where a time advances by more than `slowest` s a sample, as in another unit."""
     step = usual_step(time)
     if step > slowest:
         told = mistaken_step(step) or f"t advances by {step:.3g} s a sample"

@@ -14,6 +14,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.findings.bent import without_bent
+from raccoon.diagnose.recordings.cut_off import cut_off, without_ends
 from raccoon.diagnose.recordings.fillers import command_of, without_fillers
 from raccoon.diagnose.recordings.partial import absence
 from raccoon.diagnose.recordings.polled import without_held_voltage
@@ -24,8 +25,6 @@ from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
 
-CLIPPED_SHARE = 0.1
-"""Share of the samples at exactly the largest value from which a reading is saturated."""
 COARSE = {"gyro": 8, "bemf": 4, "speed": 4, "battery": 4}
 """Different values of a reading that say next to nothing, by its kind: those of a gyro in whole rad/s."""
 COARSE_VOLTS = 0.25
@@ -93,8 +92,9 @@ def without_broken(columns: Columns, robot: RobotConfig) -> Sound:
             found, values = [] if whole is None else [whole], kept[name]
         if whole is None:
             command = command_of(role, columns, robot)
+            values, cut = (values, []) if role == "battery" else without_ends(name, values)
             kept[name], wrong = without_fillers(name, role, columns["t"], values, command)
-            found += wrong
+            found += [*cut, *wrong]
         faults += found
         if any(each.fault in LEFT_OUT for each in found):
             del kept[name]
@@ -134,23 +134,6 @@ def _coarse(name: str, role: str, values: Array) -> SensorFault | None:
         return None
     text = f"{name} has {len(levels)} different values only: it is rounded too coarsely"
     return SensorFault(name, "coarse", text)
-
-
-def cut_off(name: str, role: str, values: Array) -> SensorFault | None:
-    """A reading that stays at its largest value."""
-    known = values[np.isfinite(values)]
-    if role == "battery" or len(known) < FEWEST or not np.ptp(known) > 0.0:
-        return None
-    for edge in (float(known.max()), float(known.min())):
-        share = float((known == edge).mean())
-        inside = known[known != edge]
-        beside = float(inside.max() if edge == known.max() else inside.min())
-        # 0 at rest is no edge, nor is a step of many that are alike.
-        stays = share > CLIPPED_SHARE and float((known == beside).mean()) < 0.25 * share
-        if stays and abs(edge) > 0.5 * float(np.abs(known).max()):
-            text = f"{name} stays at {edge:g} in {100 * share:.0f} % of its samples: it is cut off there"
-            return SensorFault(name, "saturated", text)
-    return None
 
 
 def _about_time(time: Array) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.diagnose.drives.times import check_step
 from raccoon.diagnose.recordings.kind import Kind
 from raccoon.diagnose.recordings.length import bounded
 from raccoon.diagnose.recordings.repeated import without_held, without_repeated
@@ -20,6 +21,7 @@ def rows_of(columns: Columns, kind: Kind) -> tuple[Columns, tuple[str, ...]]:
         return bounded(columns, pauses_too=False)
     if kind is not Kind.DRIVE:
         return columns, ()
+    check_step(columns["t"])  # of a time in microseconds each row would come after a long pause
     columns, held = without_held(columns)
     columns, long = bounded(columns)
     return columns, (*held, *long)

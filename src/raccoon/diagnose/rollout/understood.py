@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.answers import check_answers, check_signs
 from raccoon.diagnose.drives.at_once import with_battery_before_commands
-from raccoon.diagnose.drives.held import not_free, of_free_driving, spans, with_free_driving
+from raccoon.diagnose.drives.held import LIFTED, not_free, of_free_driving, spans, with_free_driving
 from raccoon.diagnose.drives.joined import joined, said_of_recording
 from raccoon.diagnose.drives.loads import with_loads
 from raccoon.diagnose.drives.log import Log, log_from_columns
@@ -18,9 +18,13 @@ from raccoon.diagnose.drives.order import check_order
 from raccoon.diagnose.drives.quality import check_units, driven_freely
 from raccoon.diagnose.drives.standing import with_what_turned
 from raccoon.diagnose.drives.stops import with_stops
+from raccoon.diagnose.drives.ways import check_ways
 from raccoon.diagnose.rollout.firmware import Firmware
 
 Columns = Mapping[str, NDArray[np.float64]]
+
+MOSTLY = 0.5
+"""Share of a recording: a robot that turns as no wheel does for longer is hardly in a hand all the time."""
 
 
 def understood(every: Sequence[Columns], robot: RobotConfig, firmware: Firmware | None) -> Log:
@@ -38,6 +42,8 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     log = log_from_columns(columns, robot)
     check_signs(log)
     held = not_free(log, robot)
+    if sum(each.end - each.start for each in held if each.why == LIFTED) > MOSTLY * log.seconds:
+        check_ways(log, robot)  # nobody carries a robot about for so long: it is one motor's sign
     native = firmware is not None and firmware.units
     check_units(driven_freely(log, robot, spans(held)), robot, native=native)
     log = with_free_driving(log, held)

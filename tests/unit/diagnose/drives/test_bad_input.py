@@ -232,6 +232,8 @@ def test_what_is_a_moment_too_short_is_not_said_to_be_long_enough(good: Columns)
 def test_time_in_another_unit(good: Columns, factor: float, unit: str) -> None:
     with pytest.raises(TraceError, match=f"looks like {unit}, not seconds"):
         check({**good, "t": factor * good["t"]})
+    with pytest.raises(TraceError, match=f"looks like {unit}, not seconds"):
+        diagnose_recording({**good, "t": factor * good["t"]}, ROBOT)
 
 
 @pytest.mark.parametrize("kind", ["drive", "geometry"])

@@ -64,6 +64,25 @@ def test_stuck_saturated_and_impossible_readings_are_left_out() -> None:
     assert np.isnan(sound.columns["motor.1.bemf"][500])
 
 
+def test_a_gyro_that_is_cut_off_either_way_is_said() -> None:
+    """7 % at one end and 5 % at the other were a robot in a hand."""
+    turn = 1.5 * np.sin(2.0 * TIME) + 0.01 * RNG.standard_normal(1000)
+    (fault,) = without_broken({**GOOD, "imu.gyro.z": np.clip(turn, -1.2, 1.2)}, ROBOT).faults
+    assert (fault.channel, fault.fault) == ("imu.gyro.z", "saturated")
+    once = np.where(TIME < 0.5, np.clip(turn, -1.2, 1.2), np.minimum(turn, 1.2) * (TIME < 1.2))
+    once[800:830] = -1.2
+    sound = without_broken({**GOOD, "imu.gyro.z": once}, ROBOT)
+    assert [each.fault for each in sound.faults] == ["cut"]
+    assert np.array_equal(np.isnan(sound.columns["imu.gyro.z"]), np.abs(once) == 1.2)
+
+
+def test_turns_that_settle_at_the_same_speed_either_way_are_not_cut_off() -> None:
+    """Without noise and rounded, as simulations are written."""
+    assert faults(**{"imu.gyro.z": np.round(1.5 * behind(DUTY, 0.06), 4)}) == []
+    assert faults(**{"motor.0.bemf": np.trunc(1500.0 * behind(DUTY, 0.06))}) == []
+    assert faults(**{"motor.0.bemf": np.trunc(np.clip(1500.0 * behind(DUTY, 0.06), -1200.0, 1200.0))}) != []
+
+
 def test_a_rest_of_zeros_is_no_saturation() -> None:
     resting = np.where(TIME < 5.0, 0.0, GOOD["motor.0.bemf"])
     assert faults(**{"motor.0.bemf": resting}) == []

@@ -1,0 +1,72 @@
+"""Readings that stay at the largest value that a sensor has."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raccoon.diagnose.result import SensorFault
+
+Array = NDArray[np.float64]
+
+FEWEST = 50
+CLIPPED_SHARE = 0.1
+"""Share of the samples at exactly the largest value from which a reading is saturated."""
+FEW_CUT = 0.005
+"""Share of the samples at +- its largest value from which a reading is cut off in a few."""
+HALF, NEAR_EDGE, SETTLES = 0.5, 0.98, 0.25
+"""Of a largest value: from where the way to it counts, and what is near. What is cut off crosses that on its
+way. A motion that settles is near for a third of its way and longer, also where it has no noise."""
+
+
+def cut_off(name: str, role: str, values: Array) -> SensorFault | None:
+    """A reading that stays at its largest value."""
+    known = values[np.isfinite(values)]
+    if role == "battery" or len(known) < FEWEST or not np.ptp(known) > 0.0:
+        return None
+    either = _both_ends(known)
+    if either > CLIPPED_SHARE:
+        text = (
+            f"{name} stays at +-{known.max():g} in {100 * either:.0f} % of its samples: it is cut off there"
+        )
+        return SensorFault(name, "saturated", text)
+    for edge in (float(known.max()), float(known.min())):
+        share = float((known == edge).mean())
+        inside = known[known != edge]
+        beside = float(inside.max() if edge == known.max() else inside.min())
+        # 0 at rest is no edge, nor is a step of many that are alike.
+        stays = share > CLIPPED_SHARE and float((known == beside).mean()) < 0.25 * share
+        if stays and abs(edge) > 0.5 * float(np.abs(known).max()) and not _settles(known * np.sign(edge)):
+            text = f"{name} stays at {edge:g} in {100 * share:.0f} % of its samples: it is cut off there"
+            return SensorFault(name, "saturated", text)
+    return None
+
+
+def _both_ends(known: Array) -> float:
+    """Share of a reading's samples at its largest value, either way, where it is cut off there; else 0."""
+    size = np.abs(known)
+    if len(known) < FEWEST or known.max() != -known.min() or _settles(size):
+        return 0.0
+    return float((size == size.max()).mean())
+
+
+def _settles(values: Array) -> bool:
+    """Whether a reading comes to its largest value as a motion that settles there."""
+    top = float(values.max())
+    at, rows = values == top, np.arange(len(values))
+    comes = np.flatnonzero(at & ~np.append(False, at[:-1]))
+    near, way = (
+        int((comes - 1 - np.maximum.accumulate(np.where(values < share * top, rows, -1))[comes]).sum())
+        for share in (NEAR_EDGE, HALF)
+    )
+    return near > SETTLES * way
+
+
+def without_ends(name: str, values: Array) -> tuple[Array, list[SensorFault]]:
+    """A reading without the few samples that are cut off, and what is said of them."""
+    share = _both_ends(values[np.isfinite(values)])
+    if not FEW_CUT < share <= CLIPPED_SHARE:
+        return values, []
+    edge = float(np.nanmax(values))
+    text = f"{name} is cut off at +-{edge:g} in {100 * share:.0f} % of its samples: left out there"
+    return np.where(np.abs(values) == edge, np.nan, values), [SensorFault(name, "cut", text)]

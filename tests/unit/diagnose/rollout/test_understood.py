@@ -1,0 +1,41 @@
+"""What a log is understood to be before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
+from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
+from raccoon.diagnose.rollout.understood import understood
+
+ROBOT = RobotConfig()
+
+
+def driven_straight_and_turned_on_one_wheel() -> dict[str, np.ndarray]:
+    """Ten seconds: a second forwards and one back, and every four seconds a turn on the left wheel alone."""
+    time = 0.005 * np.arange(2000)
+    way = np.where(time % 2.0 < 1.0, 0.8, -0.8)
+    duty = {0: way, 1: np.where(time % 4.0 < 3.0, way, 0.0)}
+    keep = np.exp(-0.005 / 0.03)
+    speed = {port: lfilter([1.0 - keep], [1.0, -keep], 5.5 * each) for port, each in duty.items()}
+    drive = ROBOT.model.drive
+    counts = ROBOT.model.left.back_emf_constant.value / BEMF_VOLTS_PER_COUNT
+    noise = np.random.default_rng(1)
+    turn = drive.wheel_radius.value / drive.track_width.value * (speed[1] - speed[0])
+    columns = {"t": time, "imu.gyro.z": turn + 0.003 * noise.standard_normal(len(time))}
+    for port, each in duty.items():
+        columns[f"motor.{port}.duty"] = each
+        columns[f"motor.{port}.bemf"] = counts * speed[port] + 3.0 * noise.standard_normal(len(time))
+    return columns
+
+
+def test_a_motor_of_the_other_sign_is_no_robot_in_a_hand_all_the_time() -> None:
+    """What it did straight ahead turned the robot "as no wheel did", and too little was left to be judged."""
+    columns = driven_straight_and_turned_on_one_wheel()
+    assert not understood([columns], ROBOT, None).held
+    other = {name: -each if name.startswith("motor.1") else each for name, each in columns.items()}
+    with pytest.raises(TraceError, match=r"motor 1 turns the other way .* inverted = true under"):
+        understood([other], ROBOT, None)
