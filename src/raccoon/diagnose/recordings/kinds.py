@@ -22,6 +22,7 @@ from raccoon.diagnose.own import OwnEffect
 from raccoon.diagnose.recordings.battery_reading import with_battery_reading
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
 from raccoon.diagnose.recordings.counters import said_of_counters, with_counted
+from raccoon.diagnose.recordings.encoder_reading import with_encoder_reading
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
 from raccoon.diagnose.recordings.implausible import with_doubts
@@ -165,6 +166,7 @@ def _drive(
     found = with_columns_named(found, columns, robot, sound.left_out)
     if not by_volts:
         found = with_battery_reading(with_doubts(found, columns, robot), robot)
+        found = with_encoder_reading(found, robot)
     found = counted.told(judged_again(found, columns, sound, robot))
     gravity = strange_acceleration(columns)
     unit = (f"{gravity} (a diagnosis does not use it, and odometry does)",) if gravity else ()
