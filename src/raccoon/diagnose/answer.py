@@ -20,7 +20,7 @@ from raccoon.diagnose.findings.naming import named_causes, rejections, suggestio
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.noise import whiteness
 from raccoon.diagnose.fit.scan import play_of
-from raccoon.diagnose.habits.notes import notes_of
+from raccoon.diagnose.habits.notes import less_sure, notes_of
 from raccoon.diagnose.hypotheses.runs import RESISTANCE
 from raccoon.diagnose.result import (
     LARGE_REST,
@@ -57,7 +57,7 @@ def faults_of(log: Log) -> tuple[SensorFault, ...]:
 def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: float) -> Found:
     """What a search found, judged on data that it did not fit. begin: when the diagnosis began, s."""
     spread = Spread.of(search)
-    causes = named_causes(search, judged, spread)
+    causes = less_sure(named_causes(search, judged, spread), habits)
     depends_on = tuple(each.removeprefix(PREFIX) for each in search.unknown)
     features, rest = search.problem.features, search.linear.residual
     regimes, play = search.whitener.noise.regimes, play_of(search.fit.point)
