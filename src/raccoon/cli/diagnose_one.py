@@ -100,10 +100,10 @@ def _diagnosed(job: Job, runs: Sequence[Run], paths: Sequence[Path], whose: Whos
     from raccoon.sim.effects.parameters import Parameters
     from raccoon.trace.loading import load_run
 
-    start = Parameters.from_model_file(job.model) if isinstance(job.model, Path) else job.model
+    robot, file, told = whose
+    start = Parameters.from_model_file(job.model, robot) if isinstance(job.model, Path) else job.model
     own = () if job.causes is None else load_own(job.causes)
     holdout = None if job.holdout is None else load_run(job.holdout).recording.columns
-    robot, file, told = whose
     if start is not None and job.robot is not None:  # wheels and sensors are where robot.toml has them now
         start = replace(start, robot=_wired_as(robot, start))
     first, *others = (each.recording for each in runs)

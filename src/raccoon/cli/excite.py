@@ -170,7 +170,7 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
         from raccoon.sim.port import SimPort
         from raccoon.sim.world.table import World
 
-        driven = Parameters.from_robot(robot) if args.model is None else load_model(args.model)
+        driven = Parameters.from_robot(robot) if args.model is None else load_model(args.model, robot)
         # The free space that was asked for: the usual table has a wall nearer than that.
         port = SimPort(driven, World.empty(), robot=robot, seed=args.seed, rate_hz=robot.controller.rate_hz)
     drive_and_record(robot, manoeuvre(name), args.record, port)

@@ -88,6 +88,20 @@ def test_a_robot_with_tophats_drives_a_model_that_names_none(robot_toml: Path, t
     assert run.exists()
 
 
+def test_a_file_of_effects_alone_is_a_fault_of_the_robot_of_robot_toml(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It was one of the default robot, and its diagnosis six causes that tell the two apart."""
+    short = manoeuvre("still")[:20]
+    monkeypatch.setitem(MANOEUVRES, "still", lambda: short)
+    robot_toml, fault, run = (tmp_path / name for name in ("robot.toml", "fault.toml", "run.jsonl.gz"))
+    robot_toml.write_text(ROBOT_TOML + "[model.battery]\nopen_circuit_voltage = 8.2\n")
+    fault.write_text('[[effect]]\nid = "drive.inertia"\nparameters = { factor = 1.2 }\n')
+    command = ["excite", "--robot", str(robot_toml), "--manoeuvre", "still", "--simulate"]
+    assert main([*command, "--model", str(fault), "--record", str(run)]) == 0
+    assert np.median(load_run(run).recording.columns["battery.voltage"]) == pytest.approx(8.2, abs=0.02)
+
+
 def test_a_simulated_robot_has_the_free_space_that_the_drive_needs(tmp_path: Path) -> None:
     robot_toml, run = tmp_path / "robot.toml", tmp_path / "run.jsonl.gz"
     robot_toml.write_text('[controller]\nport = "sim"\nrate_hz = 50.0\n')

@@ -30,17 +30,18 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 """What no string of TOML holds as it is."""
 
 
-def load_model(path: str | Path) -> Parameters:
-    """Read a `model.toml`. Raises ConfigError naming file, key, value and what is allowed."""
+def load_model(path: str | Path, robot: RobotConfig | None = None) -> Parameters:
+    """Read a `model.toml`. robot: whose numbers a file has that holds effects alone; by default the default
+    robot's. Raises ConfigError naming file, key, value and what is allowed."""
     path = Path(path)
     try:
-        return parse_model(parse_toml(path.read_bytes()))
+        return parse_model(parse_toml(path.read_bytes()), robot)
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
 
 
-def parse_model(table: Mapping[str, Any]) -> Parameters:
-    """Make a simulated robot from the tables of a `model.toml`. Raises ConfigError."""
+def parse_model(table: Mapping[str, Any], robot: RobotConfig | None = None) -> Parameters:
+    """A simulated robot of the tables of a `model.toml`; robot as of `load_model`. Raises ConfigError."""
     rest = dict(table)
     chain = rest.pop("chain", {})
     effects = rest.pop("effect", [])
@@ -51,7 +52,8 @@ def parse_model(table: Mapping[str, Any]) -> Parameters:
     refuse_unknown(chain, known, "chain")
     if not (isinstance(effects, list) and all(isinstance(each, Mapping) for each in effects)):
         raise ConfigError("effect: write [[effect]], one for each effect")
-    parameters = Parameters(robot=parse_robot(rest), chain=Chain(**chain), provenance=provenance)
+    own = robot if robot is not None and not rest else parse_robot(rest)
+    parameters = Parameters(robot=own, chain=Chain(**chain), provenance=provenance)
     for number, entry in enumerate(effects, start=1):
         try:
             parameters = _with_entry(parameters, entry)

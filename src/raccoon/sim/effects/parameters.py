@@ -38,11 +38,12 @@ class Parameters:
         return cls(robot=config)
 
     @classmethod
-    def from_model_file(cls, path: str | Path) -> Parameters:
-        """Read a `model.toml`. Raises ConfigError naming file, key, value and what is allowed."""
+    def from_model_file(cls, path: str | Path, robot: RobotConfig | None = None) -> Parameters:
+        """Read a `model.toml`. robot: whose numbers a file has that holds effects alone; by default the
+        default robot's. Raises ConfigError naming file, key, value and what is allowed."""
         from raccoon.sim.effects.model_file import load_model
 
-        return load_model(path)
+        return load_model(path, robot)
 
     def save(self, path: str | Path) -> None:
         """Write a `model.toml`, atomically."""

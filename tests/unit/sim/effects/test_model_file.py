@@ -11,7 +11,7 @@ import pytest
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig, parse_robot, template
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.chain import Chain
-from raccoon.sim.effects.model_file import parse_model
+from raccoon.sim.effects.model_file import load_model, parse_model
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.effects.provenance import Origin, Provenance
 
@@ -32,6 +32,16 @@ def test_a_model_survives_the_way_to_disk_and_back(tmp_path: Path) -> None:
     model.save(tmp_path / "model.toml")
     assert Parameters.from_model_file(tmp_path / "model.toml") == model
     assert [each.name for each in tmp_path.iterdir()] == ["model.toml"]
+
+
+def test_a_file_of_effects_alone_is_of_the_robot_that_is_given(tmp_path: Path) -> None:
+    path, robot = tmp_path / "model.toml", RobotConfig(name="heavy", motors={1: MotorConfig(inverted=True)})
+    path.write_text('[[effect]]\nid = "drive.wheel_radius"\nparameters = { factor = 1.02 }\n')
+    assert load_model(path, robot).robot == robot
+    assert load_model(path).robot == RobotConfig()
+    whole = Parameters().with_effect("drive.wheel_radius", factor=1.02)
+    whole.save(path)
+    assert load_model(path, robot) == whole
 
 
 def test_a_model_may_have_been_saved_by_a_windows_editor(tmp_path: Path) -> None:
