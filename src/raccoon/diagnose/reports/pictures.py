@@ -93,7 +93,7 @@ def cause_figure(diagnosis: Diagnosis) -> Any:
     axes.axvline(1.0, color="0.3", linewidth=1.0, linestyle="--")
     axes.set_yticks(rows, [each.name for each in causes])
     axes.set_ylim(len(causes) - 0.5, -0.5)
-    axes.set_xlim(left=0.0)
+    axes.set_xlim(0.0, 1.05 * max(1.0, *without, *together))  # with room for the largest's dot
     axes.set_xlabel("error on unseen data / noise")
     axes.legend(fontsize=9, frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0))
     _plain(axes)

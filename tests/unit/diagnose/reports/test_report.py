@@ -9,7 +9,7 @@ import pytest
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
-from raccoon.diagnose.reports.pictures import curve_figure, error_figure
+from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.unknown_words import shape_text
 from raccoon.diagnose.reports.wording import explanation, told
@@ -62,6 +62,16 @@ FOUND = Diagnosis(
 def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pages whose figures are made but not turned into pictures, which takes half a second a page."""
     monkeypatch.setattr(html, "png", lambda _: "AAAA")
+
+
+def test_the_dot_of_the_largest_error_is_whole() -> None:
+    """One cause near the noise had half of its dot beyond the frame."""
+    little = replace(CAUSE, gain=Gain(1.03, 0.94, 0.5))
+    axes = cause_figure(replace(FOUND, causes=(little,))).axes[0]
+    right = axes.transData.transform((axes.get_xlim()[1], 0.0))[0]
+    dot = axes.transData.transform((1.03, 0.0))[0]
+    radius = 0.5 * np.sqrt(70.0) / 72.0 * axes.figure.dpi
+    assert right - dot > radius
 
 
 def test_pictures_say_what_is_compared() -> None:
