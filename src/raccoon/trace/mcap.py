@@ -141,7 +141,7 @@ def _records(file: IO[bytes]) -> Iterator[Any]:
                 raise TraceError(f"the recording is longer than {MAX_BYTES} bytes")
             yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=True)
     except (McapError, ValueError, EOFError, struct.error, RuntimeError, MemoryError, KeyError) as error:
-        raise TraceError(f"the MCAP file is damaged: {error}") from None
+        raise TraceError(f"the MCAP file is damaged: {str(error) or 'it ends too soon'}") from None
 
 
 def _unpacked(compression: str, data: bytes) -> bytes:

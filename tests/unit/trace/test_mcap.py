@@ -149,6 +149,7 @@ def test_a_file_cut_off_anywhere_is_damage_and_nothing_else(tmp_path: Path) -> N
         except TraceError as error:
             problems = [str(error)]
         assert "damaged" in problems[0]
+        assert not problems[0].endswith(": ")
 
 
 def test_a_wrong_byte_anywhere_is_damage_and_nothing_else(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from raccoon.diagnose.fleet.model import Foreseen
 from raccoon.diagnose.fleet.series import Course
 from raccoon.diagnose.fleet.summary import Fleet, FleetCause, FleetNumber
 from raccoon.diagnose.fleet.telling import CANNOT_TELL
+from raccoon.diagnose.reports.numbers import two_digits
 from raccoon.diagnose.result import Diagnosis, Verdict
 
 CREPT: Mapping[str, str] = {
@@ -208,7 +209,8 @@ def _number_line(each: FleetNumber, count: int) -> str:
     far = far_text(each)
     odd = f"; far from the others: {far}" if far else ""
     part = "" if len(each.recordings) == count else f"; in {len(each.recordings)} of {count}"
-    return f"  {each.name:28s} {usual_text(each):>10s} +- {each.series.spread:.2g} {each.unit}{part}{odd}"
+    usual = f"{usual_text(each):>10s} +- {two_digits(each.series.spread)} {each.unit}"
+    return f"  {each.name:28s} {usual}{part}{odd}"
 
 
 def far_text(each: FleetCause | FleetNumber) -> str:

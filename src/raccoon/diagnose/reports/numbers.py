@@ -9,7 +9,12 @@ from raccoon.diagnose.result import ParameterResult
 
 def number_text(each: ParameterResult) -> str:
     """Value, deviation and unit."""
-    return f"{with_deviation(each.value, each.std)} +- {each.std:.2g} {each.unit}".rstrip()
+    return f"{with_deviation(each.value, each.std)} +- {two_digits(each.std)} {each.unit}".rstrip()
+
+
+def two_digits(number: float) -> str:
+    """Two digits that count, of a large number as well: 0.0035, 1.2, 99, 600, never 6e+02."""
+    return f"{number:.2g}" if not math.isfinite(number) else f"{float(f'{number:.2g}'):.6g}"
 
 
 def with_deviation(value: float, std: float) -> str:

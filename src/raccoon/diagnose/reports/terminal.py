@@ -179,7 +179,7 @@ def change_text(cause: CauseResult) -> str:
 
 def _times(number: float) -> str:
     """Two digits, and never a power of ten."""
-    return f"{number:.0f} times" if number >= 100.0 else f"{number:.2g} times"
+    return f"{number:.0f} times" if number >= 99.5 else f"{number:.2g} times"
 
 
 def evidence_text(cause: CauseResult) -> str:

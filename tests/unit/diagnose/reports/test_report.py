@@ -64,6 +64,16 @@ def words_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(html, "png", lambda _: "AAAA")
 
 
+def test_no_number_of_a_page_is_a_power_of_ten_that_need_not_be(words_only: None) -> None:
+    """A tophat's offset was -968.7 +- 6e+02 counts, and 99.6 times the noise were 1e+02."""
+    number = {"offset": ParameterResult(-968.7, 602.0, "counts", 0.0)}
+    found = replace(FOUND, causes=(replace(CAUSE, parameters=number, change=99.6, unabsorbed=99.7),))
+    for text in (terminal_report(found), page(found, "a.csv")):
+        assert "e+0" not in text
+    assert "-968.7 +- 600 counts" in terminal_report(found)
+    assert "up to 100 times its noise" in terminal_report(found)
+
+
 def test_the_dot_of_the_largest_error_is_whole() -> None:
     """One cause near the noise had half of its dot beyond the frame."""
     little = replace(CAUSE, gain=Gain(1.03, 0.94, 0.5))
