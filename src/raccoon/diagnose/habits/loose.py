@@ -27,6 +27,8 @@ FILTER, LATENCY = "bemf.filter_lag", "actuation.latency"
 FAR = 60.0
 STARTS = {LATENCY: (0.02, 0.5, 1.0, 1.7, 2.5, 3.5), "motor.current_limit": (0.1, 0.4, 0.6, 0.9)}
 """Coordinates of causes from which one of a fit for the habits starts; the first changes next to nothing."""
+LONGER = 1.5
+"""Deviations by which encoders may count over more than a row, from where a fit starts as well."""
 EXACT = 1e-9
 """Of each reading's unit: a channel that is simulated that well from any start decides nothing."""
 HIDING = (
@@ -92,15 +94,30 @@ def loosened(problem: Problem, wheels: Wheels) -> Problem:
 
 
 def start_of(problem: Problem) -> Point:
-    """Where to start a fit: with a latency, which resembles a slower filter, and a limit of the current."""
-    start = problem.nominal()
+    """Where to start a fit: with a latency, which resembles a slower filter, and a limit of the current. With
+    encoders also with a longer window: a latency stands for half of it, and from there no fit finds back."""
+    starts = [problem.nominal(), *_with_longer_window(problem)]
     for name, sizes in STARTS.items():
         if name in problem.causes:
-            starts = [start.with_cause(name, np.array([u])) for u in sizes]
-            errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
-            least = np.maximum(errors.min(axis=0), EXACT)
-            start = starts[int(np.argmin((errors / least).mean(axis=1)))]
-    return start
+            starts = [
+                _nearest(problem, [each.with_cause(name, np.array([u])) for each in starts for u in sizes])
+            ]
+    return _nearest(problem, starts)
+
+
+def _nearest(problem: Problem, starts: list[Point]) -> Point:
+    """The start that comes nearest to the readings."""
+    if len(starts) == 1:
+        return starts[0]
+    errors = np.abs(problem.features.measured - problem.predict(starts)).mean(axis=1)
+    least = np.maximum(errors.min(axis=0), EXACT)
+    return starts[int(np.argmin((errors / least).mean(axis=1)))]
+
+
+def _with_longer_window(problem: Problem) -> list[Point]:
+    nominal = problem.nominal()
+    places = [index for index, each in enumerate(problem.base) if each.settings == (WINDOW,)]
+    return [replace(nominal, base=nominal.base + LONGER * np.eye(len(nominal.base))[each]) for each in places]
 
 
 def fitted(problem: Problem, start: Point, habits: Habits) -> Fitted:

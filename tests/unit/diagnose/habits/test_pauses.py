@@ -92,6 +92,7 @@ def test_a_channel_that_any_start_has_right_decides_no_start() -> None:
     measured = predict([Point(np.zeros(1), {"actuation.latency": np.array([1.6])})])[0]
     problem = SimpleNamespace(
         causes=CAUSES,
+        base=(),
         features=SimpleNamespace(measured=measured),
         nominal=lambda: Point(np.zeros(1)),
         predict=predict,

@@ -12,6 +12,7 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Channel, Log
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.habits.controller import drive_problem
+from raccoon.diagnose.habits.loose import loosened, start_of
 from raccoon.diagnose.rollout.encoders import WINDOW, counted, encoder_coordinates, encoder_settings
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.sim.effects.chain import Chain
@@ -67,3 +68,16 @@ def test_back_emf_has_no_window() -> None:
     log = planned_log(exciting(np.random.default_rng(1), 4.0))
     assert encoder_coordinates(log) == ()
     assert encoder_settings(log) == {}
+
+
+@pytest.mark.parametrize("window", [0.005, 0.02])
+def test_a_fit_for_the_habits_starts_from_the_window_that_is_nearer(window: float) -> None:
+    """From a row a latency took half of 20 ms, and another chain explained the rest: a resistance of 0.9."""
+    robot, log, habits = RobotConfig(), encoders(), Habits(Chain(), brake=False)
+    problem = loosened(drive_problem(log, robot, (), habits, None), habits.wheels)
+    (index,) = (place for place, each in enumerate(problem.base) if each.settings == (WINDOW,))
+    base = problem.nominal().base.copy()
+    base[index] = (window - 0.005) / 0.01
+    measured = problem.predict([replace(problem.nominal(), base=base)])[0]
+    seen = replace(problem, features=replace(problem.features, measured=measured))
+    assert seen.settings(start_of(seen))[WINDOW] == pytest.approx(window)
