@@ -30,7 +30,7 @@ least was 0.55, but for three that were held by walls."""
 BATTERY, NOTHING = (0.9, 1.04), 0.1
 """Part of the battery's voltage that a command of 1 keeps of a motor under a duty; and part of what friction
 should take, above which such commands are one: of a robot that has less friction than this robot.toml, as a
-robot.toml of another robot makes it look (0.31)."""
+robot.toml of another robot makes it look (0.31). Below that nothing else need be asked."""
 EXACT, ALIKE = 0.05, 0.03
 """V, root mean square, to which the speeds of a loop go by its commands; and the part by which two wheels'
 differ at most."""
@@ -38,11 +38,18 @@ differ at most."""
 
 @dataclass(frozen=True, slots=True)
 class SpeedLoop:
-    """counts: of back-EMF that a command of 1 stands for. taken, usual: V that friction takes, and should."""
+    """counts: of back-EMF that a command of 1 stands for. taken, usual: V that friction takes, and should.
+    share: the part that it takes of the wheel where it takes more of what it should."""
 
     counts: float
     taken: float
     usual: float
+    share: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether no robot's friction is as small as that of a motor under a duty would have to be."""
+        return self.share < NOTHING
 
 
 def speed_loop(log: Log, robot: RobotConfig) -> SpeedLoop | None:
@@ -68,15 +75,14 @@ def speed_loop(log: Log, robot: RobotConfig) -> SpeedLoop | None:
     (left, left_c), (right, right_c) = lines
     if abs(left / right - 1.0) > ALIKE:
         return None
-    if any(abs(c) > KEPT * most for c, most in zip((left_c, right_c), usual, strict=True)):
+    shares = [abs(c) / max(each, 1e-9) for c, each in zip((left_c, right_c), usual, strict=True)]
+    if max(shares) > KEPT:
         return None
     least, most = BATTERY
-    if least < min(left, right) and max(left, right) < most:
-        shares = [abs(c) / each for c, each in zip((left_c, right_c), usual, strict=True)]
-        if min(shares) > NOTHING:
-            return None
+    if least < min(left, right) and max(left, right) < most and min(shares) > NOTHING:
+        return None
     counts = 0.5 * (left + right) * float(np.median(volts)) / BEMF_VOLTS_PER_COUNT
-    return SpeedLoop(counts, 0.5 * (left_c + right_c), 0.5 * sum(usual))
+    return SpeedLoop(counts, 0.5 * (left_c + right_c), 0.5 * sum(usual), max(shares))
 
 
 def _line(time: Array, duty: Array, speed: Array, volts: Array) -> tuple[float, float] | None:

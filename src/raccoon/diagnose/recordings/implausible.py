@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,18 @@ from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import arranged
 from raccoon.diagnose.drives.quality import driven_freely
 from raccoon.diagnose.drives.speed_loop import SpeedLoop, speed_loop
-from raccoon.diagnose.result import NO_DUTY, CauseResult, Diagnosis, Rejected, SensorFault, Verdict
+from raccoon.diagnose.hypotheses.candidates import drive_causes
+from raccoon.diagnose.result import (
+    NO_DUTY,
+    CauseResult,
+    Diagnosis,
+    Rejected,
+    SensorFault,
+    Unexplained,
+    Verdict,
+)
+from raccoon.diagnose.rollout.firmware import Firmware
+from raccoon.diagnose.rollout.understood import understood
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, Array]
@@ -54,6 +66,20 @@ TOO_LOW = 0.5
 QUICK = ("motor.armature_resistance", "drive.inertia")
 
 
+def speeds_told(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Diagnosis | None:
+    """What is said of commands that are clearly speeds, None of others. Over a loop's commands a search takes
+    minutes, and names nothing. Raises TraceError as `diagnose`."""
+    begin = time.perf_counter()
+    loop = speed_loop(arranged(columns, robot), robot)
+    if loop is not None:
+        loop = speed_loop(understood([columns], robot, firmware), robot)
+    if loop is None or not loop.clear:
+        return None
+    asked = tuple(Rejected(id_, "") for id_ in dict.fromkeys(each.id for each in drive_causes()))
+    found = Diagnosis(Verdict.UNKNOWN, (), (), asked, Unexplained(0.0), (), time.perf_counter() - begin)
+    return _no_duty(found, robot, loop, sure=True)
+
+
 def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagnosis:
     """A diagnosis that says where a number is none that a robot has, or that the commands are no duty."""
     if found.verdict in (Verdict.ADEQUATE, Verdict.NOT_IDENTIFIABLE):
@@ -63,7 +89,7 @@ def with_doubts(found: Diagnosis, columns: Columns, robot: RobotConfig) -> Diagn
         log = arranged(columns, robot)
         loop = speed_loop(driven_freely(log, robot), robot)
         if loop is not None:
-            return _no_duty(found, robot, loop, sure=quick)
+            return _no_duty(found, robot, loop, sure=quick or loop.clear)
     slow = _slow_time(found)
     found = replace(found, notes=(*found.notes, *slow)) if slow else found
     causes = tuple(_doubted(each) for each in found.causes)

@@ -25,7 +25,7 @@ from raccoon.diagnose.recordings.counters import said_of_counters, with_counted
 from raccoon.diagnose.recordings.encoder_reading import with_encoder_reading
 from raccoon.diagnose.recordings.filtered import with_lag_of
 from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
-from raccoon.diagnose.recordings.implausible import with_doubts
+from raccoon.diagnose.recordings.implausible import speeds_told, with_doubts
 from raccoon.diagnose.recordings.judged_on import not_judged_on
 from raccoon.diagnose.recordings.kind import Kind, kind_of
 from raccoon.diagnose.recordings.motors import diagnose_motors
@@ -151,7 +151,10 @@ def _drive(
         more = [firmware.before_cutting(each) for each in more]
     by_volts = commands_volts(columns, robot)
     check_commands([columns, *more], robot)
-    if by_volts:
+    speeds = None if by_volts else speeds_told(columns, robot, firmware)
+    if speeds is not None:
+        found = speeds
+    elif by_volts:
         found = _by_volts(columns, robot, holdout, own, device)
     else:
         start = start_of(columns, robot, model, device)

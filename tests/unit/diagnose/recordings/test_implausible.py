@@ -12,7 +12,9 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.speed_loop import speed_loop
-from raccoon.diagnose.recordings.implausible import with_doubts
+from raccoon.diagnose.recordings import kinds
+from raccoon.diagnose.recordings.implausible import speeds_told, with_doubts
+from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import explanation, told
 from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
@@ -46,6 +48,17 @@ def driven(friction: float, per_duty: float = 5.0, right: float = 1.0) -> Column
     return found
 
 
+def slowly(columns: Columns) -> Columns:
+    """The same of wheels that take time to change their speeds."""
+    kernel = np.exp(-0.005 / 0.06 * np.arange(200))
+    smooth = {
+        name: np.convolve(each, kernel / kernel.sum())[: len(each)]
+        for name, each in columns.items()
+        if name.endswith(".bemf")
+    }
+    return columns | smooth
+
+
 def test_a_loop_takes_friction_from_no_speed() -> None:
     found = speed_loop(log_from_columns(driven(0.02), ROBOT), ROBOT)
     assert found is not None
@@ -64,6 +77,17 @@ def test_a_duty_of_a_robot_that_rubs_less_is_no_speed() -> None:
     assert speed_loop(log_from_columns(driven(0.01, per_duty=6.65), ROBOT), ROBOT) is not None
     found = with_doubts(diagnosis(cause(RESISTANCE, 0.3)), less, ROBOT)
     assert "is it this robot's?" in found.causes[0].explanation
+
+
+def test_commands_that_are_clearly_speeds_are_told_before_a_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """40 s of them took some minutes of searching, after which nothing was named."""
+    monkeypatch.setattr(kinds, "diagnose", None)
+    found = diagnose_recording(slowly(driven(0.02)), ROBOT)
+    assert (found.verdict, found.causes, found.model) == (Verdict.NOT_IDENTIFIABLE, (), None)
+    assert any("hold a speed, not a duty" in each.text for each in found.sensor_faults)
+    assert RESISTANCE in {each.id for each in found.rejected}
+    for other in (driven(0.05), driven(0.3)):  # a guess, and a duty
+        assert speeds_told(slowly(other), ROBOT, None) is None
 
 
 @pytest.mark.parametrize("id_", [RESISTANCE, "drive.inertia"])
@@ -96,7 +120,7 @@ def test_what_a_robot_may_have_is_not(id_: str, factor: float) -> None:
 
 def test_where_nothing_is_named_a_loop_is_a_guess() -> None:
     unknown = replace(diagnosis(), verdict=Verdict.UNKNOWN)
-    found = with_doubts(unknown, driven(0.02), ROBOT)
+    found = with_doubts(unknown, driven(0.05), ROBOT)
     assert found.verdict is Verdict.UNKNOWN
     assert "seem to hold a speed" in found.sensor_faults[0].text
     assert with_doubts(unknown, driven(0.3), ROBOT) is unknown
