@@ -165,7 +165,9 @@ def log_from_columns(columns: Mapping[str, Array], robot: RobotConfig) -> Log:
     log = arranged(columns, robot)
     wheels = [(log.duty[:, side], log.wheel(name)) for side, name in enumerate(("left", "right"))]
     readings = [(duty, wheel.values) for duty, wheel in wheels if wheel is not None]
-    slow = said_of_rows(usual_step(time), robot.controller.rate_hz, readings)
+    gyro = log.channel("gyro")
+    turns = [] if gyro is None else [(log.duty[:, 1] - log.duty[:, 0], gyro.values)]
+    slow = said_of_rows(usual_step(time), robot.controller.rate_hz, readings, turns)
     lost, notes = _lost(time, log.duty)
     return replace(log, notes=(*slow, *notes), lost=lost)
 

@@ -6,7 +6,8 @@ wheels have begun to answer by the row that shows it. So a reading is foreseen f
 read until then (ARX), and by the change of the command in its own row. Of what a command moves in the end,
 the share that is there at once was 0 to 0.014 of 50 Hz as they were driven, and 0.03 to 0.25 of every fourth
 row of 200 Hz. It is nothing either where a reading is as old as a row is long, as behind a firmware's median
-and slots.
+and slots. A gyro is read as it is: of what turns the robot 0.05 to 0.31 was there at once in every third row
+of that, and 0.006 at most of 67 Hz as they were driven.
 """
 
 from __future__ import annotations
@@ -36,9 +37,9 @@ FEWEST = 10
 """Rows for each number that is fitted."""
 
 
-def said_of_rows(row: float, rate_hz: float, wheels: Wheels) -> tuple[str, ...]:
+def said_of_rows(row: float, rate_hz: float, wheels: Wheels, turns: Wheels = ()) -> tuple[str, ...]:
     """What is said of rows, s, that are longer than robot.toml's cycles. wheels: commands and readings of
-    each, NaN where there is none.
+    each, NaN where there is none. turns: what turns the robot, and the gyro's readings, where it has one.
 
     Raises TraceError where a command's moment is not known: such rows name causes that are not there.
     """
@@ -51,7 +52,7 @@ def said_of_rows(row: float, rate_hz: float, wheels: Wheels) -> tuple[str, ...]:
         "when a command changed within a row is not known, and that looks like another inertia or friction; "
         f"record at least every {1000.0 * SLOWEST_ROW:g} ms"
     )
-    if own and not _answer_within(wheels):
+    if own and not (_answer_within(wheels) or _answer_within(turns)):
         return (
             f"{told}: it is taken to be as slow as its rows, and {slower} in robot.toml says so; if it is "
             f"faster, {unknown}",
@@ -61,7 +62,7 @@ def said_of_rows(row: float, rate_hz: float, wheels: Wheels) -> tuple[str, ...]:
 
 
 def _answer_within(wheels: Wheels) -> bool:
-    """Whether wheels surely answer a command before the row that holds it."""
+    """Whether these surely answer a command before the row that holds it."""
     seen = [each for each in (_share(*pair) for pair in wheels) if each is not None]
     if not seen:
         return False

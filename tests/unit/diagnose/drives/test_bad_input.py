@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from blind.generator import make
+from blind.drives import exciting
+from blind.generator import Noise, make
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
@@ -264,6 +265,22 @@ def test_rows_in_which_wheels_answer_are_refused(within: bool) -> None:
     else:
         (note,) = log_from_columns(fourth, ROBOT).notes
         assert "taken to be as slow as its rows, and controller.rate_hz = 50 in robot.toml says so" in note
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_behind_a_median_the_gyro_tells_that_rows_are_no_cycles(own: bool) -> None:
+    """The wheels' readings are as old as every third row is long. own: of a program that is as slow."""
+    duty = exciting(np.random.default_rng(1), 16.0)
+    duty = np.repeat(duty[::3], 3, axis=0)[: len(duty)] if own else duty
+    every = make(1, [], duty, 16.0, Noise(drop_share=0.0), imu_rate=190.0).columns
+    changes = np.flatnonzero(np.diff(every["motor.0.duty"])) + 1
+    first = int(np.bincount(changes % 3).argmax()) if own else 0
+    third = {name: each[first::3] for name, each in every.items()}
+    if own:
+        assert "taken to be as slow as its rows" in log_from_columns(third, ROBOT).notes[0]
+    else:
+        with pytest.raises(TraceError, match=r"a row every 15 ms.*controller\.rate_hz = 66\.7\)"):
+            log_from_columns(third, ROBOT)
 
 
 def test_rows_that_no_controller_has_are_refused(good: Columns) -> None:
