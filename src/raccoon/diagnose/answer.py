@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.loads import loads_told
-from raccoon.diagnose.drives.log import Log
+from raccoon.diagnose.drives.log import Change, Log
 from raccoon.diagnose.drives.moments import happened
 from raccoon.diagnose.findings.batteries import batteries_told
 from raccoon.diagnose.findings.bent import bent_notes
@@ -35,7 +35,8 @@ from raccoon.diagnose.result import (
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.unknown.bursts import DEPENDS_ON, bursting
-from raccoon.diagnose.unknown.probes import PREFIX
+from raccoon.diagnose.unknown.probes import change_in
+from raccoon.diagnose.unknown.sensors import PREFIX
 from raccoon.diagnose.unknown.shapes import shapes_of
 
 Array = NDArray[np.float64]
@@ -43,10 +44,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What one search says. moments: s, at which something happened in the drive that is nobody's fault."""
+    """What one search says. moments: s, at which something happened in the drive that is nobody's fault.
+    change: what was another from a moment on."""
 
     diagnosis: Diagnosis
     moments: tuple[float, ...]
+    change: Change | None = None
 
 
 def faults_of(log: Log) -> tuple[SensorFault, ...]:
@@ -91,7 +94,7 @@ def answered(log: Log, search: Search, judged: HeldOut, habits: Habits, begin: f
         curves=_curves(log, judged),
         shapes=shapes_of(search),
     )
-    return Found(found, bursts.moments)
+    return Found(found, bursts.moments, None if log.runs else change_in(search.problem, search.linear))
 
 
 def _not_in_model(search: Search) -> tuple[str, ...]:

@@ -45,7 +45,9 @@ from raccoon.diagnose.result import (
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.silence import asked_for
 from raccoon.diagnose.rollout.understood import understood
+from raccoon.diagnose.unknown.changes import name_of
 from raccoon.diagnose.unknown.probes import RUBS_ANEW
+from raccoon.diagnose.unknown.sensors import PREFIX
 from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.parameters import Parameters
 
@@ -126,15 +128,26 @@ class Way:
 
     def _without_moments(self, log: Log, unseen: Log | None) -> tuple[Diagnosis, Log]:
         """The diagnosis without what happened in a moment, and the log that it is of."""
-        found = self._rubbing_anew(log, unseen)
+        found = self._changed(log, unseen)
         freely = without_moments(log, found.moments)
         if freely is log:
             return found.diagnosis, log
         tell("searching again without what happened in a moment")
-        again = self._rubbing_anew(freely, unseen).diagnosis
+        again = self._changed(freely, unseen).diagnosis
         if adds_up(again) and too_short(freely.longest_part().seconds):
             return found.diagnosis, log
         return again, freely
+
+    def _changed(self, log: Log, unseen: Log | None) -> Found:
+        """What is found, beside what changed at one moment where something did: a zero that jumps is no
+        drift, and a wheel that lost its tyre not one that is not round."""
+        first = self._rubbing_anew(log, unseen)
+        if first.change is None:
+            return first
+        tell(f"searching again beside what changed at {first.change.at:.1f} s")
+        again = self._rubbing_anew(replace(log, change=first.change), unseen)
+        told = name_of(first.change).removeprefix(PREFIX) in again.diagnosis.unexplained.depends_on
+        return again if told else first
 
     def _rubbing_anew(self, log: Log, unseen: Log | None) -> Found:
         """What is found, also with friction over time where it may be that: a load that was taken."""

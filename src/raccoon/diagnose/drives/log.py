@@ -53,6 +53,14 @@ class Load:
     by: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True)
+class Change:
+    """What is another from a moment of a drive on. at: s. of: "gyro", its zero, or the side of a wheel."""
+
+    at: float
+    of: str
+
+
 Clocks = tuple[SampleClock | None, SampleClock | None]
 
 
@@ -76,7 +84,8 @@ class Log:
     the wheels on the battery; nothing is compared while they act either. stood: wheels that did not turn
     although they were driven (`standing.py`), a column and a sentence each. runs: the recordings that it was
     joined of (`joined.py`), none where it is one. rubs_anew: whether friction may be another from some moment
-    on. own_batteries: whether each of `runs` has a battery of its own.
+    on. change: what is known to have changed in it. own_batteries: whether each of `runs` has a battery of
+    its own.
     """
 
     time: Array
@@ -92,6 +101,7 @@ class Log:
     stood: tuple[tuple[str, str], ...] = ()
     runs: tuple[Run, ...] = ()
     rubs_anew: bool = False
+    change: Change | None = None
     own_batteries: bool = False
 
     @property

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.features import Features
+from raccoon.diagnose.drives.log import Change
 from raccoon.diagnose.hypotheses.coordinates import Cause, Coordinate, Settings
 from raccoon.diagnose.rollout.variants import Rollout
 
@@ -78,7 +79,7 @@ class Problem:
     told: causes that the readings show apart from any simulation, with the log evidence of that and the least
     first coordinate with which they are it. creep: how the battery's reading wanders slowly. coasts: part of
     the time in which a motor that is driven is unpowered, to be measured. rubs_anew: whether friction may be
-    another from some moment on, as of a robot that took a load.
+    another from some moment on, as of a robot that took a load. change: what is known to have changed.
     """
 
     features: Features
@@ -91,6 +92,7 @@ class Problem:
     creep: Creep = Creep()
     coasts: float = 0.0
     rubs_anew: bool = False
+    change: Change | None = None
     _latest: OrderedDict[Key, tuple[Array, float]] = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )

@@ -98,6 +98,7 @@ def drive_problem(
         HELD if habits.chain.battery_held else Creep(),
         habits.chain.coast_share,
         log.rubs_anew,
+        log.change,
     )
 
 

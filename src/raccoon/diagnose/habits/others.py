@@ -26,10 +26,11 @@ from raccoon.diagnose.habits.controller import (
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.joint import explains_more
-from raccoon.diagnose.select.outlook import Search, start_search
+from raccoon.diagnose.select.outlook import Search, look_around, start_search
 from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
 from raccoon.diagnose.select.search import begun, gone_on, whole
+from raccoon.diagnose.unknown.changes import KNOWN, name_of
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.watch import tell
 from raccoon.sim.effects.chain import Chain
@@ -102,8 +103,12 @@ def _asked(search: Search, habits: Habits, other: Habits) -> Asked:
 
 
 def started(problem: Problem) -> Search:
-    """A search of what robot.toml leaves open alone."""
-    return start_search(problem, probes_for(problem))
+    """A search of what robot.toml leaves open alone; what is known to have changed is beside it."""
+    search = start_search(problem, probes_for(problem))
+    if problem.change is None:
+        return search
+    known = {name_of(problem.change): KNOWN}
+    return look_around(problem, search.probes, search.fit.point, search.whitener, known)
 
 
 def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:

@@ -14,6 +14,9 @@ LOOK = {
     "position": "is the floor rough, dirty or taped there?",
     "heading": "is the table level, and does no cable pull?",
     "speed": "does something begin to rub or to shake at that speed?",
+    "time (gyro)": "did the robot hit something then, or was the gyro set to zero while it moved?",
+    "time (left wheel)": "did the wheel lose its tyre then, or wind something up?",
+    "time (right wheel)": "did the wheel lose its tyre then, or wind something up?",
     "time": "was something picked up, put down or lost then?",
     "gyro over speed": "does the controller shake: is it screwed down?",
     "gyro over turn rate": "does the gyro count a full turn to the left and one to the right alike?",
@@ -35,9 +38,9 @@ def shape_text(shape: Shape) -> str:
 
 
 def changed(shape: Shape) -> float:
-    """Where a curve in steps changes most, in over_unit."""
+    """Where a curve in steps changes most, in over_unit: between two of its places."""
     step = int(np.argmax(np.abs(np.diff(shape.values, append=shape.values[-1]))))
-    return float(shape.over[min(step + 1, len(shape.over) - 1)])
+    return float(shape.over[step : step + 2].mean())
 
 
 def along(shape: Shape) -> str:
@@ -53,7 +56,7 @@ def look_at(depends_on: str) -> str:
             return f"does the {side} wheel rub, is it or its axle bent, is something wound around it?"
         return f"does the {side} motor cog: is a tooth of its gear, or its shaft, damaged?"
     name = over.partition(" (")[0]
-    return LOOK.get(name) or LOOK.get(name.split(" ")[0], "")
+    return LOOK.get(over) or LOOK.get(name) or LOOK.get(name.split(" ")[0], "")
 
 
 def times_a_turn(shape: Shape) -> int:

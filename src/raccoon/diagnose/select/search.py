@@ -224,7 +224,7 @@ def gone_on(search: Search) -> Search:
 def known_after_all(search: Search) -> tuple[Search, bool]:
     """The search without what was called unknown, where it is not the next step beside the causes that were
     found since."""
-    if not search.unknown or not search.fit.point.active:
+    if not search.unknown or not search.fit.point.active or search.problem.change is not None:
         return search, False
     bare = _under(search, {}, search.fit.point)
     bare.rivals, bare.failed = search.rivals, search.failed

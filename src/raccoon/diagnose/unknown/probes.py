@@ -19,17 +19,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.drives.features import Features
-from raccoon.diagnose.fit.linear import Group, Linear, coulomb_response
+from raccoon.diagnose.drives.log import Change
+from raccoon.diagnose.fit.linear import Linear, coulomb_response
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.hypotheses.coordinates import Settings
+from raccoon.diagnose.unknown.changes import change_probes, changed
+from raccoon.diagnose.unknown.sensors import PREFIX, RATE, Probe, gyro_over_speed, hats, sensor_probes
 from raccoon.diagnose.unknown.waves import angle_of, counts_of, waves, wheel_waves
 from raccoon.sim.effects.parameters import SIDES, Parameters
 from raccoon.sim.effects.physical import wiring_signs
 
 Array = NDArray[np.float64]
 
-PREFIX = "unknown: "
 PLACE = "position"
 INERTIA = "drive.inertia"
 INERTIA_SHARE = "growth of inertia"
@@ -46,21 +47,6 @@ MOMENTS = 16
 """Parts of a drive between which friction may change: with eighths motors that get hot were named of a robot
 that took a load. Of 24 blind robots whose friction wanders it explained nothing of any."""
 RUBS_ANEW = "time (friction)"
-GYRO, BATTERY = 0.02, 0.02
-RATE = "rad/s of the wheels"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Probe(Group):
-    """A free curve over what something may depend on. quantity, unit: what the curve is. over (bins,), in
-    over_unit: what it runs along. curves (count, bins): what one unit of each column is of the quantity
-    (of an inertia the logarithm of its factor)."""
-
-    quantity: str
-    unit: str
-    over: Array
-    over_unit: str
-    curves: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +76,7 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
     """Motion from back-EMF (or speeds) and gyro, with the settings of a working point; None where no wheel is
     measured."""
     features = problem.features
-    speed = _wheel_speed(problem, features.measured, settings)
+    speed = wheel_speed(problem, features.measured, settings)
     if speed is None:
         return None
     drive = problem.robot.model.drive
@@ -115,7 +101,7 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
     )
 
 
-def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
+def wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
     """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
     point."""
     roles, columns = problem.features.roles, []
@@ -136,7 +122,7 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
     def probes(linear: Linear) -> Sequence[Probe]:
         settings = problem.settings(linear.point)
         motion = motion_of(problem, settings)
-        wheels = _wheel_speed(problem, problem.features.measured - linear.residual, settings)
+        wheels = wheel_speed(problem, problem.features.measured - linear.residual, settings)
         if motion is None or wheels is None:
             return ()
         if not np.isfinite(wheels).all():
@@ -145,40 +131,26 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
                 "[motor.N] inverted and [model] those of the robot that was recorded?"
             )
         speed = np.abs(wheels).mean(axis=1)
-        over_speed = _Torque("speed", True, _hats(speed, 6), speed, RATE)
+        over_speed = _Torque("speed", True, hats(speed, 6), speed, RATE)
         anew = [_rubs_from(motion.time)] if problem.rubs_anew else []
         every = [*_torque_curves(motion), *anew, over_speed]
         return [
             *_wheel_probes(problem, settings, motion, wheels),
             *_torque_probes(problem, linear, motion, every),
             *_inertia_probes(problem, linear, motion),
-            *_gyro_over_speed(problem.features, wheels),
-            *_sensor_probes(problem.features, motion),
+            *gyro_over_speed(problem.features, wheels),
+            *sensor_probes(problem.features, motion.time),
+            *change_probes(problem, settings, wheels),
         ]
 
     return probes
-
-
-def _hats(values: Array, count: int) -> Array:
-    """(count, n): triangles over the range of the values."""
-    low, high = float(np.quantile(values, 0.01)), float(np.quantile(values, 0.99))
-    knots = np.linspace(low, high, count)
-    width = max(high - low, 1e-9) / (count - 1)
-    return np.maximum(0.0, 1.0 - np.abs(np.clip(values, low, high)[None] - knots[:, None]) / width)
-
-
-def _bent(curves: Array, values: Array) -> Array:
-    """The curves without their straight part: a bias and a drift are in the catalogue."""
-    straight = np.stack([np.ones_like(values), values - values.mean()])
-    straight /= np.linalg.norm(straight, axis=1)[:, None]
-    return np.asarray(curves - (curves @ straight.T) @ straight, float)
 
 
 def _torque_curves(motion: Motion) -> list[_Torque]:
     found: list[_Torque] = []
     for name, along in (("x", motion.x), ("y", motion.y)):
         count = int(np.clip((along.max() - along.min()) / 0.08, 4, 24))
-        found.append(_Torque(f"{PLACE} {name}", True, _hats(along, count) - 1.0 / count, along, "m"))
+        found.append(_Torque(f"{PLACE} {name}", True, hats(along, count) - 1.0 / count, along, "m"))
     heading = motion.heading
     found.append(_Torque("heading", False, waves(heading, 3), _within_a_turn(heading), "rad"))
     return found
@@ -263,38 +235,12 @@ def _inertia_probes(problem: Problem, linear: Linear, motion: Motion) -> list[Pr
     ]  # fmt: skip
 
 
-def _gyro_over_speed(features: Features, wheels: Array) -> list[Probe]:
-    """A gyro that hears the motors, and one that reads more to one side than to the other. wheels (bins, 2):
-    rad/s of both."""
-    forward, turn = wheels.mean(axis=1), 0.5 * (wheels[:, 1] - wheels[:, 0])
-    size = np.abs(turn)[None]  # one curve, since each that may be there takes evidence from what is
-    alike = size / max(float(np.quantile(size, 0.99)), 1e-9)
-    return [
-        *_sensor_probe(features, "gyro", "gyro over speed", GYRO * _hats(forward, 6), forward, RATE),
-        *_sensor_probe(features, "gyro", "gyro over turn rate", GYRO * alike, turn, RATE),
-    ]
-
-
-def _sensor_probes(features: Features, motion: Motion) -> list[Probe]:
-    over_time = _bent(_hats(motion.time, 8), motion.time)
-    return [
-        *_sensor_probe(features, "gyro", "gyro over time", GYRO * over_time, motion.time, "s"),
-        *_sensor_probe(features, "battery", "battery over time", BATTERY * over_time, motion.time, "s"),
-    ]
-
-
-def _sensor_probe(
-    features: Features, role: str, name: str, curves: Array, over: Array, over_unit: str
-) -> list[Probe]:
-    """Curves (count, bins) added to a sensor, if there is one."""
-    if role not in features.roles:
-        return []
-    columns = np.zeros((len(curves), *features.measured.shape))
-    columns[:, :, features.roles.index(role)] = curves
-    unit = {"gyro": "rad/s", "battery": "V"}[role]
-    return [
-        Probe(
-            PREFIX + name, columns, quantity=f"error of the {role}'s reading", unit=unit, over=over,
-            over_unit=over_unit, curves=curves,
-        )
-    ]  # fmt: skip
+def change_in(problem: Problem, linear: Linear) -> Change | None:
+    """What changed in the drive, by what is left at a working point; None where nothing surely did."""
+    features = problem.features
+    predicted = features.measured - linear.residual
+    wheels = wheel_speed(problem, predicted, problem.settings(linear.point))
+    if problem.change is not None or wheels is None or "gyro" not in features.roles:
+        return None
+    gyro = linear.residual[:, features.roles.index("gyro")]
+    return changed(features.time, gyro, dict(zip(SIDES, wheels.T, strict=True)))

@@ -14,7 +14,8 @@ from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.fit.whitening import whitener_for
 from raccoon.diagnose.result import Shape
 from raccoon.diagnose.select.outlook import Search
-from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_SHARE, PREFIX, Probe
+from raccoon.diagnose.unknown.probes import INERTIA, INERTIA_SHARE
+from raccoon.diagnose.unknown.sensors import PREFIX, Probe
 
 Array = NDArray[np.float64]
 

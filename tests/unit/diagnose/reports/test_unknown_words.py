@@ -9,7 +9,8 @@ from raccoon.diagnose.fit.linear import linearise
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.reports.unknown_words import along, look_at, shape_text, times_a_turn
 from raccoon.diagnose.result import Shape
-from raccoon.diagnose.unknown.probes import PREFIX, probes_for
+from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.sensors import PREFIX
 
 
 def _shape(depends_on: str, curve: str) -> Shape:

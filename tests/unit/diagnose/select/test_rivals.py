@@ -35,7 +35,8 @@ from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.outlook import Rival, Search
 from raccoon.diagnose.select.rivals import CLOSE, FAR, alike, as_likely, compared
-from raccoon.diagnose.unknown.probes import PREFIX, probes_for
+from raccoon.diagnose.unknown.probes import probes_for
+from raccoon.diagnose.unknown.sensors import PREFIX
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.effect import effect
 from unit.diagnose.searches import searched

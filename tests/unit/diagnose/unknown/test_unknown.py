@@ -22,7 +22,8 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.select.outlook import look_around, start_search
 from raccoon.diagnose.select.probed import best_probe
 from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
-from raccoon.diagnose.unknown.probes import PREFIX, RUBS_ANEW, motion_of, probes_for
+from raccoon.diagnose.unknown.probes import RUBS_ANEW, motion_of, probes_for
+from raccoon.diagnose.unknown.sensors import PREFIX
 
 ROBOT = RobotConfig()
 CAUSES = {each.name: each for each in drive_causes()}

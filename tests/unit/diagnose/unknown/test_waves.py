@@ -22,7 +22,8 @@ from raccoon.diagnose.rollout.robots import with_inertia
 from raccoon.diagnose.select.outlook import estimated, start_search
 from raccoon.diagnose.select.probed import best_probe
 from raccoon.diagnose.select.search import _with_unknown
-from raccoon.diagnose.unknown.probes import WAVE, Probe, probes_for
+from raccoon.diagnose.unknown.probes import WAVE, probes_for
+from raccoon.diagnose.unknown.sensors import Probe
 from raccoon.diagnose.unknown.shapes import shapes_of
 from raccoon.diagnose.unknown.waves import COGGING, _followed, _late, angle_of, waves, wheel_waves
 
