@@ -26,10 +26,10 @@ from raccoon.diagnose.habits.controller import (
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.joint import explains_more
-from raccoon.diagnose.select.outlook import Search, look_around, start_search
+from raccoon.diagnose.select.outlook import Search, start_search
 from raccoon.diagnose.select.refits import SEVERAL
 from raccoon.diagnose.select.rivals import net_lead
-from raccoon.diagnose.select.search import begun, gone_on, whole
+from raccoon.diagnose.select.search import begun, beside_unknown, gone_on, whole
 from raccoon.diagnose.unknown.changes import KNOWN, name_of
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.watch import tell
@@ -107,8 +107,7 @@ def started(problem: Problem) -> Search:
     search = start_search(problem, probes_for(problem))
     if problem.change is None:
         return search
-    known = {name_of(problem.change): KNOWN}
-    return look_around(problem, search.probes, search.fit.point, search.whitener, known)
+    return beside_unknown(search, {name_of(problem.change): KNOWN}, search.fit.point)
 
 
 def best_of(search: Search, problem: Problem, starts: Sequence[Point]) -> Fit:

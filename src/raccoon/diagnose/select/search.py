@@ -140,10 +140,10 @@ def _fails_held_out(gain: float, needed: float, held_out: float) -> bool:
 def _with_unknown(search: Search, probe: Probed) -> Search:
     """Start again with the probe's curve as part of the noise: causes must earn their place beside it."""
     unknown = {**search.unknown, probe.name: probe.lead}
-    return _under(search, unknown, Point(search.fit.point.base))
+    return beside_unknown(search, unknown, Point(search.fit.point.base))
 
 
-def _under(search: Search, unknown: dict[str, float], point: Point) -> Search:
+def beside_unknown(search: Search, unknown: dict[str, float], point: Point) -> Search:
     """A point fitted anew, and seen from, with the curves of these probes as noise."""
     following = look_around(search.problem, search.probes, point, search.whitener, unknown)
     again = fit_point(search.problem, following.whitener, point)
@@ -226,7 +226,7 @@ def known_after_all(search: Search) -> tuple[Search, bool]:
     found since."""
     if not search.unknown or not search.fit.point.active or search.problem.change is not None:
         return search, False
-    bare = _under(search, {}, search.fit.point)
+    bare = beside_unknown(search, {}, search.fit.point)
     bare.rivals, bare.failed = search.rivals, search.failed
     following, _ = forward(bare)
     return (search, False) if following.unknown else (following, True)
