@@ -19,6 +19,8 @@ TIME = np.asarray(0.02 * np.arange(1500), np.float64)
 RNG = np.random.default_rng(4)
 NOISE = 0.01 * RNG.standard_normal(len(TIME))
 WHEELS = {side: np.repeat(RNG.uniform(-12.0, 12.0, 50), 30) for side in ("left", "right")}
+PUSHES = np.random.default_rng(7).standard_normal(len(TIME))
+PUSHED = 0.02 * np.convolve(PUSHES, np.exp(-np.arange(100) / 20.0))[: len(TIME)]
 HERE = TIME > 17.3
 
 
@@ -48,6 +50,7 @@ def test_a_step_is_found_with_its_moment(of: str, left: NDArray[np.float64]) -> 
         0.3 * ((TIME > 9.0) & (TIME < 9.4)),  # a wheel that slipped on a pipe
         0.04 * 0.21 * WHEELS["right"],  # another wheel all the time
         0.01 * np.sin(0.4 * TIME),
+        PUSHED,  # by a floor that does so for half a second
     ],
 )
 def test_what_is_no_step_is_none(left: NDArray[np.float64]) -> None:
