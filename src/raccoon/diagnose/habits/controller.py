@@ -50,6 +50,9 @@ STIFF = 0.006
 0.004 at most, with two numbers less."""
 LONGEST_CYCLE = 0.1
 """s of the longest cycle that a `Chain` may have."""
+FINE_CYCLE = 0.00125
+"""s between two steps of a filter that runs as finely as whoever wrote it steps. One of 22.5 ms is 2 ms later
+then than one of the same time constant that takes in a sample each 5 ms, and the newest at once."""
 QUICK_BATTERY = (0.005, 0.01)
 SLOW_BATTERY = (0.05, 0.1, 0.2, 0.4)
 """s, of filters of the battery's reading that are tried, beside none and the firmware's. A recording that
@@ -212,6 +215,11 @@ def cycle_by_row(log: Log) -> float:
     return row if 1.5 * usual < row <= LONGEST_CYCLE else usual
 
 
+def cycle_of_samples(chain: Chain) -> float:
+    """s between two samples of a chain that takes some, where one that filters all the time is another."""
+    return Chain().cycle if chain.cycle == FINE_CYCLE else chain.cycle
+
+
 def with_cycle(habits: Habits, seconds: float) -> Habits:
     """With so much between two samples of the wheels."""
     return replace(habits, chain=replace(habits.chain, cycle=seconds))
@@ -275,8 +283,8 @@ def other_chains(chain: Chain) -> list[Chain]:
     """Those that a controller may have if not this one, with the filter of the battery's readings kept where
     that is none of theirs. Whether all motors pause at once is asked last, and of no use unless all are
     sampled at once."""
-    usual = usual_chain(chain)
-    others = [replace(with_driver_of(each, chain), cycle=chain.cycle) for each in CHAINS if each != usual]
+    usual, cycle = usual_chain(chain), cycle_of_samples(chain)
+    others = [replace(with_driver_of(each, chain), cycle=cycle) for each in CHAINS if each != usual]
     if chain == replace(with_driver_of(usual, chain), cycle=chain.cycle):
         return others
     return [replace(each, battery_time_constant=chain.battery_time_constant) for each in others]

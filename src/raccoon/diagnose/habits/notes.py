@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.habits.controller import SLOW_BATTERY, pauses
+from raccoon.diagnose.habits.controller import FINE_CYCLE, SLOW_BATTERY, pauses
 from raccoon.diagnose.habits.driver import DEADBAND
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.hypotheses.runs import RESISTANCE
@@ -86,7 +86,12 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so; when "
             f"in a row it is taken leaves {100 * MOMENT:.0f} % of a resistance open"
         )
-    if chain.cycle != Chain().cycle and habits.firmware is None:
+    if chain.cycle == FINE_CYCLE and habits.firmware is None:
+        notes.append(
+            "wheels are taken to be filtered all the time, as their readings lag: a filter that takes in a "
+            "sample each 5 ms is 2 ms sooner with the same time constant"
+        )
+    elif chain.cycle != Chain().cycle and habits.firmware is None:
         notes.append(
             f"wheels are taken to be read, and filtered, once in {1000.0 * chain.cycle:.3g} ms, as rows are: "
             "at the usual 5 ms a filter of the same time constant is slower"

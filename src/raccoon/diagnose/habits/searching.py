@@ -21,6 +21,7 @@ from raccoon.diagnose.habits.controller import (
     as_it_pauses,
     controller_of,
     cycle_by_row,
+    cycle_of_samples,
     drive_problem,
     other_chains,
     pauses,
@@ -29,6 +30,7 @@ from raccoon.diagnose.habits.controller import (
     with_driver_of,
     with_lost_changes,
 )
+from raccoon.diagnose.habits.cycles import as_rows_are_made, as_the_filter_runs
 from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
 from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
@@ -46,7 +48,6 @@ from raccoon.diagnose.habits.others import (
     Under,
     Way,
     again,
-    as_rows_are_made,
     as_wheels_give,
     first_ahead,
     if_ahead,
@@ -131,6 +132,7 @@ def _sooner(search: Search, habits: Habits, under: Under, by_row: float) -> tupl
     search, habits = with_whole_currents(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
     search, habits = _under_another_filter(search, habits, under, begun)
+    search, habits = as_the_filter_runs(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
     return with_readings_that_lag(search, habits, under, begun)
@@ -186,14 +188,15 @@ def _median_and_chip(search: Search, habits: Habits, under: Under, by: Way) -> t
     if habits.chain.median or habits.low_pass or LATE not in search.fit.point.active:
         return search, habits
     point, (late,) = search.fit.point, search.problem.causes[LATE].coordinates
-    sooner = point.active[LATE] - habits.chain.cycle / late.value(1.0)
+    cycle = cycle_of_samples(habits.chain)
+    sooner = point.active[LATE] - cycle / late.value(1.0)
     less = [point.without_cause(LATE)]
     less += [point.with_cause(LATE, sooner)] if sooner[0] > 0.0 else []
     scaled = [name for name in point.active if name.startswith(SCALE)]
     starts = [each for one in less for each in (one, without(one, scaled))]
     own = habits.chain
     chains = (
-        replace(with_driver_of(each, own), battery_time_constant=own.battery_time_constant, cycle=own.cycle)
+        replace(with_driver_of(each, own), battery_time_constant=own.battery_time_constant, cycle=cycle)
         for each in (PAUSING, AT_ITS_END)
     )
     others = [replace(habits, chain=each, low_pass=True) for each in chains]

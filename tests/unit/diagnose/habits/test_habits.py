@@ -206,7 +206,7 @@ def test_a_habit_under_which_nothing_is_wrong_need_not_be_far_ahead(
     search, under = standing(columns, FIRMWARE, {"friction.viscous": 0.5})
     second, _ = standing(columns, creeps, named)
     under.beginnings[creeps] = second
-    monkeypatch.setattr("raccoon.diagnose.habits.others.leads", lambda *_: DOUBT)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.net_lead", lambda *_: DOUBT)
     monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: ahead)
     _, habits = if_ahead(search, FIRMWARE, under, creeps, under(creeps), [search.fit.point], by=begun)
     assert (habits == creeps) is other

@@ -1,0 +1,60 @@
+"""How finely the filter of the wheels' readings runs, and what another way of it is compared by."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from raccoon.core.config import RobotConfig
+from raccoon.diagnose.findings.spread import Spread
+from raccoon.diagnose.habits.controller import FINE_CYCLE, with_cycle
+from raccoon.diagnose.habits.cycles import as_the_filter_runs
+from raccoon.diagnose.habits.notes import notes_of
+from raccoon.diagnose.habits.others import DOUBT, if_ahead, sound
+from raccoon.diagnose.hypotheses.coordinates import neutral_settings
+from raccoon.diagnose.hypotheses.open_numbers import Wheels
+from raccoon.diagnose.rollout.variants import Habits
+from raccoon.diagnose.select.search import begun
+from raccoon.sim.effects.chain import Chain
+from raccoon.sim.effects.parameters import Parameters
+from simulated_drives import recorded
+from unit.diagnose.searches import standing
+
+ROBOT = RobotConfig()
+NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
+PLAIN = Habits(Chain(), False, wheels=Wheels.RIGID)
+
+
+def test_a_filter_that_runs_all_the_time_is_no_late_command() -> None:
+    """As whoever writes dy/dt = (x - y) / T has it: 2 ms later than T of the firmware's samples."""
+    columns = recorded(Parameters(ROBOT, {}, Chain(cycle=0.001)), 3.0)
+    search, under = standing(columns, PLAIN, {"actuation.latency": 0.08})
+    search, habits = as_the_filter_runs(search, PLAIN, under, begun)
+    assert sound(search)
+    assert habits.chain.cycle == FINE_CYCLE
+    assert "filtered all the time" in notes_of(habits, (), NOTHING_FITTED)[0]
+
+
+def test_a_later_command_is_no_filter_that_runs_all_the_time() -> None:
+    """Gyro and battery are late as well."""
+    late = Parameters(ROBOT, {("actuation.latency", None): {"seconds": 0.002}}, Chain())
+    search, under = standing(recorded(late, 3.0), PLAIN, {"actuation.latency": 0.08})
+    search, habits = as_the_filter_runs(search, PLAIN, under, begun)
+    assert habits == PLAIN
+    assert not sound(search)
+
+
+@pytest.mark.parametrize(("causes", "taken"), [({}, True), ({"drive.inertia": 0.5}, False)])
+def test_what_led_with_the_same_causes_leads(
+    causes: dict[str, float], taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A point that was fitted under the noise of its own search is no best one under that of another: a sound
+    robot was unknown over the speed, since what led by 75 as fitted there lacked 46 as it was."""
+    columns = recorded(Parameters(ROBOT, {}, Chain()), 3.0)
+    fine = with_cycle(PLAIN, FINE_CYCLE)
+    search, under = standing(columns, PLAIN, {})
+    under.beginnings[fine], _ = standing(columns, fine, causes)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.net_lead", lambda *_: DOUBT + 1.0)
+    monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: -43.0)
+    _, habits = if_ahead(search, PLAIN, under, fine, under(fine), [search.fit.point], by=begun)
+    assert (habits == fine) is taken
