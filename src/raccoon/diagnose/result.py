@@ -29,6 +29,9 @@ BRIEF = 0.003
 controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
 _LAGS = {"actuation.latency": "seconds", "imu.latency": "seconds", "drive.wheel_slip": "time"}
 """The parameter that is a lag, by the causes that have one."""
+PWM_STEP = 1.0 / 400.0
+"""Duty of one step of a Wombat's PWM, with either firmware. A deadband that is narrower swallows no command
+that can be given."""
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
@@ -116,13 +119,19 @@ class CauseResult:
     def little(self) -> bool:
         """Whether it is real but does not matter: readings would be next to the same without it, or as much
         sooner as no robot feels."""
-        return self.change < LITTLE or self.brief
+        return self.change < LITTLE or self.brief or self.narrow
 
     @property
     def brief(self) -> bool:
         """Whether it is a lag that is too short to matter, however well readings show it."""
         lag = self.parameters.get(_LAGS.get(self.id, ""))
         return lag is not None and abs(lag.value) < BRIEF
+
+    @property
+    def narrow(self) -> bool:
+        """Whether it is a deadband that no command falls into, however well readings show it."""
+        duty = self.parameters.get("duty")
+        return self.id == "actuation.deadband" and duty is not None and duty.value < PWM_STEP
 
     def to_dict(self) -> dict[str, Any]:
         """As plain types; change and unabsorbed are in it where a drive was recorded."""

@@ -250,8 +250,10 @@ def with_lost_changes(
 
 
 def with_driver_of(chain: Chain, own: Chain) -> Chain:
-    """A chain with what the own one's driver takes from the battery, and does with a deadband."""
-    return replace(chain, whole=own.whole, threshold=own.threshold, cut=own.cut)
+    """A chain with what the own one's driver takes from the battery, and does with a deadband, and with its
+    pauses where it makes some."""
+    pause = own.pause if chain.coast_share else 0.0
+    return replace(chain, whole=own.whole, threshold=own.threshold, cut=own.cut, pause=pause)
 
 
 def usual_chain(chain: Chain) -> Chain:

@@ -1,8 +1,11 @@
-"""How often the controller takes in a sample of the wheels: once a row, once a cycle, or all the time."""
+"""How often the controller takes in a sample of the wheels: once a row, once a cycle, or all the time; and
+whether a wheel is slower then."""
 
 from __future__ import annotations
 
-from raccoon.diagnose.habits.controller import FINE_CYCLE, with_cycle
+from dataclasses import replace
+
+from raccoon.diagnose.habits.controller import FINE_CYCLE, reads_back_emf, with_cycle
 from raccoon.diagnose.habits.others import Under, Way, first_ahead
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
@@ -34,3 +37,20 @@ def as_the_filter_runs(
     if habits.chain.median or habits.chain.free_running:
         return search, habits
     return first_ahead(search, habits, [with_cycle(habits, FINE_CYCLE)], under, by, 0.0)
+
+
+def as_pauses_slow_the_wheels(
+    search: Search, habits: Habits, under: Under, by: Way = whole
+) -> tuple[Search, Habits]:
+    """The search with wheels that are slower when they are sampled than on average, or that are not, where
+    that explains more.
+
+    A motor that coasts for half a millisecond before each sample loses a count or two until then, whichever
+    way it turns: a deadband of 0.002 to 0.004 with a probability of 1, or the scale of a reading, of most
+    sound robots with such pauses. Whoever simulates them by the mean of the torque has none of it.
+    """
+    chain = habits.chain
+    if not (chain.coast_share and reads_back_emf(search.problem.features.roles)):
+        return search, habits
+    pause = 0.0 if chain.pause else chain.coast_share * Chain().cycle
+    return first_ahead(search, habits, [replace(habits, chain=replace(chain, pause=pause))], under, by, 0.0)

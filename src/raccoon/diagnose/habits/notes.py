@@ -109,6 +109,11 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             "the battery is taken to carry all of both motors' currents, as its sags show: from a driver by "
             "PWM it would be the share of the time in which that connects them"
         )
+    if chain.pause and habits.firmware is None:
+        notes.append(
+            f"wheels are taken to be slower when they are read than on average, by half of what they lose "
+            f"while their motor coasts for {1000.0 * chain.pause:.2g} ms before"
+        )
     if pauses(chain):
         notes.append(
             f"motors are taken to coast for {100.0 * chain.coast_share:.0f} % of the time, in which their "

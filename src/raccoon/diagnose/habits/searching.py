@@ -30,7 +30,11 @@ from raccoon.diagnose.habits.controller import (
     with_driver_of,
     with_lost_changes,
 )
-from raccoon.diagnose.habits.cycles import as_rows_are_made, as_the_filter_runs
+from raccoon.diagnose.habits.cycles import (
+    as_pauses_slow_the_wheels,
+    as_rows_are_made,
+    as_the_filter_runs,
+)
 from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
 from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
@@ -133,6 +137,7 @@ def _sooner(search: Search, habits: Habits, under: Under, by_row: float) -> tupl
     search, habits = with_a_slow_battery(search, habits, under, begun)
     search, habits = _under_another_filter(search, habits, under, begun)
     search, habits = as_the_filter_runs(search, habits, under, begun)
+    search, habits = as_pauses_slow_the_wheels(search, habits, under, begun)
     search, habits = as_wheels_give(search, habits, under, begun)
     search, habits = with_a_slow_battery(search, habits, under, begun)
     return with_readings_that_lag(search, habits, under, begun)
@@ -219,6 +224,7 @@ def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Ha
     search, habits = with_a_slow_battery(search, habits, under)
     search, habits = with_whole_currents(search, habits, under)
     search, habits = as_a_deadband_ends(search, habits, under)
+    search, habits = as_pauses_slow_the_wheels(search, habits, under)
     search, habits = with_readings_that_lag(search, habits, under)
     firmware = with_driver_of(Chain.firmware(), habits.chain)
     # A plain filter that stood in for it may have taken the battery's with it.

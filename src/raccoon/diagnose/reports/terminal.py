@@ -170,6 +170,7 @@ def change_text(cause: CauseResult) -> str:
     if not math.isfinite(cause.change):
         return ""
     short = ", less than half a cycle" if cause.brief else ""
+    short = ", less than a step of the PWM" if cause.narrow else short
     little = f"real, but too small to matter{short}: it " if cause.little else ""
     most = f"moves a reading by up to {_times(cause.change)} its noise"
     if cause.unabsorbed < ABSORBED:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.habits.controller import FINE_CYCLE, with_cycle
-from raccoon.diagnose.habits.cycles import as_the_filter_runs
+from raccoon.diagnose.habits.cycles import as_pauses_slow_the_wheels, as_the_filter_runs
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.others import DOUBT, if_ahead, sound
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
@@ -21,6 +23,7 @@ from simulated_drives import recorded
 from unit.diagnose.searches import standing
 
 ROBOT = RobotConfig()
+DEADBAND = "actuation.deadband"
 NOTHING_FITTED = Spread(neutral_settings(ROBOT), (), np.zeros((0, 0)))
 PLAIN = Habits(Chain(), False, wheels=Wheels.RIGID)
 
@@ -58,3 +61,29 @@ def test_what_led_with_the_same_causes_leads(
     monkeypatch.setattr("raccoon.diagnose.habits.others.explains_more", lambda *_: -43.0)
     _, habits = if_ahead(search, PLAIN, under, fine, under(fine), [search.fit.point], by=begun)
     assert (habits == fine) is taken
+
+
+BEHIND = Habits(Chain.firmware(), False, wheels=Wheels.RIGID)
+PAUSED = replace(BEHIND, chain=replace(Chain.firmware(), pause=0.0005))
+
+
+def test_wheels_that_a_pause_slows_down_have_no_deadband() -> None:
+    """A motor that coasts before its sample is a count slower then, whichever way it turns."""
+    search, under = standing(recorded(Parameters(ROBOT, {}, PAUSED.chain), 3.0), BEHIND, {DEADBAND: 0.05})
+    search, habits = as_pauses_slow_the_wheels(search, BEHIND, under, begun)
+    assert sound(search)
+    assert habits.chain.pause == pytest.approx(0.0005)
+    assert "slower when they are read" in notes_of(habits, (), NOTHING_FITTED)[0]
+
+
+def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
+    narrow = Parameters(ROBOT, {(DEADBAND, None): {"duty": 0.01}}, Chain.firmware())
+    search, under = standing(recorded(narrow, 3.0), BEHIND, {DEADBAND: 0.1})
+    search, habits = as_pauses_slow_the_wheels(search, BEHIND, under, begun)
+    assert habits == BEHIND
+    assert not sound(search)
+
+
+def test_motors_that_never_coast_are_slowed_down_by_no_pause() -> None:
+    search, under = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05})
+    assert as_pauses_slow_the_wheels(search, PLAIN, under, begun) == (search, PLAIN)

@@ -485,7 +485,7 @@ def test_commands_from_their_rows_on_are_taken_so() -> None:
     search, under = standing(columns, FIRMWARE, {"actuation.latency": 0.4})
     search, habits = _as_logged(search, FIRMWARE, under)
     assert list(search.fit.point.active) == ["actuation.latency"]
-    assert habits == FIRMWARE
+    assert not habits.past
 
 
 @pytest.mark.parametrize(

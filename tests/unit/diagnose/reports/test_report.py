@@ -211,16 +211,20 @@ def test_a_first_cause_that_others_can_stand_in_for_is_said_to_be_one() -> None:
         ("imu.latency", "seconds", 0.0005, True),
         ("drive.wheel_slip", "time", 0.0016, True),
         ("bemf.filter_lag", "time_constant", 0.0016, False),  # of a filter it is what is left that matters
+        ("actuation.deadband", "duty", 0.0018, True),
+        ("actuation.deadband", "duty", 0.0026, False),
     ],
 )
-def test_a_lag_of_less_than_half_a_cycle_is_said_not_to_matter(
+def test_a_lag_of_less_than_half_a_cycle_or_a_deadband_of_less_than_a_step_of_duty_does_not_matter(
     id_: str, name: str, value: float, little: bool
 ) -> None:
-    """When in its cycle a controller reads made latencies of 2.6 ms of sound robots."""
+    """When in its cycle a controller reads made latencies of 2.6 ms of sound robots, and when in a pause a
+    wheel breaks loose deadbands of 0.0018."""
     lag = replace(CAUSE, id=id_, where=None, parameters={name: ParameterResult(value, 1e-4, "s", 0.0)})
     assert replace(lag, change=1.6, unabsorbed=0.2).little is little
     text = terminal_report(replace(FOUND, causes=(replace(lag, change=1.6, unabsorbed=0.2),)))
-    assert ("too small to matter, less than half a cycle" in text) is little
+    why = "less than half a cycle" if name != "duty" else "less than a step of the PWM"
+    assert (f"too small to matter, {why}" in text) is little
 
 
 @pytest.mark.usefixtures("words_only")
