@@ -148,14 +148,17 @@ def test_a_motor_that_cogs_is_seen_though_its_angle_is_counted_a_little_wrong() 
     assert found.lead > 10.0 * PROBE_ALONE
 
 
-def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has() -> None:
-    """All free columns cost more than what two of them explain is worth."""
-    hidden = Hidden("unknown", None, {}, {"cogging_l": 0.01})
+@pytest.mark.parametrize(("size", "seen"), [(0.01, True), (0.006, False)])
+def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, seen: bool) -> None:
+    """All free columns cost more than what two of them explain is worth. A thirtieth of the friction a floor
+    does as well, and to nobody's harm."""
+    hidden = Hidden("unknown", None, {}, {"cogging_l": size})
     columns = make(12, [hidden], seconds=25.0).columns
     real, _ = problem_of(log_from_columns(columns, ROBOT), ROBOT, tuple(CAUSES.values()))
     found = best_probe(start_search(real, probes_for(real)))
     assert found.name == "unknown: wheel angle left"
     assert found.lead > PROBE_ALONE
+    assert found.shows(PROBE_ALONE) is seen
 
 
 def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> None:
