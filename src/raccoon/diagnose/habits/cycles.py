@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from raccoon.diagnose.habits.controller import FINE_CYCLE, reads_back_emf, with_cycle
+from raccoon.diagnose.habits.chains import FINE_CYCLE, reads_back_emf, slowed_by_pauses
+from raccoon.diagnose.habits.controller import with_cycle
 from raccoon.diagnose.habits.others import Under, Way, first_ahead
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.outlook import Search
@@ -49,8 +50,7 @@ def as_pauses_slow_the_wheels(
     way it turns: a deadband of 0.002 to 0.004 with a probability of 1, or the scale of a reading, of most
     sound robots with such pauses. Whoever simulates them by the mean of the torque has none of it.
     """
-    chain = habits.chain
-    if not (chain.coast_share and reads_back_emf(search.problem.features.roles)):
+    other = slowed_by_pauses(habits.chain)
+    if other is None or not reads_back_emf(search.problem.features.roles):
         return search, habits
-    pause = 0.0 if chain.pause else chain.coast_share * Chain().cycle
-    return first_ahead(search, habits, [replace(habits, chain=replace(chain, pause=pause))], under, by, 0.0)
+    return first_ahead(search, habits, [replace(habits, chain=other)], under, by, 0.0)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.habits.controller import FINE_CYCLE, SLOW_BATTERY, pauses
+from raccoon.diagnose.habits.chains import FINE_CYCLE, pauses
+from raccoon.diagnose.habits.controller import SLOW_BATTERY
 from raccoon.diagnose.habits.driver import DEADBAND
 from raccoon.diagnose.habits.lags import LATE_GYRO
 from raccoon.diagnose.hypotheses.runs import RESISTANCE

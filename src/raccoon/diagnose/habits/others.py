@@ -15,13 +15,8 @@ from numpy.typing import NDArray
 from raccoon.diagnose.fit.fits import fit_at, fit_many, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
-from raccoon.diagnose.habits.controller import (
-    CHAINS,
-    QUICK_BATTERY,
-    SLOW_BATTERY,
-    battery_off,
-    with_battery,
-)
+from raccoon.diagnose.habits.chains import CHAINS
+from raccoon.diagnose.habits.controller import QUICK_BATTERY, SLOW_BATTERY, battery_off, with_battery
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select.joint import explains_more

@@ -15,21 +15,18 @@ import numpy as np
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.drives.log import Log
 from raccoon.diagnose.drives.quality import swing
-from raccoon.diagnose.habits.controller import (
+from raccoon.diagnose.habits.chains import (
     AT_ITS_END,
     PAUSING,
     as_it_pauses,
-    controller_of,
-    cycle_by_row,
     cycle_of_samples,
-    drive_problem,
     other_chains,
     pauses,
     reads_back_emf,
     usual_chain,
     with_driver_of,
-    with_lost_changes,
 )
+from raccoon.diagnose.habits.controller import controller_of, cycle_by_row, drive_problem, with_lost_changes
 from raccoon.diagnose.habits.cycles import (
     as_pauses_slow_the_wheels,
     as_rows_are_made,

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig
+from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.habits.controller import FINE_CYCLE, with_cycle
+from raccoon.diagnose.habits.chains import FINE_CYCLE
+from raccoon.diagnose.habits.controller import controller_of, with_cycle
 from raccoon.diagnose.habits.cycles import as_pauses_slow_the_wheels, as_the_filter_runs
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.habits.others import DOUBT, if_ahead, sound
+from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.rollout.variants import Habits
@@ -87,3 +90,10 @@ def test_a_deadband_is_no_wheel_that_a_pause_slows_down() -> None:
 def test_motors_that_never_coast_are_slowed_down_by_no_pause() -> None:
     search, under = standing(recorded(Parameters(ROBOT, {}, Chain()), 3.0), PLAIN, {DEADBAND: 0.05})
     assert as_pauses_slow_the_wheels(search, PLAIN, under, begun) == (search, PLAIN)
+
+
+@pytest.mark.parametrize("chain", [PAUSED.chain, BEHIND.chain])
+def test_whether_a_pause_slows_the_wheels_down_is_found_out_before_any_cause(chain: Chain) -> None:
+    log = log_from_columns(recorded(Parameters(ROBOT, {}, chain), 12.0), ROBOT)
+    _, habits = controller_of(log, ROBOT, drive_causes(), None)
+    assert habits.chain.pause == chain.pause

@@ -9,7 +9,7 @@ import pytest
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.habits.controller import other_chains, usual_chain
+from raccoon.diagnose.habits.chains import other_chains, usual_chain
 from raccoon.diagnose.habits.driver import as_a_deadband_ends, with_whole_currents
 from raccoon.diagnose.habits.notes import notes_of
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings

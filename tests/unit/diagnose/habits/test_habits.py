@@ -22,7 +22,8 @@ from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings.spread import Spread
 from raccoon.diagnose.fit.descent import ROUGH
 from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
-from raccoon.diagnose.habits.controller import FREE_RUNNING, PAUSING, controller_of, drive_problem, problem_of
+from raccoon.diagnose.habits.chains import FREE_RUNNING, PAUSING
+from raccoon.diagnose.habits.controller import controller_of, drive_problem, problem_of
 from raccoon.diagnose.habits.lags import with_readings_that_lag
 from raccoon.diagnose.habits.notes import PAST, notes_of
 from raccoon.diagnose.habits.others import (

@@ -13,7 +13,7 @@ from blind.generator import make
 from blind.hidden import Hidden, draw
 from raccoon.diagnose.fit.fits import fit_point
 from raccoon.diagnose.fit.problem import Problem
-from raccoon.diagnose.habits.controller import FREE_RUNNING
+from raccoon.diagnose.habits.chains import FREE_RUNNING
 from raccoon.diagnose.habits.lags import (
     LATE_GYRO,
     SLIP,

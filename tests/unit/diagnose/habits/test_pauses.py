@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.fit.problem import Point, Problem
-from raccoon.diagnose.habits.controller import AT_ITS_END, FREE_RUNNING, PAUSING, pauses
+from raccoon.diagnose.habits.chains import AT_ITS_END, FREE_RUNNING, PAUSING, pauses
 from raccoon.diagnose.habits.loose import start_of
 from raccoon.diagnose.habits.others import DOUBT, Under
 from raccoon.diagnose.habits.searching import _under_another_filter
