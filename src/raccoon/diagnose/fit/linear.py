@@ -26,7 +26,7 @@ class Group:
     over_place: whether they are friction that depends on where the robot is. parts: those of the columns
     that may be all there is, one set of them alone. paid: log evidence that a part pays for the choice.
     part: those that it has, of such a part. least: log evidence up to which something usual imitates it,
-    as long as its coordinates together are no larger than `usual`."""
+    as long as its coordinates together are no larger than `usual`, and larger: where they are."""
 
     name: str
     columns: Array
@@ -38,12 +38,13 @@ class Group:
     part: tuple[int, ...] = ()
     least: float = 0.0
     usual: float = math.inf
+    larger: float = 0.0
 
     def bare(self) -> Group:
         """The same without what its columns are: some megabytes, which can be made again."""
         nothing = np.empty((len(self.columns), 0, 0))
         its = self.start, self.one_sided, self.over_place, self.parts, self.paid, self.part
-        return Group(self.name, nothing, *its, self.least, self.usual)
+        return Group(self.name, nothing, *its, self.least, self.usual, self.larger)
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,7 +55,7 @@ def best_probe(search: Search) -> Probed:
         else:
             *residuals, size = _with_and_without(search, group)
             limited = gain - excess(search.problem, *residuals)
-            least = least if size < group.usual else 0.0
+            least = least if size < group.usual else group.larger
         found.append(Probed(group.name, gain, min(limited, most_of_all), least))
     shown = [each for each in found if each.shows(0.0)] or found
     most = max(each.lead for each in shown)

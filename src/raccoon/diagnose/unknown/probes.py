@@ -37,13 +37,14 @@ INERTIA_SHARE = "growth of inertia"
 TORQUE = 0.03
 WAVE = 0.0075
 """N m of a wave: so many are free that with four times as much causes had a tenth less evidence on 8 s."""
-LEAST_WAVE, SMALL_WAVE, SMALL_RUB = 60.0, 0.05, 0.08
+LEAST_WAVE, SMALL_WAVE, SMALL_RUB, LARGE_WAVE = 60.0, 0.05, 0.08, 14.0
 """Log evidence up to which a floor makes a torque, or a friction, over a wheel's angle, as long as its wave
-is no larger than that share of robot.toml's friction. A robot that drives there and back on a line has the
-same floor under the same angle: on one whose friction varies by 2 % within 4 to 20 cm nine of 60 drives had
-10 of a torque, or 14 to 29 of a friction, with waves of 1.5 to 5 %; on one that pushes by 1.7 % two of 14 had
-16 and 21 of a torque of about as much. Of ten wheels that rub by a fourth of their friction, waves of 12 to
-20 %, one had 27 on 40 s, and the others 41 and more."""
+is no larger than that share of robot.toml's friction; and a larger torque. A robot that drives there and
+back on a line has the same floor under the same angle: on one whose friction varies by 2 % within 4 to 20 cm
+nine of 60 drives had 10 of a torque, or 14 to 29 of a friction, with waves of 1.5 to 5 %; on one that pushes
+by 1.7 % two of 14 had 16 and 21 of a torque of about as much; on one of the blind robots a larger one had 11.
+Of ten wheels that rub by a fourth of their friction, waves of 12 to 20 %, one had 27 on 40 s, and the others
+41 and more."""
 MOMENTS = 16
 """Parts of a drive between which friction may change: with eighths motors that get hot were named of a robot
 that took a load. Of 24 blind robots whose friction wanders it explained nothing of any."""
@@ -187,6 +188,7 @@ def _wheel_probes(problem: Problem, settings: Settings, motion: Motion, speeds: 
                     quantity="friction" if friction else "torque forward", unit="N m",
                     over=_within_a_turn(angle), over_unit="rad", curves=WAVE * its.curves, parts=its.parts,
                     least=LEAST_WAVE, usual=(SMALL_RUB if friction else SMALL_WAVE) * per_share,
+                    larger=0.0 if friction else LARGE_WAVE,
                 )
             )  # fmt: skip
     return found

@@ -22,7 +22,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.select.outlook import look_around, start_search
 from raccoon.diagnose.select.probed import best_probe
 from raccoon.diagnose.select.search import PROBE_ALONE, known_after_all
-from raccoon.diagnose.unknown.probes import RUBS_ANEW, motion_of, probes_for
+from raccoon.diagnose.unknown.probes import LARGE_WAVE, LEAST_WAVE, RUBS_ANEW, motion_of, probes_for
 from raccoon.diagnose.unknown.sensors import PREFIX
 
 ROBOT = RobotConfig()
@@ -159,6 +159,7 @@ def test_a_motor_that_cogs_a_little_is_seen_by_the_one_wave_it_has(size: float, 
     assert found.name == "unknown: wheel angle left"
     assert found.lead > PROBE_ALONE
     assert found.shows(PROBE_ALONE) is seen
+    assert found.least == (LARGE_WAVE if seen else LEAST_WAVE)  # a floor made 11 of a large one
 
 
 def test_a_table_in_parts_has_each_part_beside_its_group(problem: Problem) -> None:
