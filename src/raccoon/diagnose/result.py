@@ -27,11 +27,16 @@ degrees in a match of two minutes, if it never averages out."""
 BRIEF = 0.003
 """s of a lag below which it does not matter: half a cycle of a firmware at 175 Hz. When in its cycle a
 controller reads and acts makes as much, and a robot at 0.3 m/s drives 1 mm in it."""
-_LAGS = {"actuation.latency": "seconds", "imu.latency": "seconds", "drive.wheel_slip": "time"}
-"""The parameter that is a lag, by the causes that have one."""
 PWM_STEP = 1.0 / 400.0
 """Duty of one step of a Wombat's PWM, with either firmware. A deadband that is narrower swallows no command
 that can be given."""
+_NO_MATTER = {
+    "actuation.latency": ("seconds", BRIEF, "less than half a cycle"),
+    "imu.latency": ("seconds", BRIEF, "less than half a cycle"),
+    "drive.wheel_slip": ("time", BRIEF, "less than half a cycle"),
+    "actuation.deadband": ("duty", PWM_STEP, "less than a step of the PWM"),
+}
+"""By causes: the parameter that does not matter below a size, however well readings show it, and in words."""
 
 STOOD, NO_DUTY = "stood", "speed"
 """Faults of a motor that did not turn although it was driven, and of a command that is no duty."""
@@ -118,20 +123,15 @@ class CauseResult:
     @property
     def little(self) -> bool:
         """Whether it is real but does not matter: readings would be next to the same without it, or as much
-        sooner as no robot feels."""
-        return self.change < LITTLE or self.brief or self.narrow
+        sooner as no robot feels, or no command falls into it."""
+        return self.change < LITTLE or bool(self.no_matter)
 
     @property
-    def brief(self) -> bool:
-        """Whether it is a lag that is too short to matter, however well readings show it."""
-        lag = self.parameters.get(_LAGS.get(self.id, ""))
-        return lag is not None and abs(lag.value) < BRIEF
-
-    @property
-    def narrow(self) -> bool:
-        """Whether it is a deadband that no command falls into, however well readings show it."""
-        duty = self.parameters.get("duty")
-        return self.id == "actuation.deadband" and duty is not None and duty.value < PWM_STEP
+    def no_matter(self) -> str:
+        """Why its number does not matter, however well readings show it; "" where it does."""
+        name, size, why = _NO_MATTER.get(self.id, ("", 0.0, ""))
+        number = self.parameters.get(name)
+        return why if number is not None and abs(number.value) < size else ""
 
     def to_dict(self) -> dict[str, Any]:
         """As plain types; change and unabsorbed are in it where a drive was recorded."""

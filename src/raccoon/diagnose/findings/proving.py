@@ -7,7 +7,6 @@ from collections.abc import Collection
 from raccoon.diagnose.findings.gain import HeldOut, held_out
 from raccoon.diagnose.findings.naming import deviations, parameters
 from raccoon.diagnose.findings.spread import Spread
-from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Problem
 from raccoon.diagnose.select.missed import with_missed
 from raccoon.diagnose.select.moves import BETTER_TOGETHER
@@ -54,21 +53,16 @@ def proven(search: Search, other: Problem | None) -> tuple[Search, HeldOut]:
 def _standing(search: Search) -> Search:
     """An estimated search without causes that others can do without or whose own number does not tell from
     none."""
-    while gone := _not_standing(search):
-        name, why, _ = gone
-        before = _sizeless(search) if why == NO_SIZE else []
-        search = estimated(pruned(search, *gone))
-        if len(before) > 1:
-            _note_taken_up(search, name, set(before) - set(_sizeless(search)))
-    return search
-
-
-def _not_standing(search: Search) -> tuple[str, str, Fit | None] | None:
-    """The next of these, why it goes, and the fit without it where that is known; None where all stand."""
-    if spared := spare(search):
-        return spared[0], BETTER_TOGETHER, spared[1]
-    names = _sizeless(search)
-    return (names[0], NO_SIZE, None) if names else None
+    while True:
+        if spared := spare(search):
+            search = estimated(pruned(search, spared[0], BETTER_TOGETHER, spared[1]))
+        elif sizeless := _sizeless(search):
+            name, *others = sizeless
+            search = estimated(pruned(search, name, NO_SIZE, None))
+            if others:
+                _note_taken_up(search, name, set(others) - set(_sizeless(search)))
+        else:
+            return search
 
 
 def _sizeless(search: Search) -> list[str]:

@@ -23,8 +23,7 @@ def as_rows_are_made(
     5 ms: of a sound robot that made a filter two thirds as slow. by_row: see `cycle_by_row`.
     """
     cycle = Chain().cycle if habits.chain.cycle == by_row else by_row
-    others = [each for each in (with_cycle(habits, cycle),) if each != habits]
-    return first_ahead(search, habits, others, under, by)
+    return first_ahead(search, habits, [with_cycle(habits, cycle)], under, by)
 
 
 def as_the_filter_runs(

@@ -87,21 +87,39 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             f"the battery's reading follows with a filter of {seconds:g} s, as its sags show: taken so; when "
             f"in a row it is taken leaves {100 * MOMENT:.0f} % of a resistance open"
         )
-    if chain.cycle == FINE_CYCLE and habits.firmware is None:
+    found_out = habits.firmware is None
+    return (
+        *notes,
+        *(_of_the_samples(chain) if found_out else ()),
+        *_of_the_driver(chain, causes),
+        *_of_the_pauses(chain, causes, told=found_out),
+    )
+
+
+def _of_the_samples(chain: Chain) -> tuple[str, ...]:
+    """When they are taken in."""
+    notes = []
+    if chain.cycle == FINE_CYCLE:
         notes.append(
             "wheels are taken to be filtered all the time, as their readings lag: a filter that takes in a "
             "sample each 5 ms is 2 ms sooner with the same time constant"
         )
-    elif chain.cycle != Chain().cycle and habits.firmware is None:
+    elif chain.cycle != Chain().cycle:
         notes.append(
             f"wheels are taken to be read, and filtered, once in {1000.0 * chain.cycle:.3g} ms, as rows are: "
             "at the usual 5 ms a filter of the same time constant is slower"
         )
-    if chain.free_running and habits.firmware is None:
+    if chain.free_running:
         notes.append(
             "wheels are taken to be read by a controller whose cycle has a clock of its own: readings are up "
             "to a cycle old when a row reads them, as commands are when it takes them up"
         )
+    return tuple(notes)
+
+
+def _of_the_driver(chain: Chain, causes: Sequence[CauseResult]) -> tuple[str, ...]:
+    """What it makes of commands, and takes from the battery."""
+    notes = []
     if DEADBAND in {each.name.partition("@")[0] for each in causes} and (chain.threshold or chain.cut):
         beyond = "all that they say" if chain.threshold else "so much less than they say"
         notes.append(f"commands beyond the deadband are taken to do {beyond}, as the wheels answer")
@@ -110,7 +128,13 @@ def _of_the_controller(habits: Habits, causes: Sequence[CauseResult]) -> tuple[s
             "the battery is taken to carry all of both motors' currents, as its sags show: from a driver by "
             "PWM it would be the share of the time in which that connects them"
         )
-    if chain.pause and habits.firmware is None:
+    return tuple(notes)
+
+
+def _of_the_pauses(chain: Chain, causes: Sequence[CauseResult], told: bool) -> tuple[str, ...]:
+    """In which motors coast to be read. told: whether how slow wheels are then is said."""
+    notes = []
+    if chain.pause and told:
         notes.append(
             f"wheels are taken to be slower when they are read than on average, by half of what they lose "
             f"while their motor coasts for {1000.0 * chain.pause:.2g} ms before"

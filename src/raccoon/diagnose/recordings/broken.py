@@ -14,7 +14,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.findings.bent import without_bent
-from raccoon.diagnose.recordings.cut_off import cut_off, without_ends
+from raccoon.diagnose.recordings.cut_off import FEWEST, cut_off, without_ends
 from raccoon.diagnose.recordings.fillers import command_of, without_fillers
 from raccoon.diagnose.recordings.partial import absence
 from raccoon.diagnose.recordings.polled import without_held_voltage
@@ -37,7 +37,6 @@ LEFT_OUT = {
     "rare": "it was read too rarely",
 }
 """Faults for which a whole channel is left out, and how that is said."""
-FEWEST = 50
 JITTER = 0.5
 SURE_WHEN_UNEVEN = 1.0
 """Change of a reading, in units of its noise, from which a cause is believed where the time is uneven. Stamps

@@ -10,6 +10,7 @@ from raccoon.diagnose.result import SensorFault
 Array = NDArray[np.float64]
 
 FEWEST = 50
+"""Samples below which nothing is said of a reading."""
 CLIPPED_SHARE = 0.1
 """Share of the samples at exactly the largest value from which a reading is saturated."""
 FEW_CUT = 0.005

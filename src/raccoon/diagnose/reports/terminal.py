@@ -169,9 +169,8 @@ def change_text(cause: CauseResult) -> str:
     """How much a cause changes the readings, and whether that matters; nothing but of a drive."""
     if not math.isfinite(cause.change):
         return ""
-    short = ", less than half a cycle" if cause.brief else ""
-    short = ", less than a step of the PWM" if cause.narrow else short
-    little = f"real, but too small to matter{short}: it " if cause.little else ""
+    why = f", {cause.no_matter}" if cause.no_matter else ""
+    little = f"real, but too small to matter{why}: it " if cause.little else ""
     most = f"moves a reading by up to {_times(cause.change)} its noise"
     if cause.unabsorbed < ABSORBED:
         return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"

@@ -78,7 +78,7 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
     """Motion from back-EMF (or speeds) and gyro, with the settings of a working point; None where no wheel is
     measured."""
     features = problem.features
-    speed = wheel_speed(problem, features.measured, settings)
+    speed = _wheel_speed(problem, features.measured, settings)
     if speed is None:
         return None
     drive = problem.robot.model.drive
@@ -103,7 +103,7 @@ def motion_of(problem: Problem, settings: Settings) -> Motion | None:
     )
 
 
-def wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
+def _wheel_speed(problem: Problem, readings: Array, settings: Settings) -> Array | None:
     """Speeds (bins, 2) in rad/s as readings (bins, channels) give them with the settings of a working
     point."""
     roles, columns = problem.features.roles, []
@@ -124,7 +124,7 @@ def probes_for(problem: Problem) -> Callable[[Linear], Sequence[Probe]]:
     def probes(linear: Linear) -> Sequence[Probe]:
         settings = problem.settings(linear.point)
         motion = motion_of(problem, settings)
-        wheels = wheel_speed(problem, problem.features.measured - linear.residual, settings)
+        wheels = _wheel_speed(problem, problem.features.measured - linear.residual, settings)
         if motion is None or wheels is None:
             return ()
         if not np.isfinite(wheels).all():
@@ -242,7 +242,7 @@ def change_in(problem: Problem, linear: Linear) -> Change | None:
     """What changed in the drive, by what is left at a working point; None where nothing surely did."""
     features = problem.features
     predicted = features.measured - linear.residual
-    wheels = wheel_speed(problem, predicted, problem.settings(linear.point))
+    wheels = _wheel_speed(problem, predicted, problem.settings(linear.point))
     if problem.change is not None or wheels is None or "gyro" not in features.roles:
         return None
     gyro = linear.residual[:, features.roles.index("gyro")]
