@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raccoon.core.files import write_atomically
-from raccoon.sim.plant.lanes import KINDS, Kind, lanes_text
+from raccoon.sim.plant.lanes import KINDS, LOOSE, Kind, lanes_text
 from raccoon.sim.plant.quantities import Plant, State
 
 Advance = Callable[..., Any]
@@ -63,8 +63,8 @@ def source(kind: Kind = ANY) -> str:
     tags += [f"# without effect: {each}" for each in kind.always]
     if kind is not ANY:
         tags.append("# world: contact")  # robots in lanes have no table
-    if kind.without:
-        tags.append("# chain: whole")  # see `_blocks` of `rollout.running`
+    if set(LOOSE) <= set(kind.without):
+        tags.append("# chain: whole")  # they run where loose ones do: `_blocks` of `rollout.running`
     if not kind.creeping:
         tags.append("# creeping")
     texts = [_without(text, tuple(tags)) for text in texts]

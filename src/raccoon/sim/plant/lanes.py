@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from raccoon.sim.plant.quantities import Circuit, Plant, State
 
 BLOCK = 32  # robots: their numbers stay in the fastest cache
-STRIDE = 36  # from row to row: not a power of two, or rows would crowd into the same cache sets
+LINE = 8  # numbers in a line of the cache, and in the widest vector
+STRIDE = 5 * LINE  # from row to row: a vector that lies across two lines takes twice as long; not a power of
+# two, or rows would crowd into the same cache sets
 STATE_ROWS = len(State._fields)
 PLANT_ROWS = len(Plant._fields)
 OLDER_ROW = STATE_ROWS + PLANT_ROWS
@@ -54,7 +56,6 @@ NO_READING = (
     "play_right", "wheel_left", "wheel_right", "rolling_left", "rolling_right", "heat_left", "heat_right",
 )  # fmt: skip
 """Fields of `State` on which no reading of a robot without seldom effects depends."""
-_NO_PLACE = ("time", "x", "y")
 _HEAT = ("heat_left", "heat_right")
 
 
@@ -73,16 +74,16 @@ SELDOM_KIND = "robots with seldom effects"
 GIVING_KIND = "robots whose wheels give"
 READ_KIND = "readings of robots whose wheels give"
 ROLLING_KIND = "readings of robots with seldom motors or friction, or that creep"
-LOOSE_KIND = "readings of robots whose wheels play, slip or are not round"
+GIVING_SELDOM_KIND = "robots whose wheels give, with seldom effects"
 PLAIN_KIND = "plain robots"
 KINDS: Mapping[str, Kind] = {
-    SELDOM_KIND: Kind(),
+    SELDOM_KIND: Kind(("friction.presliding",)),
+    GIVING_SELDOM_KIND: Kind((), ("friction.presliding",)),
     GIVING_KIND: Kind(tuple(SELDOM), ("friction.presliding",)),
     READ_KIND: Kind(tuple(SELDOM), ("friction.presliding",), NO_READING, creeping=False),
     ROLLING_KIND: Kind(
         LOOSE, ("friction.presliding",), tuple(each for each in NO_READING if each not in _HEAT)
     ),
-    LOOSE_KIND: Kind((), ("friction.presliding",), _NO_PLACE),
     PLAIN_KIND: Kind((*SELDOM, "friction.presliding")),
 }
 

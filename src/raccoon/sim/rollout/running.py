@@ -16,8 +16,9 @@ from raccoon.sim.plant.lanes import (
     BLOCK,
     GIVING,
     GIVING_KIND,
+    GIVING_SELDOM_KIND,
+    LINE,
     LOOSE,
-    LOOSE_KIND,
     OLDER_ROW,
     PLAIN_KIND,
     READ_KIND,
@@ -98,7 +99,7 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
     def advance(job: tuple[Callable[..., None], Indices]) -> None:
         compiled, places = job
         count = len(places)
-        block = np.zeros((ROWS, STRIDE))
+        block = _block()
         block[:STATE_ROWS, :count] = states[places].T
         block[STATE_ROWS:OLDER_ROW, :count] = lanes.plant[places].T
         block[:OLDER_ROW, count:] = block[:OLDER_ROW, :1]  # idle lanes repeat the first robot
@@ -118,6 +119,13 @@ def _run_blocks(lanes: Lanes, states: Floats, course: Course, kept: Indices, out
         with ThreadPoolExecutor(threads) as pool:  # the equations run without the interpreter's lock
             list(pool.map(advance, jobs))
     return final
+
+
+def _block() -> Floats:
+    """Room for the numbers of a block of robots, whose rows begin with lines of the cache."""
+    room = np.zeros(ROWS * STRIDE + LINE)
+    begin = -room.ctypes.data % (LINE * room.itemsize) // room.itemsize
+    return room[begin : begin + ROWS * STRIDE].reshape(ROWS, STRIDE)
 
 
 def _threads() -> int:
@@ -141,17 +149,17 @@ def _blocks(plants: Floats, readings_only: bool) -> Iterator[tuple[str, Indices]
     """
     giving, whole = _differ(plants, GIVING), _differ(plants, {"whole": 0.0})
     seldom = _differ(plants, _SELDOM) | whole
-    anyone = np.ones(len(plants), bool)
-    kinds = [(SELDOM_KIND, seldom, anyone), (GIVING_KIND, giving, giving), (PLAIN_KIND, ~giving, ~giving)]
     if readings_only:
+        loose = _differ(plants, _LOOSE) | whole
         kinds = [
-            (SELDOM_KIND, seldom & ~giving, anyone),
-            (LOOSE_KIND, (_differ(plants, _LOOSE) | whole) & giving, giving),
+            (GIVING_SELDOM_KIND, loose & giving, giving),
             (ROLLING_KIND, (seldom | _differ(plants, {"creep": 0.0})) & giving, giving),
             (READ_KIND, giving, giving),
-            (PLAIN_KIND, ~giving, ~giving),
         ]
-    left = anyone.copy()
+    else:
+        kinds = [(GIVING_SELDOM_KIND, seldom & giving, giving), (GIVING_KIND, giving, giving)]
+    kinds += [(SELDOM_KIND, seldom & ~giving, ~giving), (PLAIN_KIND, ~giving, ~giving)]
+    left = np.ones(len(plants), bool)
     for kind, needing, able in kinds:
         first, others = np.flatnonzero(left & needing), np.flatnonzero(left & able & ~needing)
         robots = np.concatenate([first, others[: _vectors(len(first)) - len(first)]])

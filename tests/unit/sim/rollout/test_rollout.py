@@ -12,7 +12,7 @@ from raccoon.sim.effects.chain import Chain, Noise
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.plant.lanes import (
     GIVING_KIND,
-    LOOSE_KIND,
+    GIVING_SELDOM_KIND,
     PLAIN_KIND,
     READ_KIND,
     ROLLING_KIND,
@@ -158,6 +158,13 @@ def test_readings_alone_are_the_same_bits() -> None:
         )
 
 
+def test_vectors_of_a_block_lie_in_one_line_of_the_cache_each() -> None:
+    """Across two of 64 bytes, lanes took twice as long."""
+    for _ in range(4):
+        block = running._block()
+        assert [row.ctypes.data % 64 for row in block] == [0] * len(block)
+
+
 def kinds_of(plant: NDArray[np.float64], readings_only: bool) -> list[str]:
     found = {}
     for kind, places in running._blocks(plant, readings_only):
@@ -173,16 +180,22 @@ def test_each_robot_runs_once_and_where_least_is_computed_for_it() -> None:
         [each.with_effect(name, None, **{number: 0.02}) for each in giving]
         for name, number in (("drive.turn_scrub", "torque"), ("drive.backlash", "angle"))
     )
-    robots = {READ_KIND: giving, ROLLING_KIND: scrubbing, LOOSE_KIND: loose, SELDOM_KIND: some_robots(8)}
+    robots = {
+        READ_KIND: giving,
+        ROLLING_KIND: scrubbing,
+        GIVING_SELDOM_KIND: loose,
+        SELDOM_KIND: some_robots(8),
+    }
     plant = Lanes.of([*(each for some in robots.values() for each in some), nominal()]).plant
     kinds = [*(kind for kind in robots for _ in range(8)), PLAIN_KIND]
     assert kinds_of(plant, readings_only=True) == kinds
-    assert kinds_of(plant, readings_only=False) == [*[GIVING_KIND] * 8, *[SELDOM_KIND] * 24, PLAIN_KIND]
+    kinds = [*[GIVING_KIND] * 8, *[GIVING_SELDOM_KIND] * 16, *[SELDOM_KIND] * 8, PLAIN_KIND]
+    assert kinds_of(plant, readings_only=False) == kinds
     idle = kinds_of(plant[[0, 1, 2, 16, 32]], readings_only=True)
-    assert idle == [*[LOOSE_KIND] * 4, PLAIN_KIND]
+    assert idle == [*[GIVING_SELDOM_KIND] * 4, PLAIN_KIND]
     whole = Lanes.of([each.with_chain(Chain(whole=True)) for each in giving]).plant
-    assert kinds_of(whole, readings_only=True) == [LOOSE_KIND] * 8
-    assert kinds_of(whole, readings_only=False) == [SELDOM_KIND] * 8
+    for readings_only in (True, False):
+        assert kinds_of(whole, readings_only) == [GIVING_SELDOM_KIND] * 8
     creeping = Lanes.of([giving[0].with_effect("friction.presliding", creep=0.1)] * 8).plant
     assert kinds_of(creeping, readings_only=True) == [ROLLING_KIND] * 8
 
