@@ -47,7 +47,8 @@ class Reading:
     known when it began. held: m^2 of its place, along the heading, because the robot may stand while its
     wheels turn, or roll on while a motor at fault reads nothing. now: where nobody looked for a part of the
     step, the wheels' speeds at its end, rad/s; values are then the mean of what the counters say, variances
-    and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then.
+    and wobble those of the angles, rad^2. together: rad^2, the covariance of both angles then. mute: of one
+    wheel nothing is taken, so that there is nothing to judge the other one by.
     """
 
     time: float
@@ -61,6 +62,7 @@ class Reading:
     held: float = 0.0
     now: tuple[float, float] | None = None
     together: float = 0.0
+    mute: bool = False
 
     @property
     def of_gyro(self) -> float:
@@ -110,7 +112,7 @@ class Fusion:
         before = self.drive.flat
         innovations = self._take(reading)
         self.held = reading.held > 0.0
-        if len(reading.values) == 3 and not reading.still:
+        if len(reading.values) == 3 and not (reading.still or reading.mute):
             reading = self._judged(reading, before, innovations, reasons, repeated_gyro)
         if not possible(*self.drive.flat[State.WAY : State.GYRO_SCALE]):
             self.drive.take_scales(before)  # no robot.toml is that wrong: something else was taken for it

@@ -27,14 +27,16 @@ class WheelNoise:
         self._bemf = (settings.bemf_noise_counts * per_count) ** 2 * SAMPLE_TIME
         self._dead_zone = (device.bemf_dead_zone * per_count) ** 2 / 3.0  # anywhere within the dead zone
 
-    def variance(self, wheel: WheelTrack, speed: float, span: float, still: bool = False) -> float:
-        """Of a wheel's mean speed over `span`. still: the robot stands.
+    def variance(
+        self, wheel: WheelTrack, speed: float, span: float, still: bool = False, mute: bool = False
+    ) -> float:
+        """Of a wheel's mean speed over `span`. still: the robot stands. mute: what it reads is no reading.
 
         Noise or tick steps, a little slip everywhere, being a little early or late, and what a dead zone
         hides. A wheel that stands within it says nothing: however often it reads 0, its offset may be as
         large as the zone.
         """
-        if wheel.silent > HOLD or (still and wheel.blind > 0.0):
+        if mute or wheel.silent > HOLD or (still and wheel.blind > 0.0):
             return SILENT_WHEEL / span
         steps = (self._tick / span) ** 2 / 6.0
         noise = self._bemf / span if wheel.fine else steps

@@ -79,9 +79,14 @@ class Steps:
         still = self._stands(span, command)
         if still:
             self._readings.rest()
+        flat = self.fusion.drive.flat
+        speeds = read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET]
+        self.touch.listen(*speeds, pending.faulty)
+        mute = self.touch.mute
+        alone = mute[0] != mute[1] and pending.gyro_count > 0
         variances: tuple[float, ...] = (
-            noise.variance(left, read[0], span, still),
-            noise.variance(right, read[1], span, still),
+            noise.variance(left, read[0], span, still, alone and mute[0]),
+            noise.variance(right, read[1], span, still, alone and mute[1]),
         )
         left.mean, right.mean = read
         left.blind = right.blind = left.lost = right.lost = 0.0
@@ -99,10 +104,10 @@ class Steps:
             variances = (*variances, of_gyro)
             if self._gyro.repeats < REPEATED:
                 self._check_signs(span, *read)
-        flat = self.fusion.drive.flat
-        speeds = read[0] - flat[State.LEFT_OFFSET], read[1] - flat[State.RIGHT_OFFSET]
-        held = self.touch.carries(span, *speeds) + self.touch.rolls(span, *speeds, pending.faulty)
-        reading = Reading(self._readings.time, span, read, variances, swing, wobble, still, undated, held)
+        turn = None if len(read) < 3 else (read[2] - flat[State.GYRO_BIAS]) / flat[State.GYRO_SCALE]
+        held = self.touch.carries(span, *speeds) + self.touch.rolls(span, *speeds, turn)
+        time = self._readings.time
+        reading = Reading(time, span, read, variances, swing, wobble, still, undated, held, mute=alone)
         self.fusion.advance(reading, self._reasons, self._gyro.repeats >= REPEATED)
         self.touch.feel(pending, still)
 

@@ -1,5 +1,5 @@
 """Whether the robot runs into something or pushes at it: the accelerometer against the wheels, and what the
-wheels carry.
+wheels carry. And which wheel reads nothing although its motor is driven.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from raccoon.core.readings import SIMULATOR, Device, Inputs, Outputs
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.load import LoadWatch
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.slip import BumpWatch
+from raccoon.estimate.drive.slip import RESTING_SPEED, BumpWatch
 from raccoon.estimate.drive.wheel_track import HOLD
+from raccoon.model.drive import DriveGeometry
 
 COMES_BACK = 0.1
 """s after a wheel was silent in which its speed makes up for what was missed."""
@@ -20,6 +21,8 @@ UNNOTICED, ROLLS_OUT = 0.05, 0.3
 """s until a motor at fault is told of, and s at its speed before that a robot without power rolls at most."""
 SPEEDS = 4
 """Steps of the filter, of which one is older than that."""
+DRIVEN = 0.25
+"""Duty that turns any motor: one that reads nothing under less may be the one that is not at fault."""
 
 
 class Touch:
@@ -28,7 +31,11 @@ class Touch:
     def __init__(self, robot: RobotConfig, readings: DriveReadings) -> None:
         self._left, self._right = readings.left, readings.right
         self._readings = readings
-        self._half_radius = 0.5 * robot.model.drive.wheel_radius.value
+        self._radius = robot.model.drive.wheel_radius.value
+        self._half_radius = 0.5 * self._radius
+        self._wheels_a_turn = DriveGeometry.from_robot(robot).track_width / self._radius
+        self._ports = robot.drive.left, robot.drive.right
+        self._driven = self.mute = (False, False)
         self._bump = BumpWatch()
         self._load = LoadWatch(robot, SIMULATOR)
         self._unseen = 0.0
@@ -42,6 +49,12 @@ class Touch:
     def drive(self, inputs: Inputs, command: Outputs | None) -> None:
         """A cycle, read while `command` was in force (None: not known)."""
         self._load.drive(inputs, command)
+        left, right = self._ports
+        self._driven = (
+            (True, True)
+            if command is None
+            else (abs(command.duty[left]) >= DRIVEN, abs(command.duty[right]) >= DRIVEN)
+        )
 
     def interrupt(self, velocity: float) -> None:
         """Nobody looked for a while; the robot goes at `velocity` m/s now."""
@@ -76,20 +89,46 @@ class Touch:
             self._readings.reasons.tell(HELD, self._readings.time)
         return self._load.doubt
 
-    def rolls(self, span: float, left: float, right: float, faulty: bool) -> float:
-        """M^2 that a step of `span` s adds to the doubt about the place, because a motor is at fault.
+    def listen(self, left: float, right: float, faulty: bool) -> None:
+        """Find out which wheel is `mute`, left and right: a motor at fault (faulty: there is one) is driven
+        and its wheel reads nothing, until it reads something again.
 
-        It reads 0 where it is blocked, and also where its plug or fuse is open: then the robot rolls on.
-        left, right: rad/s of the wheels, without their offsets.
+        It stands where it is blocked. Where its plug or fuse is open or its converter is dead it does not,
+        and the gyro and the other wheel tell how fast it turns. So nothing is taken of one that is mute
+        alone; of two, the robot is blocked more likely. left, right: rad/s of the wheels, without offsets.
         """
-        if not faulty:
+        before, driven = self.mute, self._driven
+        self.mute = (
+            (before[0] or (faulty and driven[0])) and abs(left) < RESTING_SPEED,
+            (before[1] or (faulty and driven[1])) and abs(right) < RESTING_SPEED,
+        )
+
+    def rolls(self, span: float, left: float, right: float, turn: float | None) -> float:
+        """M^2 that a step of `span` s adds to the doubt about the place, because a wheel is mute.
+
+        One that rolls on by the gyro and the other wheel may be blocked all the same, with the other one
+        spinning. Two of them read 0 where they are blocked, and also where the robot rolls on without power.
+        left, right: rad/s of the wheels, without their offsets. turn: rad/s of the robot, None where no gyro
+        tells.
+        """
+        if not any(self.mute):
             self._rolled = self._way = 0.0
             self._speeds.append(abs(self._half_radius * (left + right)))
             return 0.0
-        seconds = min(span if self._rolled > 0.0 else span + UNNOTICED, ROLLS_OUT - self._rolled)
         before = self._way
-        self._rolled += seconds
-        self._way += seconds * max(self._speeds)
+        if self._rolled == 0.0:
+            self._way = UNNOTICED * max(self._speeds)
+            self._rolled = UNNOTICED
+        if all(self.mute) or turn is None:
+            seconds = min(span, ROLLS_OUT - self._rolled)
+            self._way += seconds * max(self._speeds)
+            self._rolled += seconds
+        else:
+            unread = abs(right - left - self._wheels_a_turn * turn)
+            self._way += span * self._radius * unread
+            if unread > RESTING_SPEED:
+                side = "left" if self.mute[0] else "right"
+                self._readings.reasons.tell(f"the {side} wheel reads nothing", self._readings.time)
         return self._way * self._way - before * before
 
     @property
