@@ -194,9 +194,11 @@ class MotorWatch:
         if sign != self._signs[port]:
             self._signs[port], self._turned[port], self._since[port] = sign, False, time
         least = min(sign * duty, max(sign * self._lately[port], 0.0))
-        expected = least * self.USUAL_BATTERY / BEMF_VOLTS_PER_COUNT
-        if bemf * sign >= self.SHARE * expected:
-            self._turned[port], self._since[port] = True, time
+        per_duty = self.SHARE * self.USUAL_BATTERY / BEMF_VOLTS_PER_COUNT
+        if bemf * sign >= least * per_duty:
+            # Nothing is expected yet of one that was driven the other way: that it reads so is no motion.
+            self._turned[port] = self._turned[port] or bemf * sign >= self.DRIVEN * per_duty
+            self._since[port] = time
             return False
         patience = self.SECONDS_FROM_MOTION if self._turned[port] else self.SECONDS_FROM_REST
         return time - self._since[port] > patience

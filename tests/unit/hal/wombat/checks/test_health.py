@@ -37,6 +37,23 @@ def test_a_motor_that_is_to_turn_faster_at_once_is_given_its_time() -> None:
     assert drives(1.0, 0.6)  # it never did
 
 
+def test_a_heavy_robot_that_is_driven_back_is_given_the_time_of_a_start() -> None:
+    """Friction, 0.15 of the duty, holds it where it came to rest; then it takes 0.3 s to follow its duty."""
+    watch, time, share = MotorWatch(), 0.0, 0.0
+
+    def drives(duty: float) -> bool:
+        nonlocal time, share
+        time += 0.005
+        share += (min(duty + 0.15, 0.0) - share) * 0.005 / 0.3
+        counts = share * 6.6 / BEMF_VOLTS_PER_COUNT
+        return watch.update((duty, 0.0, 0.0, 0.0), (counts, 0.0, 0.0, 0.0), time)
+
+    assert not any(drives(0.15) for _ in range(100))
+    assert not any(drives(max(-0.6, -0.02 * cycle)) for cycle in range(200))
+    blocked = [watch.update((-0.6, 0.0, 0.0, 0.0), (0.0,) * 4, time + 0.005 * each) for each in range(1, 8)]
+    assert blocked[-1]  # as it turns: missed at once
+
+
 def test_a_battery_that_is_low_stays_so_until_it_is_clearly_better() -> None:
     watch, time = BatteryWatch(), 0.0
 
