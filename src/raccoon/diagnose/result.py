@@ -101,7 +101,8 @@ class CauseResult:
 
     change: of the reading in which it shows most, root mean square in units of its noise. unabsorbed: of
     all readings together, what robot.toml's deviations cannot absorb; causes that matter are ranked by it.
-    Both are NaN where no drive was recorded.
+    Both are NaN where no drive was recorded. beside: what of confounded_with may act too, with a part of it,
+    and not in its place.
     """
 
     id: str
@@ -114,6 +115,7 @@ class CauseResult:
     explanation: str
     change: float = math.nan
     unabsorbed: float = math.nan
+    beside: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -134,9 +136,11 @@ class CauseResult:
         return why if number is not None and abs(number.value) < size else ""
 
     def to_dict(self) -> dict[str, Any]:
-        """As plain types; change and unabsorbed are in it where a drive was recorded."""
-        drive = math.isfinite(self.change)
-        return {key: it for key, it in asdict(self).items() if drive or key not in ("change", "unabsorbed")}
+        """As plain types; change and unabsorbed are in it where a drive was recorded, beside where there is
+        any."""
+        there = {"change": math.isfinite(self.change), "beside": bool(self.beside)}
+        there["unabsorbed"] = there["change"]
+        return {key: it for key, it in asdict(self).items() if there.get(key, True)}
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from raccoon.diagnose.result import CauseResult, Gain, ParameterResult, Rejected
 from raccoon.diagnose.select.gates import gate
 from raccoon.diagnose.select.outlook import Search
 from raccoon.diagnose.select.refits import LAGS, SCALE, SMOOTHS, delay_alike
-from raccoon.diagnose.select.rivals import CLOSE, odds
+from raccoon.diagnose.select.rivals import CLOSE, odds, only_beside
 from raccoon.diagnose.select.search import NOTHING
 from raccoon.diagnose.select.visible import VISIBLE, shows_from, visibility
 from raccoon.sim.effects.effect import Effect
@@ -69,9 +69,10 @@ def named_causes(search: Search, judged: HeldOut, spread: Spread) -> tuple[Cause
         values = beside_rivals(search, cause, values)
         found.append(
             CauseResult(
-                cause.id, cause.where, 0, values, gain, likely, rivals, told, size.change, size.unabsorbed
+                cause.id, cause.where, 0, values, gain, likely, rivals, told, size.change, size.unabsorbed,
+                only_beside(search, name, rivals),
             )
-        )
+        )  # fmt: skip
     found.sort(key=lambda each: (each.little, SMOOTHS in each.confounded_with, -each.unabsorbed))
     return tuple(replace(each, rank=rank) for rank, each in enumerate(found, start=1))
 
@@ -163,7 +164,7 @@ def probability(
     """
     tried = search.rivals.get(name, [])
     its = {each.name: odds(each) for each in tried if not each.beside}
-    beside = {each.name for each in tried} - set(its)
+    beside = only_beside(search, name, rivals)
     away = math.inf if rivals else deviations(search.problem.causes[name].effect, values)
     against = math.exp(-min(search.gains.get(name, 50.0), 0.5 * away**2, 700.0))
     against += sum(its.get(each, 1.0) for each in rivals if each not in beside)

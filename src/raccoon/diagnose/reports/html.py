@@ -97,11 +97,12 @@ def _headline(diagnosis: Diagnosis) -> str:
 
 
 def _wrong(cause: CauseResult) -> str:
-    """What is wrong, and what else it may be."""
-    others = ", ".join(cause.confounded_with)
-    instead = f"; or {'one of ' * (len(cause.confounded_with) > 1)}{others} acts instead" if others else ""
+    """What is wrong, and what else it may be, or be in part."""
+    others = [each for each in cause.confounded_with if each not in cause.beside]
+    instead = f"; or {'one of ' * (len(others) > 1)}{', '.join(others)} acts instead" if others else ""
+    part = f"; a part of it may be {' or '.join(cause.beside)}" if cause.beside else ""
     what = told(cause).what.partition(". ")[0]
-    return f"{what}{instead}."
+    return f"{what}{instead}{part}."
 
 
 def _judged(cause: CauseResult) -> str:

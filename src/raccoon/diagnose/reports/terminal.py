@@ -193,8 +193,10 @@ def evidence_text(cause: CauseResult) -> str:
 
 
 def probability_text(cause: CauseResult) -> str:
-    """How sure it is, and of what."""
-    those = f" that it is {cause.name} and none of the others" if cause.confounded_with else ""
+    """How sure it is, and of what: not that it is alone where another may have a part of it."""
+    parts = f", alone or with {' or '.join(cause.beside)} beside it" if cause.beside else ""
+    none = " and none of the others" if set(cause.confounded_with) - set(cause.beside) else ""
+    those = f" that it is {cause.name}{parts}{',' if parts and none else ''}{none}" if parts or none else ""
     return f"probability {cause.probability:.2f}{those}"
 
 
@@ -215,7 +217,8 @@ def _one_of(cause: CauseResult) -> str:
         return cause.explanation
     *first, last = (cause.name, *cause.confounded_with)
     said = cause.explanation[0].lower() + cause.explanation[1:]
+    some = " or some of each" if cause.beside else ""
     return (
-        f"One of these, which cannot be told apart here: {', '.join(first)} or {last}. "
+        f"One of these{some}, which cannot be told apart here: {', '.join(first)} or {last}. "
         f"If it is {cause.name}, {said}"
     )

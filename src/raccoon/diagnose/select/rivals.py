@@ -145,6 +145,14 @@ def odds(rival: Rival) -> float:
     return math.exp(-max(rival.lead, -50.0) / BY_FORM) / (1 + len(rival.together))
 
 
+def only_beside(search: Search, name: str, rivals: tuple[str, ...]) -> tuple[str, ...]:
+    """Of a cause's rivals those that may have a part of it, and do not explain as well in its place."""
+    tried = search.rivals.get(name, [])
+    parts = {each.name for each in tried if each.beside}
+    instead = {each.name for each in tried if not each.beside and each.lead < CLOSE}
+    return tuple(each for each in rivals if each in parts - instead)
+
+
 def net_lead(search: Search, fit: Fit, settled: Fit) -> float:
     """Log evidence of a fit over another, each less the gates of its causes."""
     return lead(search.problem, fit, settled) - gates(fit.point.active) + gates(settled.point.active)

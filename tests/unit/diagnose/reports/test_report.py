@@ -257,6 +257,25 @@ def test_the_headline_says_what_else_it_may_be() -> None:
     assert "acts instead" not in alone
 
 
+@pytest.mark.usefixtures("words_only")
+def test_a_lag_that_another_may_have_a_part_of_is_not_said_to_be_alone() -> None:
+    part = replace(CAUSE, beside=("bemf.scale@left",))
+    text, shown = (report(replace(FOUND, causes=(part,))) for report in (terminal_report, _page))
+    assert "0.99 that it is motor.back_emf_constant@left, alone or with bemf.scale@left beside it\n" in text
+    assert "One of these or some of each, which" in text
+    assert "; a part of it may be bemf.scale@left." in shown
+    assert "acts instead" not in shown
+    both = replace(part, confounded_with=(*CAUSE.confounded_with, "drive.wheel_radius@left"))
+    text, shown = (report(replace(FOUND, causes=(both,))) for report in (terminal_report, _page))
+    assert "alone or with bemf.scale@left beside it, and none of the others\n" in text
+    assert "; or drive.wheel_radius@left acts instead; a part of it may be bemf.scale@left." in shown
+    assert "none of the others" not in terminal_report(replace(FOUND, causes=(part,)))
+
+
+def _page(found: Diagnosis) -> str:
+    return page(found, "run")
+
+
 def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
     empty = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
     text = page(empty, "run")

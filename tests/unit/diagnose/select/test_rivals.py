@@ -34,7 +34,7 @@ from raccoon.diagnose.rollout.variants import Habits
 from raccoon.diagnose.select import rivals
 from raccoon.diagnose.select.gates import EVIDENCE_GATE
 from raccoon.diagnose.select.outlook import Rival, Search
-from raccoon.diagnose.select.rivals import CLOSE, FAR, alike, as_likely, compared
+from raccoon.diagnose.select.rivals import CLOSE, FAR, alike, as_likely, compared, only_beside
 from raccoon.diagnose.unknown.probes import probes_for
 from raccoon.diagnose.unknown.sensors import PREFIX
 from raccoon.sim.effects.chain import Chain
@@ -146,6 +146,10 @@ def test_a_lag_that_may_be_two_is_said_with_the_other_and_no_less_sure(problem: 
     assert tried[False].lead > CLOSE
     assert confounded(search, CAUSES["imu.latency"]) == ("drive.wheel_slip",)
     assert probability(search, "imu.latency", ("drive.wheel_slip",), {}) > 0.999
+    assert only_beside(search, "imu.latency", ("drive.wheel_slip",)) == ("drive.wheel_slip",)
+    instead = Rival("drive.wheel_slip", CLOSE - 0.1)
+    search.rivals["imu.latency"].append(instead)
+    assert only_beside(search, "imu.latency", ("drive.wheel_slip",)) == ()
 
 
 @pytest.mark.parametrize(
