@@ -261,7 +261,7 @@ def test_more_acceleration_makes_no_motion_slower(speed: float) -> None:
     hard = replace(CONFIG, motion=replace(CONFIG.motion, acceleration=5.0, turn_acceleration=60.0))
     for motion in (
         straight(0.4, speed=speed),
-        turn(deg(90), rate=speed / 0.05),
+        turn(deg(90), turn_rate=speed / 0.05),
         arc(0.2, deg(90), speed=speed),
     ):
         usual, quick = run(motion)[0], run(motion, config=hard)[0]

@@ -80,7 +80,7 @@ def straight(
 
 def turn(
     angle: float,
-    rate: float | None = None,
+    turn_rate: float | None = None,
     *,
     turns: float = 1.0,
     tolerance: float | None = None,
@@ -88,21 +88,22 @@ def turn(
 ) -> Action[MotionResult]:
     """Turn on the spot by `angle` rad (left is positive), ending at rest.
 
-    rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
+    turn_rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
     most full turns that are meant. tolerance: rad. timeout: s. Raises as `straight`.
     """
     check_limits(tolerance=tolerance, timeout=timeout)
     check_angle(turns, angle=angle)
-    check_rate(rate=rate)
-    check_limits("the sign belongs to the angle", rate=rate)
+    check_rate(turn_rate=turn_rate)
+    check_limits("the sign belongs to the angle", turn_rate=turn_rate)
     return Action(
-        f"turn {math.degrees(angle):g} deg", lambda robot: turning(robot, angle, rate, tolerance, timeout)
+        f"turn {math.degrees(angle):g} deg",
+        lambda robot: turning(robot, angle, turn_rate, tolerance, timeout),
     )
 
 
 def turn_to(
     heading: float,
-    rate: float | None = None,
+    turn_rate: float | None = None,
     *,
     tolerance: float | None = None,
     timeout: float | None = None,
@@ -112,12 +113,12 @@ def turn_to(
     The rest as `turn`.
     """
     check_heading(heading=heading)
-    check_rate(rate=rate)
-    check_limits(rate=rate, tolerance=tolerance, timeout=timeout)
+    check_rate(turn_rate=turn_rate)
+    check_limits(turn_rate=turn_rate, tolerance=tolerance, timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         angle = math.remainder(heading - robot.plan.heading, math.tau)
-        return (yield from turning(robot, angle, rate, tolerance, timeout))
+        return (yield from turning(robot, angle, turn_rate, tolerance, timeout))
 
     return Action(f"turn to {math.degrees(heading):g} deg", steps)
 
@@ -125,7 +126,7 @@ def turn_to(
 def turning(
     robot: Robot,
     angle: float,
-    rate: float | None = None,
+    turn_rate: float | None = None,
     tolerance: float | None = None,
     timeout: float | None = None,
 ) -> Steps[MotionResult]:
@@ -133,7 +134,7 @@ def turning(
     motion = robot.config.motion
     start = robot.plan
     angle = float(angle)
-    wanted = motion.turn_rate if rate is None else float(rate)
+    wanted = motion.turn_rate if turn_rate is None else float(turn_rate)
     top, acceleration = robot.drive.speeds.planned_turn(wanted, motion.turn_acceleration)
     walk = profile(angle, top, acceleration, motion.turn_jerk)
     pace = Pace(robot, walk, LAG_LIMIT_TURN, timeout, top / wanted, "turn")
