@@ -212,7 +212,7 @@ def _check_match(
     check_number("seconds", seconds, "of a match, above 0")
     if not 0.0 < seconds <= LONGEST:
         raise ValueError(f"seconds is {seconds}: allowed are numbers above 0 up to {LONGEST:g}")
-    robot.require()
+    robot.require("run_match()")
     if robot.deadline is not None:
         raise RuntimeError("this robot has begun its match already: open the robot again for another one")
     if isinstance(program, Action):  # before the light is waited for

@@ -16,7 +16,7 @@ from raccoon.core.errors import HardwareError, Stopped
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Action, Steps, close
-from raccoon.robot.actions.limits import SEVERAL, check_kind
+from raccoon.robot.actions.limits import COMPOSE, SEVERAL, check_kind
 from raccoon.robot.deadline import end_match
 from raccoon.robot.instead import instead
 from raccoon.robot.knowledge import Knowledge, numbers
@@ -93,7 +93,7 @@ class Robot(Knowledge):
         given = (action, *more) if more else action
         check_kind(given, Action, "run()", SEVERAL if isinstance(given, list | tuple) else "")
         body = action.start(self)
-        self._begin(f"run({action.name})", "compose actions with seq, parallel or then")
+        self._begin(f"run({action.name})", COMPOSE)
         try:
             if self.drive.asked:  # by a loop that ended before its tick
                 self.drive.stop()
@@ -143,9 +143,7 @@ class Robot(Knowledge):
     def _begin(self, asked: str, instead: str) -> None:
         """Let `asked` run from now on, unless something runs already (instead: what to write then)."""
         with self._turn:
-            self.require()
-            if self._running is not None:
-                self._refuse(asked, instead)
+            self.require(asked, instead)
             self._thread = get_ident()
             if self._stopping:
                 self._heed(asked)
@@ -284,12 +282,14 @@ class Robot(Knowledge):
             for body in bodies:
                 cleanly.callback(close, body)
 
-    def require(self) -> None:
-        """Raise HardwareError where the robot is closed, RuntimeError where its match is over."""
+    def require(self, asked: str = "", instead: str = "call it between two runs, where nothing runs") -> None:
+        """Raise HardwareError where it is closed; RuntimeError where its match is over, `asked` in a run."""
         if self._closed:
             raise HardwareError("the robot is closed: open it again to run something")
         if self._match_over:
             raise RuntimeError("the match of this robot is over: open the robot again to run something")
+        if asked and self._running is not None:
+            self._refuse(asked, instead)
 
     def __enter__(self) -> Self:
         return self

@@ -84,7 +84,10 @@ def loose(value: object) -> Any:
             lambda: straight(0.3, speed=-0.1),
             r"speed is -0.1: it must be above 0 .*sign belongs to the distance",
         ),
-        (lambda: turn(1.0, rate=-1.0), "rate is -1.0: it must be above 0 .*sign belongs to the angle"),
+        (
+            lambda: turn(1.0, turn_rate=-1.0),
+            "turn_rate is -1.0: .* above 0 .*sign belongs to the angle",
+        ),
         (lambda: arc(0.3, 1.0, -0.1), "speed is -0.1: it must be above 0 .*backwards=True drives backwards"),
         (lambda: straight(0.3, tolerance=0.0), "tolerance is 0.0: it must be above 0$"),
         (lambda: straight(0.3, timeout=NAN), "timeout is nan: it must be above 0$"),
@@ -104,7 +107,7 @@ def loose(value: object) -> Any:
         (lambda: move("arm", 1.0, 90), "speed is 90: allowed are numbers up to 20 rad/s"),
         (lambda: move_by("arm", 1.0, -1.0), "speed is -1.0: it must be above 0 .*sign belongs to the angle"),
         (lambda: turn(float("inf")), "angle is inf: it must be a finite number"),
-        (lambda: turn(1.0, rate=90), r"rate is 90: allowed are numbers up to 20 rad/s"),
+        (lambda: turn(1.0, turn_rate=90), r"turn_rate is 90: allowed are numbers up to 20 rad/s"),
         (lambda: turn_to(-90), r"heading is -90: .*write deg\(-90\)"),
         (lambda: turn_to(20), r"heading is 20: beyond a full turn .*write deg\(20\) for degrees"),
         (lambda: turn_to(-22.5), r"heading is -22.5: .*write deg\(-22.5\)"),
@@ -377,6 +380,33 @@ def test_a_robot_that_was_left_out_is_asked_for(make: Callable[[], object], said
 def test_a_robot_that_is_not_open_yet_says_so_wherever_it_is_handed_in() -> None:
     with pytest.raises(AttributeError, match="there is no robot yet"):
         run_match(loose(open_robot(CONFIG, port=simulated())), straight(0.1))
+
+
+@pytest.mark.parametrize(
+    "drives",
+    [
+        lambda robot: calibrate_tophats(robot),
+        lambda robot: calibrate_drive(robot, lambda: 0.6),
+        lambda robot: calibrate_light(robot, 3, lambda: None),
+        lambda robot: run_match(robot, straight(0.1)),
+    ],
+)
+def test_what_runs_actions_by_itself_is_no_step(drives: Callable[[Robot], Any]) -> None:
+    """It named the first action inside, such as seq(watched wait 0.4 s, ...), that no program has."""
+
+    def calibrate(robot: Robot) -> None:
+        drives(robot)
+
+    with open_robot(CONFIG, port=simulated()) as robot:
+        why = r"^(calibrate_\w+|run_match)\(\) inside run\(seq\(wait 0 s, do calibrate\)\): call it between"
+        with pytest.raises(RuntimeError, match=why):
+            robot.run(seq(wait(0.0), do(calibrate)))
+
+
+def test_a_long_thing_in_place_of_an_action_does_not_bury_the_message() -> None:
+    with open_robot(CONFIG, port=simulated()) as robot, pytest.raises(TypeError) as caught:
+        robot.run(loose({"front": "many numbers " * 50}))
+    assert len(str(caught.value)) < 120
 
 
 def test_a_cycle_within_a_cycle_is_refused() -> None:

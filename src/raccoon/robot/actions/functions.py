@@ -27,16 +27,17 @@ def perform(robot: Robot, program: Action[T] | Callable[[Robot], Action[T] | T])
 
 
 @overload
-def do(function: Callable[[Robot], Action[T]], name: str = "do") -> Action[T]: ...
+def do(function: Callable[[Robot], Action[T]], name: str | None = None) -> Action[T]: ...
 
 
 @overload
-def do(function: Callable[[Robot], T], name: str = "do") -> Action[T]: ...
+def do(function: Callable[[Robot], T], name: str | None = None) -> Action[T]: ...
 
 
-def do(function: Callable[[Robot], Any], name: str = "do") -> Action[Any]:
+def do(function: Callable[[Robot], Any], name: str | None = None) -> Action[Any]:
     """Call a function of the robot once; takes no time. An action that it gives back is done then.
 
+    name: of the step in messages and reports; the function's own when None.
     Raises TypeError for a function of steps that yields, and where it gives back a function or such steps.
     """
     check_function(function, "do()", "robot")
@@ -45,7 +46,8 @@ def do(function: Callable[[Robot], Any], name: str = "do") -> Action[Any]:
         made = _called("what do() calls", function, robot)
         return (yield from made.start(robot)) if isinstance(made, Action) else made
 
-    return Action(name, steps)
+    own = getattr(function, "__name__", "<lambda>")
+    return Action(name or ("do" if own == "<lambda>" else f"do {own}"), steps)
 
 
 def _called(what: str, function: Callable[[Robot], Any], robot: Robot) -> Any:

@@ -20,6 +20,8 @@ MOST_TURNS = 4.0
 """Full turns of a heading, which counts those that were made; more is an angle in degrees."""
 ROUNDING = 1e-9
 """Share by which a sum of degrees may miss a full turn."""
+COMPOSE = "compose actions with seq, parallel or then, or let the function of a do() return the action"
+"""What to write instead of a `run` in a function that a `run` calls."""
 SEVERAL = ": write seq(*actions) for a list"
 """What is said to several actions where one is run."""
 LONGEST_WAIT = 600.0
@@ -162,12 +164,17 @@ def check_counts(counts: float, beyond: float) -> None:
         _refuse("counts", counts, allowed)
 
 
+def shortened(text: str, most: int = 80) -> str:
+    """The beginning of a text that would bury the rest of a message."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
 def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
     """Raise TypeError where `value` is of another kind; functions that were not called are named."""
     if isinstance(value, kind):
         return
     name = getattr(value, "__name__", None)
-    what = f"the function {name}" if callable(value) and name else repr(value)
+    what = f"the function {name}" if callable(value) and name else shortened(repr(value))
     if inspect.isgenerator(value):
         what = f"what the function {name} yields"
         hint = f"{hint}: give the function itself, Action('{name}', {name}), or write seq() instead of yield"

@@ -28,6 +28,7 @@ def calibrate_light(robot: Robot, port: int, switched_on: Callable[[], object]) 
     port, TypeError where `switched_on` is no function.
     """
     check_robot(robot, "calibrate_light()")
+    robot.require("calibrate_light()")
     check_port("analog", port, ANALOG_PORTS)
     check_function(switched_on, "calibrate_light()")
     from raccoon.estimate.start_light import calibrate_start_light

@@ -50,6 +50,7 @@ def calibrate_tophats(
     from raccoon.estimate.tophat import calibrate
 
     check_robot(robot, "calibrate_tophats()")
+    robot.require("calibrate_tophats()")
     check_way(distance=distance)
     velocity = robot.config.motion.speed if speed is None else speed
     if distance < 0.0:

@@ -40,6 +40,7 @@ def calibrate_drive(
     from raccoon.estimate.drive_calibration.straight import calibrate_straight
 
     check_robot(robot, "calibrate_drive()")
+    robot.require("calibrate_drive()")
     check_function(taped, "calibrate_drive()")
     check_limits(tape_std=tape_std)
     readings: list[Inputs] = []
