@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -157,7 +158,9 @@ def _advised(args: argparse.Namespace, robot: RobotConfig) -> str:
 
 def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
     from dataclasses import replace
+    from functools import partial
 
+    from raccoon.diagnose.experiment.advice import reach_of
     from raccoon.diagnose.experiment.excitation import drive_and_record
     from raccoon.diagnose.experiment.manoeuvres import manoeuvre
 
@@ -173,4 +176,9 @@ def _drive(robot: RobotConfig, name: str, args: argparse.Namespace) -> None:
         driven = Parameters.from_robot(robot) if args.model is None else load_model(args.model, robot)
         # The free space that was asked for: the usual table has a wall nearer than that.
         port = SimPort(driven, World.empty(), robot=robot, seed=args.seed, rate_hz=robot.controller.rate_hz)
-    drive_and_record(robot, manoeuvre(name), args.record, port)
+    duty = manoeuvre(name)
+    if port is None and duty.any():
+        space = f"{reach_of(robot, duty):.2f} m free of walls and things on every side"
+        print(f"the robot will drive: put it on the floor with {space}", file=sys.stderr, flush=True)
+    tell = partial(print, file=sys.stderr, flush=True)
+    drive_and_record(robot, duty, args.record, port, say=tell)

@@ -200,3 +200,25 @@ def test_a_base_without_a_gyro_is_promised_nothing_of_it(
 def test_a_rival_of_nothing_is_refused(robot_toml: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["excite", "--robot", str(robot_toml), "--rival", "imu.latency"]) == 2
     assert "name the --cause" in capsys.readouterr().err
+
+
+def test_room_and_an_empty_battery_are_said_before_a_robot_drives(
+    robot_toml: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It drove off at once, as a robot does whose team believes that it only advises."""
+    short = manoeuvre("spin")[80:100]
+    monkeypatch.setitem(MANOEUVRES, "spin", lambda: short)
+    robot_toml.write_text(
+        '[controller]\nport = "emulator-raccoon"\n[model.battery]\nopen_circuit_voltage = 5.0\n'
+    )
+    command = ["excite", "--robot", str(robot_toml), "--manoeuvre", "spin", "--record"]
+    assert main([*command, str(tmp_path / "run")]) == 0
+    said = capsys.readouterr().err
+    room, battery = said.splitlines()
+    assert re.fullmatch(
+        r"the robot will drive: put it on the floor with 0\.\d\d m free .* on every side", room
+    )
+    assert re.match(r"battery: [45]\.\d\d V is below the weakest battery of the match \(6.10 V\)", battery)
+    robot_toml.write_text('[controller]\nport = "emulator-raccoon"\n')
+    assert main([*command, str(tmp_path / "full"), "--simulate"]) == 0
+    assert capsys.readouterr().err == ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +13,23 @@ from raccoon.core.port import Port
 from raccoon.core.readings import MOTOR_PORTS, STOP, Outputs
 from raccoon.diagnose.experiment.manoeuvres import RATE
 
+Say = Callable[[str], object]
 
-def drive(port: Port, robot: RobotConfig, duty: NDArray[np.float64]) -> int:
+
+def drive(port: Port, robot: RobotConfig, duty: NDArray[np.float64], say: Say = lambda _: None) -> int:
     """Command duty (n, 2), planned at 200 Hz, by the port's own clock; the number of cycles it took.
 
-    The motors are stopped at the end, also where the port fails on the way.
+    say: is told of an empty battery before anything moves. The motors are stopped at the end, also where the port fails on the way.
     """
     signs = [-1.0 if robot.motor(each).inverted else 1.0 for each in (robot.drive.left, robot.drive.right)]
     cycles, start = 0, None
     try:
         while True:
-            now = port.read().time
-            start = now if start is None else start
-            row = int((now - start) * RATE + 0.5)
+            inputs = port.read()
+            if start is None:
+                start = inputs.time
+                _tell_empty(inputs.battery_voltage, robot, say)
+            row = int((inputs.time - start) * RATE + 0.5)
             if row >= len(duty):
                 return cycles
             port.write(_outputs(robot, signs, duty[row]))
@@ -41,10 +46,15 @@ def _outputs(robot: RobotConfig, signs: list[float], pair: NDArray[np.float64]) 
 
 
 def drive_and_record(
-    robot: RobotConfig, duty: NDArray[np.float64], path: str | Path, port: Port | None = None
+    robot: RobotConfig,
+    duty: NDArray[np.float64],
+    path: str | Path,
+    port: Port | None = None,
+    say: Say = lambda _: None,
 ) -> None:
     """Drive and keep a recording. port: by default the one that robot.toml names is opened; either is closed
-    at the end, also where a signal ends the program. Raises FileExistsError where there is a recording.
+    at the end, also where a signal ends the program. say: as in `drive`. Raises FileExistsError where there
+    is a recording.
     """
     from raccoon.robot.loop import stopped_on_exit
     from raccoon.robot.opening import open_port
@@ -54,4 +64,11 @@ def drive_and_record(
     with stopped_on_exit(opened.close):
         recording = RecordingPort(opened, path, config=robot)
         with stopped_on_exit(recording.close):
-            drive(recording, robot, duty)
+            drive(recording, robot, duty, say)
+
+
+def _tell_empty(voltage: float | None, robot: RobotConfig, say: Say) -> None:
+    from raccoon.robot.calibration.battery_check import too_weak
+
+    if voltage is not None and (why := too_weak(voltage, robot)):
+        say(f"battery: {why}, or the controller may restart on the way")

@@ -75,9 +75,7 @@ def judge(voltage: float | None, config: RobotConfig, tolerance: float) -> Batte
     if voltage is None:
         return BatteryCheck(None, tuned, 0.0, False, "there is no battery reading")
     change = 0.0 if tuned is None else _speed_change(voltage, tuned, config)
-    weakest = config.battery.weakest
-    if voltage < weakest - tolerance:
-        advice = f"{voltage:.2f} V is below the weakest battery of the match ({weakest:.2f} V): charge it"
+    if advice := too_weak(voltage, config, tolerance):
         return BatteryCheck(voltage, tuned, change, False, advice)
     if tuned is None:
         return BatteryCheck(voltage, None, 0.0, True, f"{voltage:.2f} V; nothing says what it was tuned at")
@@ -88,6 +86,14 @@ def judge(voltage: float | None, config: RobotConfig, tolerance: float) -> Batte
         )
         return BatteryCheck(voltage, tuned, change, False, advice)
     return BatteryCheck(voltage, tuned, change, True, f"{voltage:.2f} V, as tuned ({tuned:.2f} V)")
+
+
+def too_weak(voltage: float, config: RobotConfig, tolerance: float = 0.15) -> str:
+    """What to do about a resting voltage (V) that no match begins with; "" where it is none."""
+    weakest = config.battery.weakest
+    if voltage >= weakest - tolerance:
+        return ""
+    return f"{voltage:.2f} V is below the weakest battery of the match ({weakest:.2f} V): charge it"
 
 
 def _speed_change(voltage: float, tuned: float, config: RobotConfig) -> float:
