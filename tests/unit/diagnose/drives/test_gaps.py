@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from blind.drives import exciting
+from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.diagnose.answer import Found
@@ -19,7 +20,7 @@ from raccoon.diagnose.drives.log import SETTLED, STOPPED, Log, log_from_columns
 from raccoon.diagnose.experiment.advice import planned_log
 from raccoon.diagnose.findings import over_ways
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
-from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, Unexplained, Verdict
+from raccoon.diagnose.result import Diagnosis, Unexplained, Verdict
 from raccoon.diagnose.rollout.variants import COLUMNS, Habits, PlantRollout
 from raccoon.sim.effects.chain import Chain
 
@@ -105,11 +106,9 @@ def test_the_longest_part_has_all_rows_between_two_gaps(whole: dict[str, Array])
 
 
 def found(*ids: str, depends_on: str = "") -> Diagnosis:
-    causes = tuple(
-        CauseResult(each, None, 1, {}, Gain(2.0, 1.0, 0.5), 1.0, (), "wrong: do.", math.nan) for each in ids
-    )
+    causes = (cause(each, said="wrong: do.", change=math.nan) for each in ids)
     unexplained = Unexplained(0.5, (depends_on,) if depends_on else ())
-    return Diagnosis(Verdict.EXPLAINED, (), causes, (), unexplained, (), 0.1)
+    return diagnosis(*causes, verdict=Verdict.EXPLAINED, unexplained=unexplained)
 
 
 def judged_parts(

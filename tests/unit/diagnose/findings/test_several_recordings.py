@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnoses import cause, diagnosis
 from raccoon.diagnose.drives.log import Log, Run
 from raccoon.diagnose.findings.batteries import (
     OWN,
@@ -26,17 +27,12 @@ from raccoon.diagnose.hypotheses.runs import (
     run_coordinates,
     run_settings,
 )
-from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, Unexplained, Verdict
+from raccoon.diagnose.result import Verdict
 
 LOG = Log(np.zeros(2), np.zeros((2, 2)), (), runs=(Run(0.0, (None, None)), Run(9.0, (None, None))))
 
 
-def found(verdict: Verdict, *causes: CauseResult, notes: tuple[str, ...] = ()) -> Diagnosis:
-    return Diagnosis(verdict, (), causes, (), Unexplained(0.0), (), 0.0, None, notes)
-
-
-def of_resistance() -> CauseResult:
-    return CauseResult(RESISTANCE[0], None, 1, {}, Gain(1.0, 0.5, 0.5), 1.0, (), "")
+OF_RESISTANCE = cause(RESISTANCE[0], said="")
 
 
 def settings(*ohm: float) -> Settings:
@@ -61,16 +57,16 @@ def test_batteries_that_differ_are_said_with_the_resistance_of_each(
 
 
 def test_it_is_asked_for_where_a_battery_is_named_or_something_is_left() -> None:
-    assert may_differ(found(Verdict.EXPLAINED, of_resistance()))
-    assert may_differ(found(Verdict.UNKNOWN))
-    assert may_differ(found(Verdict.PARTLY))
-    assert not may_differ(found(Verdict.EXPLAINED))
-    assert not may_differ(found(Verdict.ADEQUATE))
+    assert may_differ(diagnosis(OF_RESISTANCE))
+    assert may_differ(diagnosis(verdict=Verdict.UNKNOWN))
+    assert may_differ(diagnosis(verdict=Verdict.PARTLY))
+    assert not may_differ(diagnosis(verdict=Verdict.EXPLAINED))
+    assert not may_differ(diagnosis())
 
 
 def test_a_battery_for_each_is_taken_where_they_differ_and_is_no_cause() -> None:
-    assert not differ(found(Verdict.ADEQUATE))
-    own = found(Verdict.ADEQUATE, notes=(f"{TOLD}...",))
+    assert not differ(diagnosis())
+    own = diagnosis(notes=(f"{TOLD}...",))
     assert differ(own)
     assert [(each.id, each.reason) for each in judged_apart(own).rejected] == [(RESISTANCE[0], OWN)]
 
@@ -91,9 +87,7 @@ def test_an_own_resistance_is_never_below_none() -> None:
 
 
 def test_friction_of_a_direction_may_be_a_slope_that_several_are_not_asked_for() -> None:
-    of_direction = replace(
-        of_resistance(), id="friction.direction_dependent", confounded_with=("bemf.offset",)
-    )
-    said = of_several(found(Verdict.EXPLAINED, of_direction, of_resistance()))
+    of_direction = replace(OF_RESISTANCE, id="friction.direction_dependent", confounded_with=("bemf.offset",))
+    said = of_several(diagnosis(of_direction, OF_RESISTANCE))
     assert said.causes[0].confounded_with == ("bemf.offset", "drive.slope")
-    assert (said.causes[0].probability, said.causes[1]) == (0.5, of_resistance())
+    assert (said.causes[0].probability, said.causes[1]) == (0.5, OF_RESISTANCE)

@@ -8,17 +8,15 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pytest
 
+from diagnoses import cause, diagnosis
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.fleet.model import Foreseen, _Pool, common_model, foreseen
 from raccoon.diagnose.fleet.summary import Fleet, fleet_of
 from raccoon.diagnose.result import (
-    CauseResult,
     ChannelResult,
     Diagnosis,
-    Gain,
     ParameterResult,
     Rejected,
-    Unexplained,
     Verdict,
 )
 from raccoon.sim.effects.effect import effect
@@ -44,10 +42,10 @@ def drive(friction: float = 0.2, rmse: float = 3.0, **causes: float) -> Diagnosi
         model = model.with_effect(id_, where or None, **{FIRST[id_]: value})
         model = model.with_origin(id_, where or None, Origin({FIRST[id_]: 0.004}, "named: it is so", 0.9))
         numbers = {FIRST[id_]: ParameterResult(value, 0.004, "", 1.0)}
-        named.append(CauseResult(id_, where or None, 1, numbers, Gain(3, 1, 0.8), 0.9, (), "It is so."))
+        named.append(cause(name, numbers, "It is so.", probability=0.9))
     rejected = tuple(Rejected(each, "it is as assumed") for each in NAMES)
     channel = ChannelResult("imu.gyro.z", "rad/s", rmse, 1.0, 1.0, 0.5)
-    return Diagnosis(Verdict.EXPLAINED, (channel,), tuple(named), rejected, Unexplained(0.0), (), 0.1, model)
+    return diagnosis(*named, verdict=Verdict.EXPLAINED, channels=(channel,), rejected=rejected, model=model)
 
 
 def of(drives: Sequence[Diagnosis]) -> Fleet:
@@ -128,10 +126,7 @@ def test_the_one_to_foresee_has_no_say() -> None:
     fleet = of([drive(motor=each) for each in (0.95, 0.95, 0.95, 0.7)])
     assert effects(fleet, "day3")[("motor.back_emf_constant", "left")]["factor"] == 0.95
     assert common_model(of([drive()]), "day0") is None
-    assert (
-        common_model(fleet_of({"tophat": Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)}))
-        is None
-    )
+    assert common_model(fleet_of({"tophat": diagnosis()})) is None
 
 
 def test_a_model_can_be_written_and_read(tmp_path_factory: pytest.TempPathFactory) -> None:

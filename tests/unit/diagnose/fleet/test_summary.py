@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import diagnoses
 from raccoon.diagnose.fleet.series import _deviation, _far
 from raccoon.diagnose.fleet.summary import FleetCause, FleetNumber, fleet_of
 from raccoon.diagnose.reports import html_fleet
@@ -17,11 +18,9 @@ from raccoon.diagnose.reports.html_fleet import save_fleet_html
 from raccoon.diagnose.result import (
     CauseResult,
     Diagnosis,
-    Gain,
     ParameterResult,
     Rejected,
     SensorFault,
-    Unexplained,
     Verdict,
 )
 
@@ -31,20 +30,15 @@ JUDGED = tuple(
 )
 
 
-def cause(id_: str, value: float, where: str | None = None, unit: str = "ohm") -> CauseResult:
+def cause(name: str, value: float, unit: str = "ohm") -> CauseResult:
     numbers = {"resistance": ParameterResult(value, 0.004, unit, 0.05)}
-    return CauseResult(id_, where, 1, numbers, Gain(3.0, 1.0, 0.8), 0.99, (), "It sags: charge it.")
+    return diagnoses.cause(name, numbers, "It sags: charge it.", probability=0.99, change=math.nan)
 
 
 def diagnosis(*causes: CauseResult, back_emf: float = 1.08, broken: bool = False) -> Diagnosis:
-    return Diagnosis(
-        Verdict.EXPLAINED if causes else Verdict.ADEQUATE,
-        (),
-        causes,
-        JUDGED,
-        Unexplained(0.0),
-        (),
-        0.1,
+    return diagnoses.diagnosis(
+        *causes,
+        rejected=JUDGED,
         identified={"motor.0.back_emf": ParameterResult(back_emf, 0.003, "V s/rad", float("nan"))},
         sensor_faults=(SensorFault("motor.1.current", "dead", "it is dead"),) if broken else (),
     )
@@ -107,8 +101,8 @@ def test_one_robot_of_many_is_far_from_the_others() -> None:
 
 
 def test_numbers_in_other_units_count_and_are_not_compared() -> None:
-    fleet = {str(i): diagnosis(cause("friction.coulomb", 0.008, "left", "N m")) for i in range(4)}
-    fleet["volts"] = diagnosis(cause("friction.coulomb", 0.3, "left", "V"))
+    fleet = {str(i): diagnosis(cause("friction.coulomb@left", 0.008, "N m")) for i in range(4)}
+    fleet["volts"] = diagnosis(cause("friction.coulomb@left", 0.3, "V"))
     (friction,) = fleet_of(fleet).causes
     assert friction.share == 1.0
     assert friction.unit == "N m"
@@ -118,8 +112,8 @@ def test_numbers_in_other_units_count_and_are_not_compared() -> None:
 def test_the_page_counts_what_the_terminal_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One that names it in volts was left out of the page's count: 21 of 22 beside `common to 22 of 22`."""
     monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
-    fleet = {str(i): diagnosis(cause("friction.coulomb", 0.008, "left", "N m")) for i in range(4)}
-    fleet["volts"] = diagnosis(cause("friction.coulomb", 0.3, "left", "V"))
+    fleet = {str(i): diagnosis(cause("friction.coulomb@left", 0.008, "N m")) for i in range(4)}
+    fleet["volts"] = diagnosis(cause("friction.coulomb@left", 0.3, "V"))
     fleet |= {f"none-{i}": diagnosis() for i in range(5)}
     save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
     page = (tmp_path / "fleet.html").read_text()
@@ -221,15 +215,15 @@ def test_a_recording_that_cannot_tell_does_not_speak_against_a_cause(silent: Rej
 def test_what_only_one_side_cannot_tell_speaks_of_the_other() -> None:
     reason = "not identifiable at the left: motor.0.bemf is missing; at the right: it is as assumed"
     half = replace(diagnosis(), rejected=(Rejected("bemf.scale", reason),))
-    (found,) = fleet_of({"one": diagnosis(cause("bemf.scale", 1.05, "right")), "two": half}).causes
+    (found,) = fleet_of({"one": diagnosis(cause("bemf.scale@right", 1.05)), "two": half}).causes
     assert found.share == 0.5
-    (found,) = fleet_of({"one": diagnosis(cause("bemf.scale", 1.05, "left")), "two": half}).causes
+    (found,) = fleet_of({"one": diagnosis(cause("bemf.scale@left", 1.05)), "two": half}).causes
     assert found.share == 1.0
 
 
 def test_what_most_recordings_do_not_tell_a_cause_from_is_said_with_it(tmp_path: Path) -> None:
     """A left motor that is 6 % weak, named in three runs as a right one that is strong, or the left."""
-    named = cause("motor.back_emf_constant", 1.06, "right", "")
+    named = cause("motor.back_emf_constant@right", 1.06, "")
     unsure = replace(named, confounded_with=("motor.back_emf_constant@left", "drive.track_width"))
     other = replace(named, confounded_with=("motor.back_emf_constant@left",))
     fleet = {f"run{i}": diagnosis() for i in range(5)}
@@ -251,7 +245,7 @@ def of_robots(**numbers: list[float]) -> tuple[dict[str, Diagnosis], dict[str, s
     found, robots = {}, {}
     for robot, values in numbers.items():
         for day, value in enumerate(values):
-            weak = [cause("motor.back_emf_constant", value, "left", "")] if value < 1.05 else []
+            weak = [cause("motor.back_emf_constant@left", value, "")] if value < 1.05 else []
             found[f"{robot}/day{day}.csv"] = diagnosis(*weak, back_emf=value)
             robots[f"{robot}/day{day}.csv"] = robot
     return found, robots
@@ -320,7 +314,7 @@ def test_a_battery_that_aged_and_was_replaced_is_said_with_when() -> None:
 
 def test_a_recording_that_names_nothing_has_the_number_of_its_own_robot() -> None:
     """What robot.toml says of K_E differs between robots: that of the first was taken for all."""
-    mine = cause("motor.back_emf_constant", 0.8, "left", "")
+    mine = cause("motor.back_emf_constant@left", 0.8, "")
     other = replace(mine, parameters={"factor": replace(mine.parameters["resistance"], nominal=0.9)})
     found = {f"red/{day}": diagnosis(mine) for day in range(6)}
     found |= {f"blue/{day}": diagnosis(other) if day > 2 else diagnosis() for day in range(6)}

@@ -4,45 +4,29 @@ from __future__ import annotations
 
 import pytest
 
+from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.battery_reading import SEE, with_battery_reading
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.reports.wording import explanation, told
-from raccoon.diagnose.result import (
-    CauseResult,
-    ChannelResult,
-    Diagnosis,
-    Gain,
-    ParameterResult,
-    Unexplained,
-    Verdict,
-)
+from raccoon.diagnose.reports.wording import told
+from raccoon.diagnose.result import ChannelResult, Diagnosis, ParameterResult
 
 ROBOT = RobotConfig()
 FULL = ROBOT.model.battery.open_circuit_voltage.value
 
 
-def cause(id_: str, number: float, std: float, rank: int) -> CauseResult:
-    name, nominal = ("voltage", FULL) if id_.startswith("battery") else ("factor", 1.0)
-    values = {name: ParameterResult(number, std, "", nominal)}
-    said = explanation(id_, None, values)
-    return CauseResult(id_, None, rank, values, Gain(3.0, 1.0, 0.9), 1.0, (), said, 2.0, 1.0)
-
-
-def diagnosis(
-    voltage: float, scale: float, gyro: float = 0.962, channel: str = "battery.voltage"
-) -> Diagnosis:
+def three(voltage: float, scale: float, gyro: float = 0.962, channel: str = "battery.voltage") -> Diagnosis:
     causes = (
-        cause("battery.open_circuit_voltage", voltage, 0.005, 1),
-        cause("bemf.scale", scale, 0.002, 2),
-        cause("imu.gyro_scale", gyro, 0.008, 3),
+        cause("battery.open_circuit_voltage", {"voltage": ParameterResult(voltage, 0.005, "", FULL)}),
+        cause("bemf.scale", factor(scale, 0.002), rank=2),
+        cause("imu.gyro_scale", factor(gyro, 0.008), rank=3),
     )
     seen = (ChannelResult(channel, "V", 0.1, 0.004, 0.004, 0.5),)
-    return Diagnosis(Verdict.EXPLAINED, seen, causes, (), Unexplained(0.0), (), 1.0)
+    return diagnosis(*causes, channels=seen)
 
 
 def test_three_names_of_one_fault_are_one_sentence() -> None:
-    found = with_battery_reading(diagnosis(7.01, 0.9645), ROBOT)
+    found = with_battery_reading(three(7.01, 0.9645), ROBOT)
     first, second, third = found.causes
     assert first.explanation.startswith(
         "The battery's reading is 3.7 +- 0.2 % too high, which alone makes battery.open_circuit_voltage, "
@@ -59,7 +43,7 @@ def test_three_names_of_one_fault_are_one_sentence() -> None:
 
 
 def test_what_goes_the_other_way_is_too_low() -> None:
-    (first, *_) = with_battery_reading(diagnosis(FULL / 1.1, 1.1, gyro=1.0), ROBOT).causes
+    (first, *_) = with_battery_reading(three(FULL / 1.1, 1.1, gyro=1.0), ROBOT).causes
     assert (
         "9.1 +- 0.2 % too low, which alone makes battery.open_circuit_voltage and bemf.scale:"
         in first.explanation
@@ -70,10 +54,10 @@ def test_what_goes_the_other_way_is_too_low() -> None:
 @pytest.mark.parametrize(
     "other",
     [
-        diagnosis(7.01, 1.036),  # a full battery, and a reading that is too large
-        diagnosis(7.01, 0.90),
-        diagnosis(6.83, 0.996),  # next to nothing
-        diagnosis(7.01, 0.9645, channel="motor.0.bemf"),  # no reading of the battery
+        three(7.01, 1.036),  # a full battery, and a reading that is too large
+        three(7.01, 0.90),
+        three(6.83, 0.996),  # next to nothing
+        three(7.01, 0.9645, channel="motor.0.bemf"),  # no reading of the battery
     ],
 )
 def test_what_is_not_of_one_size_is_not_one_fault(other: Diagnosis) -> None:

@@ -1,24 +1,17 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.bent import ADVICE
 from raccoon.diagnose.recordings.broken import judged_again, without_broken
-from raccoon.diagnose.result import (
-    CauseResult,
-    ChannelResult,
-    Diagnosis,
-    Gain,
-    ParameterResult,
-    Rejected,
-    Unexplained,
-    Verdict,
-)
+from raccoon.diagnose.result import ChannelResult, Diagnosis, Rejected, Verdict
 
 ROBOT = RobotConfig()
 RNG = np.random.default_rng(3)
@@ -93,13 +86,10 @@ def test_uneven_time_is_noted() -> None:
     assert "t is uneven" in without_broken({**GOOD, "t": uneven}, ROBOT).notes[0]
 
 
-def found(error: float, factor: float) -> Diagnosis:
-    numbers = {"factor": ParameterResult(factor, 0.01, "", 1.0)}
-    cause = CauseResult(
-        "motor.back_emf_constant", None, 1, numbers, Gain(9.0, 1.0, 1.0), 1.0, (), "wrong: do."
-    )
+def found(error: float, constant: float) -> Diagnosis:
     channel = ChannelResult("motor.0.bemf", "counts", 2.0 * error, error, 4.0, 0.5)
-    return Diagnosis(Verdict.EXPLAINED, (channel,), (cause,), (), Unexplained(0.0), (), 0.1)
+    named = cause("motor.back_emf_constant", factor(constant), "wrong: do.", change=math.nan)
+    return diagnosis(named, channels=(channel,))
 
 
 def test_nothing_is_named_where_motion_does_not_follow_commands() -> None:

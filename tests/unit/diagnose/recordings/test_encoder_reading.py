@@ -4,36 +4,22 @@ from __future__ import annotations
 
 import pytest
 
+from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.recordings.encoder_reading import with_encoder_reading
-from raccoon.diagnose.reports.wording import explanation
-from raccoon.diagnose.result import (
-    CauseResult,
-    ChannelResult,
-    Diagnosis,
-    Gain,
-    ParameterResult,
-    Unexplained,
-    Verdict,
-)
+from raccoon.diagnose.result import CauseResult, ChannelResult
 
 ROBOT = RobotConfig()
 
 
-def cause(id_: str, where: str | None, factor: float, std: float) -> CauseResult:
-    values = {"factor": ParameterResult(factor, std, "", 1.0)}
-    said = explanation(id_, where, values)
-    return CauseResult(id_, where, 1, values, Gain(3.0, 1.0, 0.9), 1.0, (), said, 2.0, 1.0)
-
-
 def told(*causes: CauseResult, kind: str = "speed") -> list[str]:
     seen = tuple(ChannelResult(f"motor.{port}.{kind}", "", 0.1, 0.004, 0.004, 0.5) for port in (0, 1))
-    found = Diagnosis(Verdict.EXPLAINED, seen, causes, (), Unexplained(0.0), (), 1.0)
-    return [each.explanation for each in with_encoder_reading(found, ROBOT).causes]
+    found = with_encoder_reading(diagnosis(*causes, channels=seen), ROBOT)
+    return [each.explanation for each in found.causes]
 
 
-CONSTANT = cause("motor.back_emf_constant", "left", 0.944, 0.002)
-RADIUS = cause("drive.wheel_radius", "left", 0.940, 0.006)
+CONSTANT = cause("motor.back_emf_constant@left", factor(0.944, 0.002))
+RADIUS = cause("drive.wheel_radius@left", factor(0.940, 0.006))
 
 
 def test_two_names_of_one_encoder_are_one_sentence() -> None:
@@ -48,16 +34,16 @@ def test_two_names_of_one_encoder_are_one_sentence() -> None:
 
 @pytest.mark.parametrize("twin", [("imu.gyro_scale", 0.94), ("drive.track_width", 1.064)])
 def test_both_encoders_show_in_what_compares_wheels_and_gyro(twin: tuple[str, float]) -> None:
-    first, _ = told(cause(CONSTANT.id, None, 0.94, 0.003), cause(twin[0], None, twin[1], 0.006))
+    first, _ = told(cause(CONSTANT.id, factor(0.94, 0.003)), cause(twin[0], factor(twin[1], 0.006)))
     assert first.startswith("motor.0.speed and motor.1.speed read 6.4")
 
 
 @pytest.mark.parametrize(
     "other",
     [
-        cause("drive.wheel_radius", "right", 0.944, 0.006),
-        cause("drive.wheel_radius", "left", 0.98, 0.006),
-        cause("drive.track_width", None, 1.06, 0.006),
+        cause("drive.wheel_radius@right", factor(0.944, 0.006)),
+        cause("drive.wheel_radius@left", factor(0.98, 0.006)),
+        cause("drive.track_width", factor(1.06, 0.006)),
     ],
 )
 def test_causes_of_another_place_or_size_are_their_own(other: CauseResult) -> None:

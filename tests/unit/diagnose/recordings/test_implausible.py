@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import log_from_columns
@@ -16,22 +17,12 @@ from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.recordings.implausible import speeds_told, with_doubts
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
-from raccoon.diagnose.reports.wording import explanation, told
-from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, ParameterResult, Unexplained, Verdict
+from raccoon.diagnose.reports.wording import told
+from raccoon.diagnose.result import Diagnosis, ParameterResult, Verdict
 
 Columns = dict[str, NDArray[np.float64]]
 ROBOT = RobotConfig()
 RESISTANCE = "motor.armature_resistance"
-
-
-def cause(id_: str, factor: float, where: str | None = None) -> CauseResult:
-    values = {"factor": ParameterResult(factor, 0.02, "", 1.0)}
-    said = explanation(id_, where, values)
-    return CauseResult(id_, where, 1, values, Gain(3.0, 1.0, 0.9), 1.0, (), said, 2.0, 1.0)
-
-
-def diagnosis(*causes: CauseResult) -> Diagnosis:
-    return Diagnosis(Verdict.EXPLAINED, (), causes, (), Unexplained(0.05), ("again",), 1.0)
 
 
 def driven(friction: float, per_duty: float = 5.0, right: float = 1.0) -> Columns:
@@ -75,7 +66,7 @@ def test_a_duty_of_a_robot_that_rubs_less_is_no_speed() -> None:
     less = driven(0.09, per_duty=6.65)
     assert speed_loop(log_from_columns(less, ROBOT), ROBOT) is None
     assert speed_loop(log_from_columns(driven(0.01, per_duty=6.65), ROBOT), ROBOT) is not None
-    found = with_doubts(diagnosis(cause(RESISTANCE, 0.3)), less, ROBOT)
+    found = with_doubts(diagnosis(cause(RESISTANCE, factor(0.3))), less, ROBOT)
     assert "is it this robot's?" in found.causes[0].explanation
 
 
@@ -93,7 +84,9 @@ def test_commands_that_are_clearly_speeds_are_told_before_a_search(monkeypatch: 
 @pytest.mark.parametrize("id_", [RESISTANCE, "drive.inertia"])
 def test_commands_that_are_speeds_are_no_winding_of_a_fifth(id_: str) -> None:
     """It was "explained", by a winding resistance 82 % lower than assumed."""
-    found = with_doubts(diagnosis(cause(id_, 0.18), cause("bemf.scale", 0.74)), driven(0.02), ROBOT)
+    found = with_doubts(
+        diagnosis(cause(id_, factor(0.18)), cause("bemf.scale", factor(0.74))), driven(0.02), ROBOT
+    )
     assert (found.verdict, found.causes, found.model) == (Verdict.NOT_IDENTIFIABLE, (), None)
     assert "Commands: the columns motor.0.duty and motor.1.duty hold a speed, not a duty" in terminal_report(
         found
@@ -102,7 +95,7 @@ def test_commands_that_are_speeds_are_no_winding_of_a_fifth(id_: str) -> None:
 
 
 def test_a_number_that_no_motor_has_is_doubted() -> None:
-    found = with_doubts(diagnosis(cause(RESISTANCE, 0.2)), driven(0.3), ROBOT)
+    found = with_doubts(diagnosis(cause(RESISTANCE, factor(0.2))), driven(0.3), ROBOT)
     assert found.verdict is Verdict.PARTLY
     (doubted,) = found.causes
     assert "No motor's winding is that far off" in doubted.explanation
@@ -111,10 +104,10 @@ def test_a_number_that_no_motor_has_is_doubted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("id_", "factor"), [(RESISTANCE, 1.9), ("drive.inertia", 0.2), ("drive.track_width", 1.75)]
+    ("id_", "value"), [(RESISTANCE, 1.9), ("drive.inertia", 0.2), ("drive.track_width", 1.75)]
 )
-def test_what_a_robot_may_have_is_not(id_: str, factor: float) -> None:
-    found = diagnosis(cause(id_, factor))
+def test_what_a_robot_may_have_is_not(id_: str, value: float) -> None:
+    found = diagnosis(cause(id_, factor(value)))
     assert with_doubts(found, driven(0.3), ROBOT) is found
 
 
@@ -141,8 +134,7 @@ def test_numbers_that_a_bent_command_makes_are_doubted(
 
     def found(value: float) -> Diagnosis:
         values = {parameter: ParameterResult(value, 0.001, "", nominal)}
-        named = replace(cause(id_, 1.0), parameters=values, explanation=explanation(id_, None, values))
-        return with_doubts(diagnosis(named), driven(0.3), ROBOT)
+        return with_doubts(diagnosis(cause(id_, values)), driven(0.3), ROBOT)
 
     assert found(usual).verdict is Verdict.EXPLAINED
     assert found(strange).verdict is Verdict.PARTLY
@@ -151,9 +143,8 @@ def test_numbers_that_a_bent_command_makes_are_doubted(
 
 def both_slow(inertia: float, lag: float) -> Diagnosis:
     values = {"time_constant": ParameterResult(0.0225 * lag, 0.0002, "s", 0.0225)}
-    told_of = explanation("bemf.filter_lag", None, values)
-    lagging = replace(cause("bemf.filter_lag", 1.0), parameters=values, explanation=told_of)
-    return with_doubts(diagnosis(cause("drive.inertia", inertia), lagging), driven(0.3), ROBOT)
+    named = diagnosis(cause("drive.inertia", factor(inertia)), cause("bemf.filter_lag", values))
+    return with_doubts(named, driven(0.3), ROBOT)
 
 
 @pytest.mark.parametrize(("inertia", "lag", "times"), [(1.88, 2.1, "2"), (0.5, 0.48, "0.49")])

@@ -1,15 +1,14 @@
 """A cause whose number of [model] no program looks at is told with the calibration that goes before it."""
 
-import math
 from dataclasses import replace
 
 import pytest
 
 from blind.generator import make
+from diagnoses import cause, diagnosis
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.diagnose.recordings import kinds
 from raccoon.diagnose.recordings.outranked import outranked
-from raccoon.diagnose.result import CauseResult, Diagnosis, Gain, Unexplained, Verdict
 
 TICKS = Measured(0.00305, 0.00001)
 ROBOT = RobotConfig(
@@ -19,12 +18,6 @@ ROBOT = RobotConfig(
         2: MotorConfig(static_voltage=Measured(0.3)),
     }
 )
-
-
-def cause(name: str) -> CauseResult:
-    id_, _, where = name.partition("@")
-    gain = Gain(math.nan, math.nan, math.nan)
-    return CauseResult(id_, where or None, 1, {}, gain, 1.0, (), "")
 
 
 @pytest.mark.parametrize(
@@ -39,18 +32,18 @@ def cause(name: str) -> CauseResult:
     ],
 )
 def test_only_what_is_calibrated_and_named(name: str, said: str) -> None:
-    notes = outranked([cause(name)], ROBOT)
+    notes = outranked([cause(name, said="")], ROBOT)
     assert len(notes) == bool(said)
     assert said in "".join(notes)
 
 
 def test_inertia_is_that_of_driving_straight() -> None:
     robot = RobotConfig(motors={0: MotorConfig(acceleration_voltage=Measured(0.03))})
-    assert "before model.drive.inertia_straight" in outranked([cause("drive.inertia")], robot)[0]
+    assert "before model.drive.inertia_straight" in outranked([cause("drive.inertia", said="")], robot)[0]
 
 
 def test_a_diagnosis_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    named = Diagnosis(Verdict.EXPLAINED, (), (cause("friction.coulomb"),), (), Unexplained(0.0), (), 0.1)
+    named = diagnosis(cause("friction.coulomb", said=""))
     monkeypatch.setattr(kinds, "diagnose", lambda *_, **__: named)
     robot = RobotConfig(motors={0: MotorConfig(static_voltage=Measured(0.3, 0.01))})
     found = kinds.diagnose_recording(dict(make(3, seconds=4.0).columns), robot)

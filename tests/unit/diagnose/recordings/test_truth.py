@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS
@@ -23,14 +24,10 @@ from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.result import (
-    CauseResult,
     ChannelResult,
     Curve,
     Diagnosis,
-    Gain,
-    ParameterResult,
     Rejected,
-    Unexplained,
     Verdict,
 )
 from raccoon.diagnose.rollout.robots import parameters_of
@@ -260,7 +257,7 @@ def test_without_a_reference_nothing_changes() -> None:
     columns = {name: each for name, each in spinning(gyro=1.07).items() if "truth" not in name}
     start = start_of(columns, ROBOT)
     assert (start.robot, start.decided) == (ROBOT, ())
-    before = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
+    before = diagnosis()
     assert with_reference(before, start) is before
 
 
@@ -268,9 +265,7 @@ def test_a_reading_that_is_named_too_large_is_no_smaller_wheel() -> None:
     """By the reference the wheels go less far than they say, whatever it is that makes them say so."""
     columns = spinning()
     columns["motor.0.bemf"] = 1.05 * columns["motor.0.bemf"]
-    numbers = {"factor": ParameterResult(1.05, 0.002, "", 1.0)}
-    cause = CauseResult("bemf.scale", "left", 1, numbers, Gain(4.0, 1.0, 1.0), 1.0, (), "reads too much.")
-    before = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
+    before = diagnosis(cause("bemf.scale@left", factor(1.05, 0.002), "reads too much."))
     start = start_of(columns, ROBOT)
     identified = with_reference(before, start).identified
     for name in ("track width", "left wheel's radius", "right wheel's radius"):
@@ -289,7 +284,7 @@ def test_a_reading_that_the_model_has_too_large_is_no_smaller_wheel(id_: str, wh
     for port in (0,) if where else (0, 1):
         columns[f"motor.{port}.bemf"] = 1.05 * columns[f"motor.{port}.bemf"]
     model = Parameters.from_robot(ROBOT).with_effect(id_, where, factor=1.05)
-    before = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
+    before = diagnosis()
     identified = with_reference(before, start_of(columns, ROBOT, model), model).identified
     radii = {name: each.value for name, each in identified.items() if "radius" in name}
     assert radii
@@ -300,12 +295,8 @@ def test_no_radius_is_told_where_the_named_cause_may_be_one() -> None:
     """It would be that of a robot whose K_E is off, which the same report calls as likely as not."""
     columns, start = spinning(), start_of(spinning(), ROBOT)
     columns["motor.0.bemf"], columns["motor.1.bemf"] = (0.96 * columns[f"motor.{i}.bemf"] for i in (0, 1))
-    numbers = {"factor": ParameterResult(0.96, 0.006, "", 1.0)}
-    alike = ("drive.wheel_radius",)
-    cause = CauseResult(
-        "motor.back_emf_constant", None, 1, numbers, Gain(4.0, 1.0, 1.0), 0.6, alike, "reads too little."
-    )
-    before = Diagnosis(Verdict.EXPLAINED, (), (cause,), (), Unexplained(0.0), (), 0.1)
+    alike = {"probability": 0.6, "confounded_with": ("drive.wheel_radius",)}
+    before = diagnosis(cause("motor.back_emf_constant", factor(0.96, 0.006), "reads too little.", **alike))
     identified = with_reference(before, start_of(columns, ROBOT)).identified
     assert "wheel radius by the reference" not in identified
     assert identified["wheel radius over K_E by the reference"].value == pytest.approx(1.0 / 0.96, abs=0.005)
@@ -323,9 +314,7 @@ def judged(factor: float) -> Diagnosis:
     channel = ChannelResult("imu.gyro.z", "rad/s", 0.01, 0.01, 0.01, 0.5)
     rejected = (Rejected("drive.wheel_radius", "explains nothing that is left"),)
     model = Parameters.from_robot(start_of(spinning(gyro=factor), ROBOT).robot)
-    return Diagnosis(
-        Verdict.ADEQUATE, (channel,), (), rejected, Unexplained(0.0), (), 0.1, model, curves=(curve,)
-    )  # fmt: skip
+    return diagnosis(channels=(channel,), rejected=rejected, model=model, curves=(curve,))
 
 
 def test_what_the_reference_decides_is_a_cause_with_its_gain() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from diagnoses import diagnosis
 from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.reports import html
 from raccoon.diagnose.reports.html import page, save_html
@@ -277,7 +278,7 @@ def _page(found: Diagnosis) -> str:
 
 
 def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
-    empty = Diagnosis(Verdict.ADEQUATE, (), (), (), Unexplained(0.0), (), 0.1)
+    empty = diagnosis()
     text = page(empty, "run")
     shown, _, as_text = text.partition("<pre")
     assert shown.count("nothing that matters is wrong") == 1
