@@ -14,7 +14,7 @@ from typing import Protocol, cast
 from raccoon import __version__
 from raccoon.core.errors import RaccoonError
 
-# One module of this package each; its name with - for _ is the command.
+# One module or folder of this package each; its name with - for _ is the command.
 COMMANDS: tuple[str, ...] = (
     "calibrate",
     "compare_mitigations",

@@ -18,7 +18,7 @@ import raccoon
 from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
-from raccoon.cli.diagnose_files import recordings
+from raccoon.cli.diagnose.files import recordings
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.reports.html import template

@@ -12,8 +12,8 @@ import pytest
 from blind.generator import make
 from blind.tophats import tophat
 from csv_files import written
-from raccoon.cli.diagnose_files import recordings, robot_names, short_names
-from raccoon.cli.diagnose_one import Answer, Job, diagnose_job, robot_of
+from raccoon.cli.diagnose.files import recordings, robot_names, short_names
+from raccoon.cli.diagnose.one import Answer, Job, diagnose_job, robot_of
 from raccoon.cli.main import main
 from raccoon.core.config import RobotConfig
 from raccoon.sim.effects.parameters import Parameters
@@ -145,7 +145,7 @@ def test_a_mistake_that_one_recording_meets_stops_no_other(
             raise np.linalg.LinAlgError("SVD did not converge")
         return diagnose_job(job)
 
-    monkeypatch.setattr("raccoon.cli.diagnose_one.diagnose_job", mistaken)
+    monkeypatch.setattr("raccoon.cli.diagnose.one.diagnose_job", mistaken)
     for name in ("a.csv", "b.csv"):
         written(tmp_path / name, tophat(5, factor=0.9, seconds=4.0))
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
@@ -276,7 +276,7 @@ def test_what_is_done_when_it_is_interrupted_is_reported(
             raise KeyboardInterrupt
         return diagnose_job(job)
 
-    monkeypatch.setattr("raccoon.cli.diagnose_many.diagnose_or_reason", until_the_last)
+    monkeypatch.setattr("raccoon.cli.diagnose.many.diagnose_or_reason", until_the_last)
     out = tmp_path / "out.json"
     assert main(["diagnose", str(tmp_path), "--json", str(out)]) == 130
     found = json.loads(out.read_text())
@@ -292,6 +292,6 @@ def test_nothing_is_reported_where_nothing_was_done(tmp_path: Path, monkeypatch:
     def interrupted(job: Job) -> Answer | str:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("raccoon.cli.diagnose_many.diagnose_or_reason", interrupted)
+    monkeypatch.setattr("raccoon.cli.diagnose.many.diagnose_or_reason", interrupted)
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 130
     assert not (tmp_path / "out.json").exists()

@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from raccoon.cli.diagnose_files import recordings
+from raccoon.cli.diagnose.files import recordings
 from raccoon.core.errors import TraceError
 from raccoon.trace.csv import write_csv
 from raccoon.trace.loading import load_run, load_runs, recordings_in

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from blind.drives import exciting
 from emulated_drives import recorded
-from raccoon.cli.diagnose_one import Job, diagnose_job
+from raccoon.cli.diagnose.one import Job, diagnose_job
 from raccoon.core.config import RobotConfig
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.recordings.kinds import diagnose_recording

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raccoon.cli.crew import crew_of
-from raccoon.cli.diagnose_one import Answer, Job, diagnose_or_reason, job_of, robot_of
+from raccoon.cli.diagnose.one import Answer, Job, diagnose_or_reason, job_of, robot_of
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
@@ -43,7 +43,7 @@ def pooled(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis | None:
 
     Raises ConfigError for a --robot that is none.
     """
-    from raccoon.cli.diagnose_files import short_names
+    from raccoon.cli.diagnose.files import short_names
     from raccoon.core.config import load_robot
     from raccoon.core.errors import RaccoonError, TraceError
     from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry, usable
@@ -106,8 +106,8 @@ def _geometry(path: Path, fitted: Sequence[Columns], robot: RobotConfig) -> Colu
 
 def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
     """Several recordings: a line each, then what they have in common and what changed."""
-    from raccoon.cli.diagnose_files import robot_names, short_names
-    from raccoon.cli.diagnose_model import common_of, save_common
+    from raccoon.cli.diagnose.files import robot_names, short_names
+    from raccoon.cli.diagnose.model import common_of, save_common
     from raccoon.diagnose.fleet.summary import fleet_of
     from raccoon.diagnose.reports.fleet_text import fleet_report
 

@@ -201,7 +201,7 @@ def _add_tophats(kinds: Any) -> None:
 
 
 def _calibrate_tophats(args: argparse.Namespace) -> int:
-    from raccoon.cli.tophat_sets import calibrate_recordings, show_store
+    from raccoon.cli.calibrate.tophats import calibrate_recordings, show_store
     from raccoon.estimate.tophat.store import TophatStore
     from raccoon.trace.record import recording_file
 

@@ -64,7 +64,7 @@ def diagnose_job(job: Job) -> Answer:
 def diagnose_together(args: argparse.Namespace, paths: Sequence[Path]) -> Diagnosis:
     """One diagnosis of several drives of one robot. Raises as `diagnose_recording`, and ConfigError where
     they are not of one robot and controller."""
-    from raccoon.cli.diagnose_files import robot_names
+    from raccoon.cli.diagnose.files import robot_names
     from raccoon.core.errors import ConfigError
     from raccoon.trace.loading import load_run
 

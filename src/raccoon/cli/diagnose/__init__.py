@@ -86,9 +86,9 @@ def _recording(text: str) -> Path:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose; the exit status is 0 when it ran, whatever it found."""
-    from raccoon.cli.diagnose_files import recordings
-    from raccoon.cli.diagnose_many import pooled, run_fleet
-    from raccoon.cli.diagnose_one import diagnose_job, diagnose_together, job_of
+    from raccoon.cli.diagnose.files import recordings
+    from raccoon.cli.diagnose.many import pooled, run_fleet
+    from raccoon.cli.diagnose.one import diagnose_job, diagnose_together, job_of
     from raccoon.cli.doing import diagnosis_shown
     from raccoon.cli.outputs import check_folders, check_holdout, check_not_read, check_replaceable
     from raccoon.core.errors import TraceError
@@ -123,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _to_judge_on(named: Sequence[Path]) -> list[Path]:
-    from raccoon.cli.diagnose_files import recordings
+    from raccoon.cli.diagnose.files import recordings
     from raccoon.core.errors import TraceError
 
     found = recordings(named)

@@ -8,7 +8,7 @@ from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from raccoon.cli.diagnose_one import Answer, Job
+from raccoon.cli.diagnose.one import Answer, Job
 
 if TYPE_CHECKING:
     from raccoon.diagnose.fleet.model import Foreseen
