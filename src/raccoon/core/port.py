@@ -29,3 +29,8 @@ class Port(Protocol):
     def close(self) -> None:
         """Motors off, device released. May be called twice."""
         ...
+
+
+def in_real_time(port: Port) -> bool:
+    """Whether a port's cycles come by the wall's clock, as it says itself (`real_time`); most do not."""
+    return bool(getattr(port, "real_time", False))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, TypeVar
 from raccoon.core.config import REAL_CONTROLLERS, RobotConfig, load_robot
 from raccoon.core.errors import ConfigError, TraceError
 from raccoon.core.files import near_program, program_folder
-from raccoon.core.port import Port
+from raccoon.core.port import Port, in_real_time
 from raccoon.estimate.drive.wheels import all_resting_counts
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.functions import NOTHING_RUN, perform
@@ -107,9 +107,7 @@ def _opened(
     settings = config if isinstance(config, RobotConfig) else load_robot(_located(config))
     opened = open_port(settings, seed=0 if seed is None else seed) if port is None else port
     # A port that is handed in knows itself whether it is a controller, or wraps one, that waits for nobody.
-    real_time = (
-        settings.controller.port in REAL_CONTROLLERS if port is None else getattr(port, "real_time", False)
-    )
+    real_time = settings.controller.port in REAL_CONTROLLERS if port is None else in_real_time(port)
     with stopped_on_exit(opened.close):
         if record is not None:
             opened = _recorded(opened, record, settings, seed)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.port import Port
+from raccoon.core.port import Port, in_real_time
 from raccoon.core.readings import Inputs, Outputs
 from raccoon.trace.encode import Cycle, Values, json_line
 from raccoon.trace.header import Header, git_revision, header_table, library_version
@@ -72,7 +72,7 @@ class RecordingPort:
     @property
     def real_time(self) -> bool:
         """Whether the wrapped port's cycles come by the wall's clock."""
-        return bool(getattr(self._port, "real_time", False))
+        return in_real_time(self._port)
 
     def read(self) -> Inputs:
         """Next cycle of the wrapped port; what happened since the last one is handed to the writer."""

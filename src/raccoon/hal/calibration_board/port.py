@@ -6,13 +6,14 @@ from dataclasses import replace
 
 from raccoon.core.clock import RealClock
 from raccoon.core.port import Port
-from raccoon.core.readings import Fault, Inputs, Outputs
+from raccoon.core.readings import Inputs
+from raccoon.hal.added import AddingPort, with_loss
 from raccoon.hal.calibration_board.board import BAUD, CalibrationBoard
 from raccoon.hal.calibration_board.tracker import CENTRED, Mounting
 from raccoon.hal.serial_line import SerialLine
 
 
-class ReferencePort:
+class ReferencePort(AddingPort):
     """Wraps `port`: `truth` becomes the board's pose, and None wherever that cannot be trusted.
 
     `extra` gains reference.turn_rate (rad/s) and reference.quality (surface quality of the flow sensor).
@@ -21,13 +22,8 @@ class ReferencePort:
     """
 
     def __init__(self, port: Port, board: CalibrationBoard) -> None:
-        self._port = port
+        super().__init__(port, board)
         self._board = board
-
-    @property
-    def real_time(self) -> bool:
-        """Whether the wrapped port's cycles come by the wall's clock."""
-        return bool(getattr(self._port, "real_time", False))
 
     def read(self) -> Inputs:
         """The wrapped port's next cycle, with the reference in it."""
@@ -35,28 +31,13 @@ class ReferencePort:
         board = self._board
         board.poll()
         if board.silent:
-            return replace(inputs, truth=None, faults=_with_loss(inputs.faults))
+            return replace(inputs, truth=None, faults=with_loss(inputs.faults, True))
         extra = dict(inputs.extra or {})
         if board.tracker.turn_rate is not None:
             extra["reference.turn_rate"] = board.tracker.turn_rate
         if board.tracker.squal is not None:
             extra["reference.quality"] = float(board.tracker.squal)
         return replace(inputs, truth=board.truth(), extra=extra or None)
-
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        """Close the wrapped port first, so that the motors stop whatever the board does."""
-        try:
-            self._port.close()
-        finally:
-            self._board.close()
-
-
-def _with_loss(faults: tuple[Fault, ...]) -> tuple[Fault, ...]:
-    """Another added sensor may have said so already."""
-    return faults if Fault.SENSOR_LOST in faults else (*faults, Fault.SENSOR_LOST)
 
 
 def open_reference(port: Port, path: str = "/dev/ttyACM0", mounting: Mounting = CENTRED) -> ReferencePort:

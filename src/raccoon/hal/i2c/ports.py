@@ -7,7 +7,8 @@ from dataclasses import replace
 from typing import Generic, TypeVar
 
 from raccoon.core.port import Port
-from raccoon.core.readings import Device, Fault, Inputs, Outputs
+from raccoon.core.readings import Device, Inputs
+from raccoon.hal.added import AddingPort, with_loss
 from raccoon.hal.i2c.bus import I2cBus
 from raccoon.hal.i2c.ina import DEFAULT_ADDRESS as INA_ADDRESS
 from raccoon.hal.i2c.ina import PowerSample, find_monitor
@@ -46,33 +47,14 @@ class _Fresh(Generic[T]):
     def lost(self, time: float) -> bool:
         return self._seen is not None and time - self._seen > STALE
 
-    def close(self) -> None:
-        self._source.close()
 
-
-class _AddingPort(Generic[T]):
-    """Passes commands on; the wrapped port is closed first, so that motors stop whatever the sensor does."""
-
+class _SampledPort(AddingPort, Generic[T]):
     def __init__(self, port: Port, source: Source[T]) -> None:
-        self._port = port
+        super().__init__(port, source)
         self._fresh = _Fresh(source)
 
-    @property
-    def real_time(self) -> bool:
-        """Whether the wrapped port's cycles come by the wall's clock."""
-        return bool(getattr(self._port, "real_time", False))
 
-    def write(self, outputs: Outputs) -> None:
-        self._port.write(outputs)
-
-    def close(self) -> None:
-        try:
-            self._port.close()
-        finally:
-            self._fresh.close()
-
-
-class ImuPort(_AddingPort[ImuSample]):
+class ImuPort(_SampledPort[ImuSample]):
     """Wraps `port`: gyro and accel become those of an added IMU, or `extra` gains them as imu2.*.
 
     With replace_words the Device changes with the words (name, gyro_rad_s, accel_m_s2), and the controller's
@@ -93,7 +75,7 @@ class ImuPort(_AddingPort[ImuSample]):
         """The wrapped port's next cycle, with the newest sample in it."""
         inputs = self._port.read()
         sample = self._fresh.take(inputs.time)
-        faults = _with_loss(inputs.faults, self._fresh.lost(inputs.time))
+        faults = with_loss(inputs.faults, self._fresh.lost(inputs.time))
         if self._replace:
             return replace(
                 inputs,
@@ -122,7 +104,7 @@ class ImuPort(_AddingPort[ImuSample]):
         return words | {"imu2.temperature": sample.temperature}
 
 
-class BatteryMonitorPort(_AddingPort[PowerSample]):
+class BatteryMonitorPort(_SampledPort[PowerSample]):
     """Wraps `port`: `extra` gains battery.voltage (V) and battery.current (A, positive out of the battery).
 
     Both only in cycles with a new sample; the current is left out where it was beyond the shunt's range. A
@@ -133,7 +115,7 @@ class BatteryMonitorPort(_AddingPort[PowerSample]):
         """The wrapped port's next cycle, with the newest sample in it."""
         inputs = self._port.read()
         sample = self._fresh.take(inputs.time)
-        faults = _with_loss(inputs.faults, self._fresh.lost(inputs.time))
+        faults = with_loss(inputs.faults, self._fresh.lost(inputs.time))
         if sample is None:
             return inputs if faults is inputs.faults else replace(inputs, faults=faults)
         words = {"battery.voltage": sample.voltage}
@@ -149,10 +131,6 @@ def _named(name: str, words: tuple[int, int, int], scale: float) -> dict[str, fl
 def _joined(inputs: Inputs, words: Mapping[str, float]) -> Mapping[str, float] | None:
     """`extra` of the cycle with `words` added."""
     return {**(inputs.extra or {}), **words} if words else inputs.extra
-
-
-def _with_loss(faults: tuple[Fault, ...], lost: bool) -> tuple[Fault, ...]:
-    return (*faults, Fault.SENSOR_LOST) if lost and Fault.SENSOR_LOST not in faults else faults
 
 
 def open_imu(
