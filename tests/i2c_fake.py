@@ -8,6 +8,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import pytest
+
 I2C_SLAVE, I2C_FUNCS, I2C_SMBUS = 0x0703, 0x0705, 0x0720
 _BYTE, _I2C_BLOCK, _READ = 1, 8, 1
 
@@ -108,6 +110,11 @@ class FakeI2c:
         self.bits = 0
         self.on_select: Callable[[], None] = lambda: None
         self._selected: dict[int, int] = {}
+
+    def put_in(self, monkeypatch: pytest.MonkeyPatch) -> FakeI2c:
+        """In the place of the kernel, until the test ends."""
+        monkeypatch.setattr("smbus2.smbus2.ioctl", self.ioctl)
+        return self
 
     def ioctl(self, descriptor: int, request: int, argument: Any) -> int:
         if request == I2C_FUNCS:

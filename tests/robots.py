@@ -10,6 +10,7 @@ from raccoon import Action, Robot, RobotConfig, open_robot, wait
 from raccoon.core.config import Measured, MotorConfig, TophatConfig
 from raccoon.core.port import Port
 from raccoon.core.readings import SIMULATOR, Inputs, Outputs, Truth
+from raccoon.robot.actions.actions import Steps
 from raccoon.sim.effects.chain import Chain
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
@@ -72,6 +73,21 @@ class Between:
 
     def event(self, text: str) -> None:
         self.notes.append(text)
+
+
+def endless(ended: list[str], name: str, error: Exception | None = None) -> Action[None]:
+    """One that does nothing until it is ended; it notes its name then, and raises `error`."""
+
+    def steps(_robot: Robot) -> Steps[None]:
+        try:
+            while True:
+                yield
+        finally:
+            ended.append(name)
+            if error is not None:
+                raise error
+
+    return Action(name, steps)
 
 
 def run(

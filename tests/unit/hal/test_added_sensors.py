@@ -44,8 +44,7 @@ def test_a_wrapped_controller_is_as_punctual_as_a_bare_one(
         yield
 
     monkeypatch.setattr("raccoon.robot.opening.punctual", noted)
-    kernel = FakeI2c({0x69: MpuChip(), 0x40: Ina226Chip()})
-    monkeypatch.setattr("smbus2.smbus2.ioctl", kernel.ioctl)
+    FakeI2c({0x69: MpuChip(), 0x40: Ina226Chip()}).put_in(monkeypatch)
     (tmp_path / "i2c-1").touch()
     bus = I2cBus(str(tmp_path / "i2c-1"))
     gyro, power = Mpu(bus), Ina226(bus, shunt=0.005)
@@ -62,8 +61,7 @@ def test_a_recording_gives_back_what_every_added_sensor_said(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, peer: SerialPeer
 ) -> None:
     gyro_chip, power_chip = MpuChip(), Ina226Chip()
-    kernel = FakeI2c({0x69: gyro_chip, 0x40: power_chip})
-    monkeypatch.setattr("smbus2.smbus2.ioctl", kernel.ioctl)
+    kernel = FakeI2c({0x69: gyro_chip, 0x40: power_chip}).put_in(monkeypatch)
     (tmp_path / "i2c-1").touch()
     bus, clock = I2cBus(str(tmp_path / "i2c-1")), SteppedClock()
     gyro = Mpu(bus)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import ConfigError
 from raccoon.core.port import Port
-from raccoon.core.readings import SIMULATOR, STOP, Fault, Inputs, Outputs, Status, Truth
+from raccoon.core.readings import STOP, Fault, Status, Truth
 from raccoon.hal.calibration_board import BAUD, CalibrationBoard, FlowTracker, Mounting, ReferencePort
 from raccoon.hal.calibration_board.frames import (
     Accumulator,
@@ -31,6 +31,7 @@ from raccoon.hal.calibration_board.frames import (
 from raccoon.hal.calibration_board.tracker import CENTRED
 from raccoon.hal.serial_line import SerialLine
 from serial_peer import SerialPeer
+from standing_port import StandingPort
 
 IMU_EXAMPLE = bytes.fromhex("A5 01 0E 40 E2 01 00 52 00 D7 FF 00 20 10 00 F8 FF 66 06 5D 03 EF")
 FLOW_EXAMPLE = bytes.fromhex("A5 02 0A 41 E2 01 00 11 00 FD FF 58 12 34 80 00 00 BE")
@@ -272,30 +273,11 @@ def test_no_pose_until_everything_is_there(frames: list[bytes], problem: str) ->
     assert tracker.problem.startswith(problem)
 
 
-class Robot:
-    """A port that stands still."""
-
-    def __init__(self, clock: SteppedClock) -> None:
-        self.clock = clock
-        self.written: list[Outputs] = []
-        self.closed = 0
-
-    def read(self) -> Inputs:
-        self.clock.advance(0.005)
-        return Inputs(time=self.clock.now(), device=SIMULATOR, extra={"battery.voltage": 6.5})
-
-    def write(self, outputs: Outputs) -> None:
-        self.written.append(outputs)
-
-    def close(self) -> None:
-        self.closed += 1
-
-
 class Bench:
     def __init__(self, peer: SerialPeer) -> None:
         self.peer = peer
         self.clock = SteppedClock()
-        self.robot = Robot(self.clock)
+        self.robot = StandingPort(self.clock, extra={"battery.voltage": 6.5})
         self.line = SerialLine(str(peer.path), BAUD, self.clock)
         self.board = CalibrationBoard(self.line, self.clock)
         self.port = ReferencePort(self.robot, self.board)

@@ -27,8 +27,7 @@ class Plugged:
 def kernel(monkeypatch: pytest.MonkeyPatch) -> FakeI2c:
     fake = FakeI2c({0x69: Chip(), 0x41: Chip(), 0x20: Chip()})
     fake.drivers = {0x68}
-    monkeypatch.setattr("smbus2.smbus2.ioctl", fake.ioctl)
-    return fake
+    return fake.put_in(monkeypatch)
 
 
 @pytest.fixture

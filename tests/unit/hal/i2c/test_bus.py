@@ -17,9 +17,7 @@ from raccoon.hal.i2c import I2cBus, Sampler
 
 @pytest.fixture
 def kernel(monkeypatch: pytest.MonkeyPatch) -> FakeI2c:
-    fake = FakeI2c({0x40: Chip(), 0x69: Chip()})
-    monkeypatch.setattr("smbus2.smbus2.ioctl", fake.ioctl)
-    return fake
+    return FakeI2c({0x40: Chip(), 0x69: Chip()}).put_in(monkeypatch)
 
 
 def test_registers_are_read_and_written(bus: I2cBus, kernel: FakeI2c) -> None:

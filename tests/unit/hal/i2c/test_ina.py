@@ -9,7 +9,7 @@ import pytest
 from i2c_fake import FakeI2c, Ina219Chip, Ina226Chip, MpuChip
 from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import ConfigError, HardwareError
-from raccoon.core.readings import SIMULATOR, STOP, Fault, Inputs, Outputs
+from raccoon.core.readings import STOP, Fault
 from raccoon.hal.i2c import (
     BatteryMonitorPort,
     I2cBus,
@@ -20,32 +20,16 @@ from raccoon.hal.i2c import (
     find_monitor,
     open_battery_monitor,
 )
+from standing_port import StandingPort
 
 
 @pytest.fixture
 def kernel(monkeypatch: pytest.MonkeyPatch) -> FakeI2c:
-    fake = FakeI2c({})
-    monkeypatch.setattr("smbus2.smbus2.ioctl", fake.ioctl)
-    return fake
+    return FakeI2c({}).put_in(monkeypatch)
 
 
-class Robot:
-    def __init__(self) -> None:
-        self.clock = SteppedClock()
-        self.closed = False
-        self.written: list[Outputs] = []
-
-    def read(self) -> Inputs:
-        self.clock.advance(0.005)
-        return Inputs(
-            time=self.clock.now(), device=SIMULATOR, extra={"imu.temperature": 30.0}, faults=(Fault.TORN,)
-        )
-
-    def write(self, outputs: Outputs) -> None:
-        self.written.append(outputs)
-
-    def close(self) -> None:
-        self.closed = True
+def standing() -> StandingPort:
+    return StandingPort(extra={"imu.temperature": 30.0}, faults=(Fault.TORN,))
 
 
 @pytest.mark.parametrize("amperes", [-3.0, 0.0, 1.25, 14.0])
@@ -134,7 +118,7 @@ def test_volts_and_amperes_join_the_cycle(bus: I2cBus, kernel: FakeI2c) -> None:
     kernel.chips = {0x40: chip}
     chip.measure(6.5, 0.015)
     sampler = Sampler(Ina226(bus, shunt=0.005), 0.01, SteppedClock())
-    port = BatteryMonitorPort(Robot(), sampler)
+    port = BatteryMonitorPort(standing(), sampler)
     assert port.read().extra == {"imu.temperature": 30.0}
     sampler.step()
     inputs = port.read()
@@ -151,7 +135,7 @@ def test_a_lost_monitor_is_a_fault_and_comes_back(bus: I2cBus, kernel: FakeI2c) 
     chip = Ina226Chip()
     kernel.chips = {0x40: chip}
     sampler = Sampler(Ina226(bus, shunt=0.005), 0.01, SteppedClock())
-    port = BatteryMonitorPort(Robot(), sampler)
+    port = BatteryMonitorPort(standing(), sampler)
     sampler.step()
     port.read()
     chip.nacks = 1000
@@ -173,14 +157,14 @@ def test_a_clipped_current_is_left_out_of_the_cycle(bus: I2cBus, kernel: FakeI2c
     sampler = Sampler(Ina219(bus, shunt=0.1), 0.01, SteppedClock())
     chip.measure(6.4, 0.32)
     sampler.step()
-    inputs = BatteryMonitorPort(Robot(), sampler).read()
+    inputs = BatteryMonitorPort(standing(), sampler).read()
     assert inputs.extra == {"imu.temperature": 30.0, "battery.voltage": pytest.approx(6.4)}
 
 
 def test_opening_and_closing(kernel: FakeI2c, tmp_path: Path) -> None:
     (tmp_path / "i2c-1").touch()
     kernel.chips = {0x40: Ina219Chip()}
-    robot = Robot()
+    robot = standing()
     port = open_battery_monitor(robot, str(tmp_path / "i2c-1"), shunt=0.01)
     port.write(STOP)
     port.close()

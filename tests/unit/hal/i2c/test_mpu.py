@@ -11,9 +11,10 @@ from i2c_fake import Chip, FakeI2c, Ina226Chip, MpuChip
 from raccoon.core.clock import SteppedClock
 from raccoon.core.errors import CalibrationError, ConfigError, HardwareError
 from raccoon.core.port import Port
-from raccoon.core.readings import SIMULATOR, STOP, Fault, Inputs, Outputs
+from raccoon.core.readings import SIMULATOR, STOP, Fault
 from raccoon.hal.i2c import I2cBus, ImuPort, Ina226, Mpu, Sampler, measure_bias, open_imu
 from raccoon.hal.i2c.ports import IMU_PERIOD, POWER_PERIOD
+from standing_port import StandingPort
 
 
 @pytest.fixture
@@ -23,28 +24,12 @@ def chip() -> MpuChip:
 
 @pytest.fixture
 def kernel(monkeypatch: pytest.MonkeyPatch, chip: MpuChip) -> FakeI2c:
-    fake = FakeI2c({0x69: chip})
-    monkeypatch.setattr("smbus2.smbus2.ioctl", fake.ioctl)
-    return fake
+    return FakeI2c({0x69: chip}).put_in(monkeypatch)
 
 
-class Robot:
-    """A port whose own gyro says nothing else than 7."""
-
-    def __init__(self) -> None:
-        self.clock = SteppedClock(50.0)
-        self.written: list[Outputs] = []
-        self.closed = False
-
-    def read(self) -> Inputs:
-        self.clock.advance(0.005)
-        return Inputs(time=self.clock.now(), device=SIMULATOR, gyro=(7, 7, 7), accel=(7, 7, 7))
-
-    def write(self, outputs: Outputs) -> None:
-        self.written.append(outputs)
-
-    def close(self) -> None:
-        self.closed = True
+def standing() -> StandingPort:
+    """Its own gyro says nothing else than 7."""
+    return StandingPort(gyro=(7, 7, 7), accel=(7, 7, 7))
 
 
 @pytest.mark.parametrize(
@@ -186,7 +171,7 @@ def test_bias_of_a_moving_robot_is_refused(bus: I2cBus, chip: MpuChip) -> None:
 
 
 def test_words_and_their_scale_are_replaced_together(bus: I2cBus, chip: MpuChip) -> None:
-    robot, sensor = Robot(), Mpu(bus)
+    robot, sensor = standing(), Mpu(bus)
     sampler = Sampler(sensor, 0.004, SteppedClock())
     port = ImuPort(robot, sampler, sensor)
     assert isinstance(port, Port)
@@ -202,7 +187,7 @@ def test_words_and_their_scale_are_replaced_together(bus: I2cBus, chip: MpuChip)
 
 
 def test_a_cycle_without_a_new_sample_has_no_words(bus: I2cBus) -> None:
-    robot, sensor = Robot(), Mpu(bus)
+    robot, sensor = standing(), Mpu(bus)
     sampler = Sampler(sensor, 0.004, SteppedClock())
     port = ImuPort(robot, sampler, sensor)
     sampler.step()
@@ -214,7 +199,7 @@ def test_a_cycle_without_a_new_sample_has_no_words(bus: I2cBus) -> None:
 
 
 def test_a_lost_sensor_is_a_fault_and_not_the_controllers_gyro(bus: I2cBus, kernel: FakeI2c) -> None:
-    robot, sensor = Robot(), Mpu(bus)
+    robot, sensor = standing(), Mpu(bus)
     sampler = Sampler(sensor, 0.004, SteppedClock())
     port = ImuPort(robot, sampler, sensor)
     sampler.step()
@@ -233,7 +218,7 @@ def test_a_lost_sensor_is_a_fault_and_not_the_controllers_gyro(bus: I2cBus, kern
 
 
 def test_a_second_imu_leaves_the_controllers_words_alone(bus: I2cBus, chip: MpuChip) -> None:
-    robot, sensor = Robot(), Mpu(bus)
+    robot, sensor = standing(), Mpu(bus)
     sampler = Sampler(sensor, 0.004, SteppedClock())
     port = ImuPort(robot, sampler, sensor, replace_words=False)
     chip.motion, chip.noise = (0, 0, 100), False
@@ -256,7 +241,7 @@ def test_a_second_imu_leaves_the_controllers_words_alone(bus: I2cBus, chip: MpuC
 
 def test_opening_reads_in_the_background_until_closed(kernel: FakeI2c, chip: MpuChip, tmp_path: Path) -> None:
     (tmp_path / "i2c-1").touch()
-    robot = Robot()
+    robot = standing()
     port = open_imu(robot, str(tmp_path / "i2c-1"))
     port.write(STOP)
     port.close()
@@ -293,4 +278,4 @@ def test_opening_a_missing_sensor_fails_at_once(kernel: FakeI2c, tmp_path: Path)
     (tmp_path / "i2c-1").touch()
     kernel.chips = {0x20: Chip()}
     with pytest.raises(HardwareError, match="address 0x69: no answer"):
-        open_imu(Robot(), str(tmp_path / "i2c-1"))
+        open_imu(standing(), str(tmp_path / "i2c-1"))

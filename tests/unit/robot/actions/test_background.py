@@ -27,7 +27,7 @@ from raccoon import (
 from raccoon.core.config import MechanismConfig
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import Steps
-from robots import CONFIG, Between, simulated
+from robots import CONFIG, Between, endless, simulated
 
 ARM = RobotConfig(motors=CONFIG.motors, mechanisms={"arm": MechanismConfig(motor=2)})
 
@@ -109,16 +109,9 @@ def test_the_background_ends_with_the_program() -> None:
 def test_the_background_ends_with_the_match(program: Action[object]) -> None:
     ended: list[str] = []
 
-    def watched(_robot: Robot) -> Steps[None]:
-        try:
-            while True:
-                yield
-        finally:
-            ended.append("ended")
-
     with open_robot(CONFIG, port=simulated()) as robot:
         with suppress(KeyError):
-            run_match(robot, seq(background(Action("watched", watched)), wait(0.1), program), seconds=1.0)
+            run_match(robot, seq(background(endless(ended, "ended")), wait(0.1), program), seconds=1.0)
         assert ended == ["ended"]
 
 
@@ -151,18 +144,10 @@ def test_a_tick_that_fails_stops_the_motors() -> None:
 def test_one_that_cannot_be_ended_keeps_no_motor_on() -> None:
     ended: list[str] = []
 
-    def bad(_robot: Robot) -> Steps[None]:
-        try:
-            while True:
-                yield
-        finally:
-            ended.append("bad")
-            raise KeyError("while it was ended")
-
     port = Unreliable()
     with open_robot(CONFIG, port=port) as robot:
         for _ in range(2):
-            robot.add_background(Action("bad", bad))
+            robot.add_background(endless(ended, "bad", KeyError("while it was ended")))
         with pytest.raises(KeyError, match="while it was ended"):
             robot.run(seq(drive(0.2).until(after_time(0.3)), do(raise_interrupt)))
         assert ended == ["bad", "bad"]

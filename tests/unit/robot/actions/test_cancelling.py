@@ -27,8 +27,7 @@ from raccoon import (
     turn,
     wait,
 )
-from raccoon.robot.actions.actions import Steps
-from robots import CONFIG, run, simulated
+from robots import CONFIG, endless, run, simulated
 
 
 def raises(error: BaseException, after: float = 0.3) -> Action[None]:
@@ -107,26 +106,12 @@ def test_a_limit_holds_for_all_that_is_inside() -> None:
 
 
 def test_what_was_started_is_ended_also_where_ending_one_of_them_fails() -> None:
-    ended = []
+    ended: list[str] = []
 
-    def bad(_robot: Robot) -> Steps[None]:
-        try:
-            while True:
-                yield
-        finally:
-            ended.append("bad")
-            raise Told("while it was ended")
-
-    def good(_robot: Robot) -> Steps[None]:
-        try:
-            while True:
-                yield
-        finally:
-            ended.append("good")
-
+    bad, good = endless(ended, "bad", Told("while it was ended")), endless(ended, "good")
     for together in (race, parallel):
         with pytest.raises(Told, match="while it was ended"):
-            run(together(Action("bad", bad), Action("good", good), wait(0.1)).timeout_or(0.2, wait(0.0)))
+            run(together(bad, good, wait(0.1)).timeout_or(0.2, wait(0.0)))
         assert sorted(ended) == ["bad", "good"]
         ended.clear()
 
