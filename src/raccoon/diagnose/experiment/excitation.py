@@ -19,7 +19,8 @@ Say = Callable[[str], object]
 def drive(port: Port, robot: RobotConfig, duty: NDArray[np.float64], say: Say = lambda _: None) -> int:
     """Command duty (n, 2), planned at 200 Hz, by the port's own clock; the number of cycles it took.
 
-    say: is told of an empty battery before anything moves. The motors are stopped at the end, also where the port fails on the way.
+    say: is told of an empty battery before anything moves. The motors are stopped at the end, also where the
+    port fails on the way.
     """
     signs = [-1.0 if robot.motor(each).inverted else 1.0 for each in (robot.drive.left, robot.drive.right)]
     cycles, start = 0, None
