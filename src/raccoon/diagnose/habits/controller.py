@@ -135,7 +135,8 @@ def controller_of(
     """The log with changes of commands whose rows it lost, and the controller's habits.
 
     Judged by the wheels: what the gyro does says nothing of the filter of back-EMF, and the battery only
-    what the wheels were driven with. firmware: of which nothing needs to be found out.
+    what the wheels were driven with. firmware: of which nothing needs to be found out but, where the
+    recording itself does not name it, what else filters the battery.
     """
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
     # Whoever reads no back-EMF need not let motors coast for it: with encoders a sound robot had a resistance
@@ -167,7 +168,7 @@ def controller_of(
         return other if other.as_told else other.instead_of(found, USUAL)
 
     found = fit_of(first)
-    slow = None if firmware else _slow_battery(first, partial(loose, wheels), found.point)
+    slow = None if first.knows_battery else _slow_battery(first, partial(loose, wheels), found.point)
     if slow is not None:
         found = fit_of(with_battery(first, slow))
     if log.brake is None and brakes(log):

@@ -43,7 +43,7 @@ def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> t
 
 def less_sure(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
     """Causes; a battery's resistance with what is not known of when it is read."""
-    if habits.firmware is not None or habits.chain.battery_time_constant not in SLOW_BATTERY:
+    if habits.chain.battery_time_constant not in SLOW_BATTERY:
         return tuple(causes)
     return tuple(_less_sure(each) if each.id == RESISTANCE[0] else each for each in causes)
 

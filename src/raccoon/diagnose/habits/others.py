@@ -229,7 +229,7 @@ def with_a_slow_battery(
     something unknown. The firmware's own is asked for under other filters of the wheels' readings as well:
     a resistance 13 % high and a slip of 3 ms were named of a sound robot 105 behind it.
     """
-    if "battery" not in search.problem.features.roles:
+    if habits.knows_battery or "battery" not in search.problem.features.roles:
         return search, habits
     usual = (each.battery_time_constant for each in CHAINS)
     times = dict.fromkeys((*usual, *QUICK_BATTERY, *SLOW_BATTERY))

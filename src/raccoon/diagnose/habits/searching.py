@@ -127,7 +127,7 @@ def _sooner(search: Search, habits: Habits, under: Under, by_row: float) -> tupl
     by_row: see `cycle_by_row`."""
     search, habits = as_wheels_give(search, habits, under, begun)
     if habits.firmware is not None:
-        return search, habits
+        return with_a_slow_battery(search, habits, under, begun)
     search, habits = as_rows_are_made(search, habits, under, by_row, begun)
     search, habits = as_a_deadband_ends(search, habits, under, begun)
     search, habits = with_whole_currents(search, habits, under, begun)
@@ -216,9 +216,9 @@ def _as_logged(search: Search, habits: Habits, under: Under) -> tuple[Search, Ha
     Commands in the row after theirs seem early, as nothing in the catalogue is; that made a filter without a
     median, a latency of 3 ms and a gear that loses torque.
     """
+    search, habits = with_a_slow_battery(search, habits, under)
     if habits.firmware is not None:
         return search, habits
-    search, habits = with_a_slow_battery(search, habits, under)
     search, habits = with_whole_currents(search, habits, under)
     search, habits = as_a_deadband_ends(search, habits, under)
     search, habits = as_pauses_slow_the_wheels(search, habits, under)

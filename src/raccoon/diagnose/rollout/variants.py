@@ -84,6 +84,12 @@ class Habits:
         """Whether the recording names a Wombat's firmware."""
         return self.firmware is not None and self.firmware.wombat
 
+    @property
+    def knows_battery(self) -> bool:
+        """Whether nothing but the firmware filters the battery's readings, as the recording itself names it.
+        What is written as CSV may be filtered more: RaccoonOS's programs add 0.05 of each new reading."""
+        return self.firmware is not None and self.firmware.units
+
 
 class PlantRollout:
     """The package's plant along one log's commands.

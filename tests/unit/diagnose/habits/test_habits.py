@@ -44,6 +44,7 @@ from raccoon.diagnose.hypotheses.candidates import drive_causes
 from raccoon.diagnose.hypotheses.coordinates import neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.result import Verdict
+from raccoon.diagnose.rollout.firmware import FIRMWARES
 from raccoon.diagnose.rollout.variants import Habits, _cycle
 from raccoon.diagnose.select.joint import explains_more
 from raccoon.diagnose.select.outlook import Search, look_around
@@ -457,6 +458,16 @@ def test_a_slow_filter_of_the_battery_is_no_fault_of_the_battery(cause: str | No
     assert habits.chain.battery_time_constant == 0.2  # of readings every 10 ms
     (said,) = notes_of(habits, (), NOTHING_FITTED)
     assert said.startswith("the battery's reading follows with a filter of 0.2 s")
+
+
+@pytest.mark.parametrize("itself", [True, False])
+def test_a_csv_may_filter_the_battery_more_than_the_firmware_that_robot_toml_names(itself: bool) -> None:
+    """A sound robot had a battery of a third of its resistance, with a probability of 1."""
+    firmware = replace(FIRMWARES["wombat-raccoon-17"], units=itself)
+    chain = replace(firmware.chain, battery_time_constant=0.1)
+    log = log_from_columns(recorded(Parameters(ROBOT, SLIDING[Wheels.GIVING], chain), 8.0), ROBOT)
+    _, habits = controller_of(log, ROBOT, CAUSES, None, firmware)
+    assert habits.chain == (firmware.chain if itself else chain)
 
 
 def test_the_firmware_s_filter_of_the_battery_is_asked_for_under_another_of_the_wheels() -> None:
