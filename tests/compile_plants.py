@@ -8,7 +8,7 @@ import numpy as np
 
 from blind.generator import make
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.motors import diagnose_motors
+from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.rollout.commands import Commands
 from raccoon.sim.rollout.rollout import rollout

@@ -1,1 +1,1 @@
-"""Recordings other than a drive of the whole robot: one motor or axis, geometry, single steps, tophats."""
+"""What kind a recording is, what of it can be looked at, and how each kind is diagnosed."""

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.motors import motor_ports
-from raccoon.diagnose.recordings.steps import step_port
+from raccoon.diagnose.recordings.motors.diagnosis import motor_ports
+from raccoon.diagnose.recordings.motors.step import step_port
 from raccoon.trace.recording import check_lengths
 
 Columns = Mapping[str, NDArray[np.float64]]

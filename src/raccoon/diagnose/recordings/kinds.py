@@ -19,30 +19,30 @@ from raccoon.diagnose.findings.extend import with_causes
 from raccoon.diagnose.hypotheses.candidates import drive_causes, own_cause
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds, without_std
 from raccoon.diagnose.own import OwnEffect
-from raccoon.diagnose.recordings.battery_reading import with_battery_reading
-from raccoon.diagnose.recordings.broken import judged_again, without_broken
-from raccoon.diagnose.recordings.counters import said_of_counters, with_counted
-from raccoon.diagnose.recordings.encoder_reading import with_encoder_reading
-from raccoon.diagnose.recordings.filtered import with_lag_of
-from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
-from raccoon.diagnose.recordings.implausible import speeds_told, with_doubts
-from raccoon.diagnose.recordings.judged_on import not_judged_on
-from raccoon.diagnose.recordings.kind import Kind, kind_of
-from raccoon.diagnose.recordings.motors import diagnose_motors
-from raccoon.diagnose.recordings.named import Named, named
-from raccoon.diagnose.recordings.outranked import outranked
-from raccoon.diagnose.recordings.partial import (
+from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
+from raccoon.diagnose.recordings.channels.counters import said_of_counters, with_counted
+from raccoon.diagnose.recordings.channels.partial import (
     as_duty,
     commands_volts,
     with_columns_named,
     without_battery,
 )
+from raccoon.diagnose.recordings.doubts.battery_reading import with_battery_reading
+from raccoon.diagnose.recordings.doubts.encoder_reading import with_encoder_reading
+from raccoon.diagnose.recordings.doubts.implausible import speeds_told, with_doubts
+from raccoon.diagnose.recordings.doubts.outranked import outranked
+from raccoon.diagnose.recordings.filtered import with_lag_of
+from raccoon.diagnose.recordings.geometry.diagnosis import diagnose_geometry
+from raccoon.diagnose.recordings.judged_on import not_judged_on
+from raccoon.diagnose.recordings.kind import Kind, kind_of
+from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
+from raccoon.diagnose.recordings.motors.step import diagnose_step, step_port
+from raccoon.diagnose.recordings.named import Named, named
 from raccoon.diagnose.recordings.problems import said_once
 from raccoon.diagnose.recordings.reference.start import start_of
 from raccoon.diagnose.recordings.reference.truth import with_reference
-from raccoon.diagnose.recordings.repeated import without_repeated
-from raccoon.diagnose.recordings.rows import rows_of, rows_of_others
-from raccoon.diagnose.recordings.steps import diagnose_step, step_port
+from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_others
+from raccoon.diagnose.recordings.rows.repeated import without_repeated
 from raccoon.diagnose.recordings.together import check_commands, check_drives
 from raccoon.diagnose.recordings.tophats.diagnosis import diagnose_tophats, tophat_ports
 from raccoon.diagnose.result import Diagnosis, Rejected, Unexplained, Verdict

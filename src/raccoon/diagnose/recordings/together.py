@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.channels.partial import commands_volts
 from raccoon.diagnose.recordings.kind import Kind
-from raccoon.diagnose.recordings.partial import commands_volts
 
 Columns = Mapping[str, NDArray[np.float64]]
 

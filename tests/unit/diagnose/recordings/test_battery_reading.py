@@ -6,7 +6,7 @@ import pytest
 
 from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.battery_reading import SEE, with_battery_reading
+from raccoon.diagnose.recordings.doubts.battery_reading import SEE, with_battery_reading
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import told
 from raccoon.diagnose.result import ChannelResult, Diagnosis, ParameterResult

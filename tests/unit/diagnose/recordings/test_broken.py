@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import Measured, RobotConfig
 from raccoon.diagnose.findings.bent import ADVICE
-from raccoon.diagnose.recordings.broken import judged_again, without_broken
+from raccoon.diagnose.recordings.channels.broken import judged_again, without_broken
 from raccoon.diagnose.result import ChannelResult, Diagnosis, Rejected, Verdict
 
 ROBOT = RobotConfig()

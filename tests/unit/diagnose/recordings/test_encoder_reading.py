@@ -6,7 +6,7 @@ import pytest
 
 from diagnoses import cause, diagnosis, factor
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.encoder_reading import with_encoder_reading
+from raccoon.diagnose.recordings.doubts.encoder_reading import with_encoder_reading
 from raccoon.diagnose.result import CauseResult, ChannelResult
 
 ROBOT = RobotConfig()

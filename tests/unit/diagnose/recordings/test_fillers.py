@@ -8,8 +8,8 @@ import pytest
 from blind.generator import make
 from blind.hidden import draw
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.broken import without_broken
-from raccoon.diagnose.recordings.fillers import command_of
+from raccoon.diagnose.recordings.channels.broken import without_broken
+from raccoon.diagnose.recordings.channels.fillers import command_of
 
 ROBOT = RobotConfig()
 Columns = dict[str, np.ndarray]

@@ -14,7 +14,7 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.log import log_from_columns
 from raccoon.diagnose.drives.speed_loop import speed_loop
 from raccoon.diagnose.recordings import kinds
-from raccoon.diagnose.recordings.implausible import speeds_told, with_doubts
+from raccoon.diagnose.recordings.doubts.implausible import speeds_told, with_doubts
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports.terminal import terminal_report
 from raccoon.diagnose.reports.wording import told

@@ -9,8 +9,8 @@ from blind.generator import make
 from blind.tophats import tophat
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HoldoutError
+from raccoon.diagnose.recordings.channels.partial import as_duty
 from raccoon.diagnose.recordings.kinds import diagnose_recording
-from raccoon.diagnose.recordings.partial import as_duty
 from unit.diagnose.axes import motor
 
 Columns = dict[str, np.ndarray]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from raccoon.diagnose.recordings.kind import Kind
-from raccoon.diagnose.recordings.length import MOST_SECONDS, PAUSE, REST, bounded
-from raccoon.diagnose.recordings.rows import rows_of, rows_of_others
+from raccoon.diagnose.recordings.rows.chosen import rows_of, rows_of_others
+from raccoon.diagnose.recordings.rows.length import MOST_SECONDS, PAUSE, REST, bounded
 
 ROW = 0.01
 

@@ -10,8 +10,8 @@ from raccoon.diagnose.recordings.axis.diagnosis import Place, _diagnosis
 from raccoon.diagnose.recordings.axis.judge import judge_axis
 from raccoon.diagnose.recordings.axis.log import axis_log
 from raccoon.diagnose.recordings.kinds import diagnose_recording
-from raccoon.diagnose.recordings.motors import diagnose_motors
-from raccoon.diagnose.recordings.supply import judge_supply
+from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
+from raccoon.diagnose.recordings.motors.supply import judge_supply
 from raccoon.diagnose.result import Verdict
 from raccoon.trace.loading import load_run
 from shared_data import data_path

@@ -8,7 +8,7 @@ from blind.generator import make
 from diagnoses import cause, diagnosis
 from raccoon.core.config import Measured, MotorConfig, RobotConfig
 from raccoon.diagnose.recordings import kinds
-from raccoon.diagnose.recordings.outranked import outranked
+from raccoon.diagnose.recordings.doubts.outranked import outranked
 
 TICKS = Measured(0.00305, 0.00001)
 ROBOT = RobotConfig(

@@ -12,7 +12,7 @@ from raccoon.core.errors import HoldoutError, TraceError
 from raccoon.core.readings import SI_WORDS
 from raccoon.diagnose.hypotheses.open_numbers import with_usual_stds
 from raccoon.diagnose.recordings import kinds
-from raccoon.diagnose.recordings.counters import Counted, said_of_counters, with_counted
+from raccoon.diagnose.recordings.channels.counters import Counted, said_of_counters, with_counted
 from raccoon.diagnose.recordings.kind import Kind, kind_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.result import CauseResult, Diagnosis, ParameterResult, Verdict

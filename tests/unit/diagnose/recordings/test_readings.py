@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from raccoon.diagnose.recordings.readings import reading_faults
+from raccoon.diagnose.recordings.motors.readings import reading_faults
 from shared_data import data_path
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from blind.generator import make
-from raccoon.diagnose.recordings.repeated import without_held
+from raccoon.diagnose.recordings.rows.repeated import without_held
 
 Columns = dict[str, np.ndarray]
 

@@ -10,8 +10,8 @@ from raccoon.core.errors import TraceError
 from raccoon.diagnose.recordings.axis.fit import Number
 from raccoon.diagnose.recordings.kind import Kind, kind_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
-from raccoon.diagnose.recordings.motor_units import speed_cut_off
-from raccoon.diagnose.recordings.motors import diagnose_motors
+from raccoon.diagnose.recordings.motors.diagnosis import diagnose_motors
+from raccoon.diagnose.recordings.motors.units import speed_cut_off
 from raccoon.diagnose.recordings.tophats.diagnosis import tophat_ports
 from raccoon.diagnose.result import Verdict
 from unit.diagnose.axes import Axis, bench, carriage, motor

@@ -15,7 +15,7 @@ from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.findings.extend import with_causes
-from raccoon.diagnose.recordings.broken import OTHER_ROBOT
+from raccoon.diagnose.recordings.channels.broken import OTHER_ROBOT
 from raccoon.diagnose.recordings.geometry.checks import check_wheels, without_spikes
 from raccoon.diagnose.recordings.geometry.fit import (
     Errors,
@@ -51,7 +51,7 @@ FAR = 3.0
 """Times the error of what was fitted from which that of unseen runs is more than wheels, whatever their size,
 make of it."""
 LARGEST_FACTOR = 2.5
-"""By which wheels and track may be off, as in a drive with commands (`implausible.py`)."""
+"""By which wheels and track may be off, as in a drive with commands (`doubts/implausible.py`)."""
 SHARE_FITTED = 0.7
 SLOWEST = 0.9
 """S a row. Counters lose nothing between two, so this is for milliseconds, of which a row takes 1 or more."""

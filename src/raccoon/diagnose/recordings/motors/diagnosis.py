@@ -15,9 +15,9 @@ from raccoon.diagnose.drives.times import check_time
 from raccoon.diagnose.drives.unseen import are_missing
 from raccoon.diagnose.recordings.axis.diagnosis import Place, diagnose_axis
 from raccoon.diagnose.recordings.axis.log import EFFORTS, MOTIONS
-from raccoon.diagnose.recordings.fillers import without_fillers
-from raccoon.diagnose.recordings.motor_units import BATTERY, check_volts, speed_cut_off, unlike
-from raccoon.diagnose.recordings.supply import Supply, judge_supply, power_of
+from raccoon.diagnose.recordings.channels.fillers import without_fillers
+from raccoon.diagnose.recordings.motors.supply import Supply, judge_supply, power_of
+from raccoon.diagnose.recordings.motors.units import BATTERY, check_volts, speed_cut_off, unlike
 from raccoon.diagnose.result import CauseResult, Diagnosis, Rejected, SensorFault, Unexplained, Verdict
 from raccoon.trace.recording import ports_in
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
-from raccoon.diagnose.recordings.cut_off import cut_off
+from raccoon.diagnose.recordings.channels.cut_off import cut_off
 from raccoon.diagnose.result import ParameterResult, SensorFault
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.times import check_time
-from raccoon.diagnose.recordings.readings import ReadingFaults, reading_faults
+from raccoon.diagnose.recordings.motors.readings import ReadingFaults, reading_faults
 from raccoon.diagnose.reports.manoeuvre_words import MANOEUVRES
 from raccoon.diagnose.result import (
     Curve,

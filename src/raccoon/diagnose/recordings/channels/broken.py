@@ -14,12 +14,12 @@ from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.core.sections import CYCLE_RATE
 from raccoon.diagnose.drives.log import ROLES
 from raccoon.diagnose.findings.bent import without_bent
-from raccoon.diagnose.recordings.cut_off import FEWEST, cut_off, without_ends
-from raccoon.diagnose.recordings.fillers import command_of, without_fillers
-from raccoon.diagnose.recordings.partial import absence
-from raccoon.diagnose.recordings.polled import without_held_voltage
+from raccoon.diagnose.recordings.channels.cut_off import FEWEST, cut_off, without_ends
+from raccoon.diagnose.recordings.channels.fillers import command_of, without_fillers
+from raccoon.diagnose.recordings.channels.partial import absence
+from raccoon.diagnose.recordings.channels.polled import without_held_voltage
+from raccoon.diagnose.recordings.channels.sagging import not_sagging
 from raccoon.diagnose.recordings.reference.faults import reference_faults
-from raccoon.diagnose.recordings.sagging import not_sagging
 from raccoon.diagnose.result import Diagnosis, Rejected, SensorFault, Verdict
 
 Array = NDArray[np.float64]

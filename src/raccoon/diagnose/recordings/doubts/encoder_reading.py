@@ -10,7 +10,7 @@ import math
 from dataclasses import replace
 
 from raccoon.core.config import RobotConfig
-from raccoon.diagnose.recordings.battery_reading import ALIKE, LEAST
+from raccoon.diagnose.recordings.doubts.battery_reading import ALIKE, LEAST
 from raccoon.diagnose.result import CauseResult, Diagnosis
 
 CONSTANT = "motor.back_emf_constant"

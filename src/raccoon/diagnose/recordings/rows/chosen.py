@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.times import check_step
 from raccoon.diagnose.recordings.kind import Kind
-from raccoon.diagnose.recordings.length import bounded
-from raccoon.diagnose.recordings.repeated import without_held, without_repeated
+from raccoon.diagnose.recordings.rows.length import bounded
+from raccoon.diagnose.recordings.rows.repeated import without_held, without_repeated
 
 Columns = Mapping[str, NDArray[np.float64]]
 

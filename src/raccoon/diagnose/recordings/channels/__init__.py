@@ -1,0 +1,1 @@
+"""Channels that lie, stand for nothing or are not there, before anything is fitted."""

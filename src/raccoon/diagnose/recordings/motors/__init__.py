@@ -1,0 +1,1 @@
+"""Recordings of single motors and of one power step."""
