@@ -42,6 +42,9 @@ def main() -> None:
         _keep(args.results, {"seed": seed})
     wanted = [each for each in cases(args.cases.split(","), args.trials) if each.key not in done]
     if args.picture is not None:
+        folder = Path(args.picture[1]).parent
+        if not folder.is_dir():
+            sys.exit(f"--picture {args.picture[1]}: there is no folder {folder}")
         _draw(args.picture[0], seed, Path(args.picture[1]))
         return
     print(

@@ -134,6 +134,13 @@ def test_a_weak_magnet_is_odd() -> None:
     assert state.speed_factor == pytest.approx(0.5, abs=0.1)
 
 
+@pytest.mark.parametrize("factor", [-14.39, -0.5])
+def test_a_wheel_that_turns_against_its_voltage_takes_no_negative_times_of_it(factor: float) -> None:
+    state = replace(watched(NOMINAL), speed_factor=factor)
+    assert state.odd_speed.startswith("turns against its voltage")
+    assert "times" not in state.odd_speed
+
+
 def late(state: WheelState, by: float) -> WheelState:
     """What the watch makes of the same wheel where readings come so late, s."""
     return replace(state, load_factor=state.load_factor + by / NOMINAL.gain / NOMINAL.acceleration_voltage)
