@@ -14,6 +14,7 @@ from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.linear import Group
 from raccoon.diagnose.fit.problem import Point
 from raccoon.diagnose.select.gates import EVIDENCE_GATE, MANY, gates, rarity
+from raccoon.diagnose.select.one_way import same_one_way
 from raccoon.diagnose.select.outlook import Rival, Search, lead
 from raccoon.diagnose.select.refits import delay_alike, first_guess, shared_lags
 from raccoon.diagnose.select.sets import Sets, apart
@@ -27,6 +28,10 @@ FORETOLD = 20.0
 """Log evidence that a rival may lack by the linear model, to be truly fitted."""
 SIMILAR = 0.45
 """Cosine from which it is truly fitted as well."""
+FARTHEST = 30.0
+"""Widths from which what would have to be that far off is no rival, however much alike: where no reading
+shows a cause, as without a gyro a wheel's radius, its column of next to nothing is like any other, and
+thousands of its widths took the places of those that act."""
 MOST_RIVALS = 4
 FEWEST_RIVALS = 2
 """Most alike ones that are truly fitted however little alike they are: in a creeping drive friction that
@@ -170,6 +175,7 @@ def _exchanged(search: Search) -> Iterator[tuple[str, str, Point]]:
         less, whole = point.without_cause(name), name.partition("@")[0]
         if whole != name and whole in search.problem.causes and apart(whole, less.active):
             near[whole] = less.with_cause(whole, u)
+        near |= dict(same_one_way(search.problem, point, name))
         yield from ((name, rival, start) for rival, start in near.items())
 
 
@@ -187,6 +193,8 @@ def alike(search: Search, name: str, least: float, most: int, fewest: int = 0) -
             continue
         matrix = whole.matrix[np.ix_(span, span)] + 1e-9 * np.eye(len(span))
         moved = np.asarray(np.linalg.solve(matrix, pull[span]), float)
+        if np.abs(moved).max() > FARTHEST:
+            continue
         cosine = float(np.sqrt(max(pull[span] @ moved, 0.0) / size))
         if cosine > 0.0 and not (group.one_sided and moved[0] <= 0.0):
             found.append((-cosine, group, moved))

@@ -1,0 +1,97 @@
+"""More friction, friction by direction and a slope are one torque to a drive one way."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from raccoon.diagnose.fit.problem import Point, Problem
+from raccoon.diagnose.select import one_way, rivals
+from raccoon.diagnose.select.one_way import ALIKE, same_one_way, way_of
+from raccoon.diagnose.select.outlook import Search
+from raccoon.diagnose.select.rivals import _exchanged
+from raccoon.diagnose.select.sets import Sets
+
+
+def driven(*readings: tuple[float, float]) -> Any:
+    """Features of two wheels that read from one number to another."""
+    measured = np.stack([np.linspace(low, high, 200) for low, high in readings], axis=1)
+    return SimpleNamespace(roles=("bemf_left", "bemf_right"), measured=measured)
+
+
+@pytest.mark.parametrize(
+    ("readings", "way"),
+    [
+        ([(-2.0, 900.0), (0.0, 700.0)], 1),
+        ([(-900.0, 3.0), (-700.0, 0.0)], -1),
+        ([(-300.0, 900.0), (0.0, 700.0)], 0),
+        ([(-900.0, 3.0), (0.0, 700.0)], 0),
+    ],
+)
+def test_the_way_of_a_drive_is_that_of_both_wheels(readings: list[tuple[float, float]], way: int) -> None:
+    assert way_of(driven(*readings)) == way
+
+
+def held_back(problem: Problem, point: Point, way: int) -> float:
+    """N m against a robot that drives that way."""
+    there = problem.settings(point)
+    friction = there["friction.coulomb", "left", "torque"]
+    lean = there["friction.direction_dependent", "left", "asymmetry"]
+    return friction * (1.0 + way * lean) - way * there["drive.slope", None, "along_x"]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize("name", ALIKE)
+def test_each_of_them_is_as_much_torque_as_the_one_in_whose_place_it_stands(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch, name: str, way: int
+) -> None:
+    monkeypatch.setattr(one_way, "way_of", lambda _: way)
+    u = np.zeros(problem.causes[name].size)
+    u[0] = 0.3
+    point = problem.nominal().with_cause(name, u)
+    found = dict(same_one_way(problem, point, name))
+    assert set(found) == set(ALIKE) - {name}
+    torque = held_back(problem, point, way)
+    assert abs(torque - held_back(problem, problem.nominal(), way)) > 0.005
+    for other in found.values():
+        assert held_back(problem, other, way) == pytest.approx(torque, abs=1e-4)
+
+
+def test_a_drive_both_ways_tells_them_apart(problem: Problem) -> None:
+    point = problem.nominal().with_cause("drive.slope", np.array([0.3, 0.0]))
+    assert way_of(problem.features) == 0
+    assert list(same_one_way(problem, point, "drive.slope")) == []
+
+
+def test_they_are_tried_in_each_others_place(searching: Search, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though straight lines lead from none to another."""
+    monkeypatch.setattr(one_way, "way_of", lambda _: 1)
+    monkeypatch.setattr(rivals, "alike", lambda *_: {})
+    monkeypatch.setattr(rivals, "_losing_least", lambda *_: {})
+    assert {rival for _, rival, _ in _exchanged(searching)} == set(ALIKE) - {"drive.slope"}
+
+
+@pytest.fixture
+def searching(problem: Problem, monkeypatch: pytest.MonkeyPatch) -> Search:
+    """A slope that was named."""
+    point = problem.nominal().with_cause("drive.slope", np.array([-0.5, 0.0]))
+    monkeypatch.setattr(Sets, "of", lambda _: None)
+    return cast(Search, SimpleNamespace(problem=problem, fit=SimpleNamespace(point=point)))
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-9])
+def test_what_no_reading_shows_is_no_rival(problem: Problem, size: float) -> None:
+    """Without a gyro a wheel's radius has next to no column, as like to any other as none is."""
+    name, other = "drive.slope", "drive.wheel_radius@left"
+    whole = np.array([[1.0, 0.0, size], [0.0, 1.0, 0.0], [size, 0.0, size**2]])
+    group = SimpleNamespace(name=other, one_sided=False, start=(), points=((1.0,),))
+    table = SimpleNamespace(
+        whole=SimpleNamespace(matrix=whole), active={name: slice(0, 2)}, off=[(group, [2])]
+    )
+    point = problem.nominal().with_cause(name, np.array([0.8, 0.0]))
+    search: Any = SimpleNamespace(problem=problem, table=table, fit=SimpleNamespace(point=point))
+    found = rivals.alike(search, name, 0.45, 4)
+    assert set(found) == ({other} if size == 1.0 else set())
