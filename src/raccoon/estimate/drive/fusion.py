@@ -33,6 +33,9 @@ LOST = 2.0
 """m and rad: anywhere on a table, facing anywhere."""
 RELEARN = 0.05
 """Deviation that both scales get where they turn out wrong."""
+WRONG_BLAME = 0.3
+"""Deviation of the way while a wheel is not believed, of what the other choice would make it: one in ten such
+choices is wrong, as where somebody turns the robot by hand or another robot pushes it."""
 MOST_RELEARNT = 5
 """How often they get it: the truth is found in two or three."""
 
@@ -96,7 +99,7 @@ class Fusion:
         """Whether the robot may have stood in the last step though its wheels turned."""
         self._settings = settings
         self._half_a_turn = 0.5 * self.geometry.track_width / self.geometry.wheel_radius
-        self._travel = 0.0
+        self._travel = self._blamed = 0.0
         self._relearnt = 0
         self._steps: deque[Step] = deque(maxlen=KEPT_STEPS)
 
@@ -145,6 +148,8 @@ class Fusion:
                 reading = replace(reading, swing=0.0, wobble=reading.wobble + doubt)
                 self._take(reading)
             slip.calm(reading.span, max(map(abs, reading.values[:2])) > RESTING_SPEED)
+            if slip.wheel is None:
+                self._blamed = 0.0
             return reading
         self.drive.flat = before
         if repeated_gyro:
@@ -169,9 +174,12 @@ class Fusion:
         scales = reading.held == 0.0 and explained(2.0 * self._half_a_turn * turn, *speeds)
         blamed = self.slip.blame(reading.span, innovation, *speeds, scales)
         of_left, of_right, of_gyro = reading.variances
+        before = self._blamed
+        self._blamed += WRONG_BLAME * self.geometry.track_width * abs(innovation) * reading.span
+        held = reading.held + self._blamed**2 - before**2
         if blamed == "left":
-            return replace(reading, variances=(of_left + DOUBTED, of_right, of_gyro))
-        return replace(reading, variances=(of_left, of_right + DOUBTED, of_gyro))
+            return replace(reading, variances=(of_left + DOUBTED, of_right, of_gyro), held=held)
+        return replace(reading, variances=(of_left, of_right + DOUBTED, of_gyro), held=held)
 
     def _take(self, reading: Reading) -> Flat:
         span, values, variances = reading.span, reading.values, reading.variances
