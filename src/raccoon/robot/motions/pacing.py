@@ -27,6 +27,10 @@ REST_SPEED = 0.02
 REST_RATE = 0.12
 # S that a wheel may be driven without turning before the motion gives up.
 STALL_PATIENCE = 0.4
+# S that the profile waits for a robot that stays where it is, such as one that spins a wheel at a wall and
+# would have to turn; and which part of what it may be behind is away from there (also backwards, where it was
+# pushed: it comes again).
+HELD_PATIENCE, AWAY = 2.0, 0.25
 
 CLOSING_IN, WIDENING, MOST_TOLERANCE = 1.0, 0.25, 4.0
 """S after its profile in which a motion keeps to its tolerance; s in which that grows by itself from then on;
@@ -83,8 +87,9 @@ class MotionResult:
 class Pace:
     """Walks a profile in time, waiting for a robot that cannot keep up.
 
-    lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up; twice the profile and
-    2 s where it is None. planned: see MotionResult. what: the motion, for messages; a "turn" is in rad.
+    lag_limit: how far the robot may be behind (m or rad). timeout: s until it gives up, which it also does
+    where the robot stays where it is; twice the profile and 2 s where it is None. planned: see MotionResult.
+    what: the motion, for messages; a "turn" is in rad.
     """
 
     def __init__(
@@ -104,7 +109,8 @@ class Pace:
         self._allowed = 2.0 * profile.duration + 2.0 if timeout is None else timeout
         self._walk, self._from = profile, 0.0  # what it walks now, and how far along that began
         self._time = 0.0
-        self._stalled = 0.0
+        self._stalled = self._waited = 0.0
+        self._there = 0.0
         self.begin = robot.time
         self._start = robot.estimate.distance
         self.saturated = False
@@ -139,13 +145,25 @@ class Pace:
                 elif sign * (state.position - here) < self._lag_limit:
                     # The whole of it also after a pause: the motors went on with their last command.
                     self._time += passed
+                else:
+                    self._wait(passed, here)
                 last = robot.time
                 self.finished = self._time >= self._walk.duration
-                if robot.time - self.begin > self._allowed or self._stalled > STALL_PATIENCE:
+                if robot.time - self.begin > self._allowed or self._gives_up:
                     raise MotionTimeout(self._explain(progress()))
         finally:
             robot.drive.stop()
             robot.plan = place(progress())
+
+    def _wait(self, passed: float, progress: float) -> None:
+        """Another `passed` s behind the profile; what counts are those since it moved."""
+        self._waited += passed
+        if abs(progress - self._there) > AWAY * self._lag_limit:
+            self._there, self._waited = progress, 0.0
+
+    @property
+    def _gives_up(self) -> bool:
+        return self._stalled > STALL_PATIENCE or self._waited > HELD_PATIENCE
 
     def may_end(self, off: float, tolerance: float | None) -> bool:
         """Whether the robot rests near enough to its goal, which is `off` m (turn: rad) away.

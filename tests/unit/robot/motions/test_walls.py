@@ -160,6 +160,17 @@ def test_a_motion_that_ends_at_a_wall_says_that_it_did_not_arrive(
         assert away.arrived
 
 
+def test_a_path_whose_corner_lies_behind_a_wall_is_given_up_at_the_wall() -> None:
+    """Not after twice the time of the whole path, spinning its wheels: 38 s of a match of 120."""
+    config = RobotConfig()
+    with open_robot(config, port=opened(config, None, ahead(0.1 + config.body.front))) as robot:
+        robot.run(wait(0.6))
+        begin = robot.time
+        with pytest.raises(MotionTimeout, match="path not done"):
+            robot.run(follow_path([(0.3, 0.0), (0.3, 0.6), (0.0, 0.6), (0.0, 1.2)]))
+        assert robot.time - begin < 6.0
+
+
 @pytest.mark.parametrize("firmware", [*KINDS, None])
 def test_a_motion_that_nothing_holds_arrived(firmware: Firmware | None) -> None:
     config = RobotConfig()
