@@ -22,9 +22,10 @@ from raccoon.sim.effects.chain import Chain
 WORTH_SAYING = 0.004
 """s, from which on the window of encoders is said: half of it would be a latency to no team."""
 MOMENT = 0.08
-"""Share of a battery's resistance that a filtered reading leaves open. The sag of a reversal decays with the
-wheels, in some 30 ms, and a converter may sample it at any moment of a row of 5 ms: by readings from a row's
-beginning a resistance was 16 % larger than by those from its end, which the simulated ones are."""
+"""Share of a battery's resistance that a reading leaves open where nobody knows when in a row, and in which
+of a motor's pauses, it was taken. The sag of a reversal decays with the wheels, in some 30 ms: by readings
+from the beginning of a row of 5 ms a resistance was 16 % larger than by those from its end, which the
+simulated ones are; by readings that see no pause it is a ninth larger."""
 PAST = (
     "each row's command is taken for what was in force until then, not from then on, as the readings answer"
 )
@@ -43,14 +44,13 @@ def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> t
 
 def less_sure(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
     """Causes; a battery's resistance with what is not known of when it is read."""
-    if habits.chain.battery_time_constant not in SLOW_BATTERY:
-        return tuple(causes)
-    return tuple(_less_sure(each) if each.id == RESISTANCE[0] else each for each in causes)
+    share = MOMENT if not habits.knows_battery or habits.firmware is None else habits.firmware.sag
+    return tuple(_less_sure(each, share) if each.id == RESISTANCE[0] else each for each in causes)
 
 
-def _less_sure(cause: CauseResult) -> CauseResult:
+def _less_sure(cause: CauseResult, share: float) -> CauseResult:
     wider = {
-        name: replace(number, std=math.hypot(number.std, MOMENT * number.value))
+        name: replace(number, std=math.hypot(number.std, share * number.value))
         for name, number in cause.parameters.items()
     }
     return replace(cause, parameters=wider)

@@ -55,6 +55,7 @@ class RaccoonChip:
         self._next_analog = self._next_imu = 0.0
         self._analog = [0] * ANALOG_PORTS
         self._battery = 0
+        self._volt_seconds = self._seconds = 0.0  # of the battery since its last word
         self._imu = _IMU.pack(*(0,) * 33)
         self._measured = [0.0] * MOTOR_PORTS
         self._turn = 0  # whose turn it is to be measured
@@ -129,6 +130,8 @@ class RaccoonChip:
             for port, motor in enumerate(self.motors.motors)
         )
         self._board.advance(seconds, drives)
+        self._volt_seconds += seconds * self._board.state.battery_voltage
+        self._seconds += seconds
         self._heading += self._board.state.gyro[2] * seconds
         return seconds
 
@@ -147,11 +150,13 @@ class RaccoonChip:
 
     def _main_loop(self) -> None:
         self._motor_words = self._read_motors()
-        if self._clock >= self._next_analog:
+        if self._clock >= self._next_analog and self._seconds > 0.0:
             self._next_analog += ANALOG_SECONDS
             deviation = ANALOG_NOISE / math.sqrt(ANALOG_AVERAGED)
             self._analog = [self._board.analog(port, deviation) for port in range(ANALOG_PORTS)]
-            self._battery = self._board.battery()
+            # All conversions since are averaged, so it sags as the mean current has it, over motors' pauses.
+            self._battery = self._board.battery(self._volt_seconds / self._seconds)
+            self._volt_seconds = self._seconds = 0.0
         if self._clock >= self._next_imu:
             self._next_imu += IMU_SECONDS
             self._read_imu()

@@ -371,6 +371,25 @@ class StruckPlant(ConstantPlant):
         return state._replace(accel=(-lost / seconds, 0.0, 9.80665))
 
 
+class SaggingPlant(ConstantPlant):
+    """Its battery has 100 counts less for each of four motors that is driven."""
+
+    def advance(self, seconds: float, drives: tuple[Drive, ...]) -> PlantState:
+        self.battery_counts = 900.0 - 100.0 * sum(drive is not None for drive in drives)
+        return super().advance(seconds, drives)
+
+
+def test_the_battery_of_raccoon_os_sags_as_the_mean_over_the_pauses_has_it() -> None:
+    """Some 50 conversions are averaged, of which a tenth see each motor coast."""
+    chip = Chip(SaggingPlant(), 17)
+    command = raccoon_commands.encode(Outputs(duty=(1.0, 1.0, 1.0, 1.0)), 17)
+    words = []
+    for _ in range(200):
+        chip.wait(0.005)
+        words.append(raccoon.decode(chip.ask(command), 17).battery)
+    assert sum(words[10:]) / 190 == pytest.approx(900.0 - 400.0 * (1.0 - 544e-6 * 181.0), abs=2.0)
+
+
 @pytest.mark.parametrize("late", [0.0, 0.0013, 0.0026, 0.0039])
 def test_the_accelerometer_shows_a_blow_between_two_of_its_readings(late: float) -> None:
     """Its low-pass spreads a blow over 10 ms, and keeps its sum but for what lies between two readings."""
