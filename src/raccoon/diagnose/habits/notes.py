@@ -44,7 +44,8 @@ def notes_of(habits: Habits, causes: Sequence[CauseResult], spread: Spread) -> t
 
 def less_sure(causes: Sequence[CauseResult], habits: Habits) -> tuple[CauseResult, ...]:
     """Causes; a battery's resistance with what is not known of when it is read."""
-    share = MOMENT if not habits.knows_battery or habits.firmware is None else habits.firmware.sag
+    firmware = habits.firmware if habits.knows_battery else None
+    share = MOMENT if firmware is None else firmware.sag
     return tuple(_less_sure(each, share) if each.id == RESISTANCE[0] else each for each in causes)
 
 

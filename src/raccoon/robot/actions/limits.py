@@ -9,7 +9,7 @@ from numbers import Real
 from typing import Any
 
 from raccoon.core.readings import ANALOG_FULL_SCALE
-from raccoon.core.schema import BATTERY_VOLTAGE
+from raccoon.core.schema import BATTERY_VOLTAGE, shown
 from raccoon.core.sections import RATE, SPEED
 
 LONGEST = 10.0
@@ -164,17 +164,12 @@ def check_counts(counts: float, beyond: float) -> None:
         _refuse("counts", counts, allowed)
 
 
-def shortened(text: str, most: int = 80) -> str:
-    """The beginning of a text that would bury the rest of a message."""
-    return text if len(text) <= most else f"{text[: most - 3]}..."
-
-
 def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
     """Raise TypeError where `value` is of another kind; functions that were not called are named."""
     if isinstance(value, kind):
         return
     name = getattr(value, "__name__", None)
-    what = f"the function {name}" if callable(value) and name else shortened(repr(value))
+    what = f"the function {name}" if callable(value) and name else shown(value)
     if inspect.isgenerator(value):
         what = f"what the function {name} yields"
         hint = f"{hint}: give the function itself, Action('{name}', {name}), or write seq() instead of yield"

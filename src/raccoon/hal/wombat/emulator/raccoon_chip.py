@@ -150,6 +150,7 @@ class RaccoonChip:
 
     def _main_loop(self) -> None:
         self._motor_words = self._read_motors()
+        # (Seconds are 0 where Ctrl-C cut the loop off after this, and it is done again.)
         if self._clock >= self._next_analog and self._seconds > 0.0:
             self._next_analog += ANALOG_SECONDS
             deviation = ANALOG_NOISE / math.sqrt(ANALOG_AVERAGED)
