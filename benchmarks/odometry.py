@@ -368,9 +368,8 @@ def recorded(_: int) -> None:
         )
 
 
-def _gyro_step(each: Any) -> None:
-    each.predict(0.005)
-    each.update_gyro(0.1, 1e-5)
+def _wheels_step(each: Any) -> None:
+    each.step(0.005, (4.0, 4.5), (1e-3, 1e-3), 2.0, 1e-3)
 
 
 def _whole_step(each: Any) -> None:
@@ -403,7 +402,7 @@ def times(_: int) -> None:
     geometry = DriveGeometry.from_robot(robot)
     parts = (*prior(robot, settings, SIMULATOR), geometry, process_noise(robot, settings, 0.003))
     steps = {
-        "one reading, the gyro": _gyro_step,
+        "two readings at once": _wheels_step,
         "three readings at once": _whole_step,
     }
     print(f"\npredict and update, {SIZE} states; asked: at most a quarter of filterpy, equal to 1e-9")

@@ -63,29 +63,22 @@ class ReferenceFilter:
     def step(
         self,
         dt: float,
-        read: tuple[float, float, float],
-        variances: tuple[float, float, float],
+        read: tuple[float, ...],
+        variances: tuple[float, ...],
         swing: float,
         wobble: float = 0.0,
     ) -> None:
-        """Move on and take wheels and gyro."""
+        """Move on and take both wheels and, where it is there, the gyro."""
         self.predict(dt)
-        self._update(np.array(read), together(variances, wobble), slice(0, 3), swing)
-
-    def step_wheels(
-        self,
-        dt: float,
-        read: tuple[float, float],
-        variances: tuple[float, float],
-        wobble: float = 0.0,
-    ) -> None:
-        """Move on and take the wheels."""
-        self.predict(dt)
-        self._update(np.array(read), together(variances, wobble), slice(0, 2))
-
-    def update_gyro(self, gyro: float, variance: float) -> None:
-        """Take a gyro reading alone."""
-        self._update(np.array([gyro]), np.array([[variance]]), slice(2, 3))
+        count, geometry, ekf = len(read), self.geometry, self._ekf
+        if count < 3:
+            swing = 0.0
+        ekf.update(
+            np.array(read),
+            lambda x: drive_model.readings_jacobian(x, geometry, swing)[:count],
+            lambda x: drive_model.readings(x, geometry, swing)[:count],
+            R=together(variances, wobble),
+        )
 
     def still(self, velocity_variance: float, turn_rate_variance: float) -> None:
         """Take it that the robot does not move."""
@@ -96,18 +89,3 @@ class ReferenceFilter:
 
     def _predict_state(self, _: object = 0) -> None:
         self._ekf.x = drive_model.moved(self._ekf.x, self._dt)
-
-    def _update(
-        self,
-        measured: Array,
-        noise: Array,
-        rows: slice,
-        swing: float = 0.0,
-    ) -> None:
-        geometry = self.geometry
-        self._ekf.update(
-            measured,
-            lambda x: drive_model.readings_jacobian(x, geometry, swing)[rows],
-            lambda x: drive_model.readings(x, geometry, swing)[rows],
-            R=noise,
-        )

@@ -45,12 +45,11 @@ def random_step(drive: DriveFilter, random: np.random.Generator) -> None:
     if kind < 6:
         drive.step(dt, (left, right, rate), tuple(variances), 10.0 * rate, wobble)
     elif kind < 8:
-        drive.step_wheels(dt, (left, right), tuple(variances[:2]), wobble)
+        drive.step(dt, (left, right), tuple(variances[:2]), 10.0 * rate, wobble)
     elif kind < 9:
         drive.still(1e-8, 1e-8)
     else:
         drive.predict(dt)
-        drive.update_gyro(rate, variances[2])
 
 
 def test_random_steps_never_lose_symmetry_or_definiteness() -> None:

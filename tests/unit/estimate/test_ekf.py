@@ -47,8 +47,8 @@ def test_generated_filter_equals_filterpy_over_a_drive() -> None:
         left, right, gyro = (float(each) for each in generator.normal([4.0, 4.5, 0.3], [1.0, 1.0, 0.5]))
         swing = float(generator.normal(0.0, 5.0))
         if cycle % 7 == 3:
-            fast.step_wheels(dt, (left, right), (0.01, 0.02), 0.03)
-            stock.step_wheels(dt, (left, right), (0.01, 0.02), 0.03)
+            fast.step(dt, (left, right), (0.01, 0.02), swing, 0.03)
+            stock.step(dt, (left, right), (0.01, 0.02), swing, 0.03)
         else:
             fast.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), swing, 0.03)
             stock.step(dt, (left, right, gyro), (0.01, 0.02, 1e-5), swing, 0.03)
@@ -58,8 +58,6 @@ def test_generated_filter_equals_filterpy_over_a_drive() -> None:
         if cycle % 13 == 5:
             fast.predict(dt)
             stock.predict(dt)
-            fast.update_gyro(gyro, 1e-4)
-            stock.update_gyro(gyro, 1e-4)
         assert_same(fast, stock)
 
 

@@ -154,7 +154,9 @@ class Fusion:
         self.drive.flat = before
         if repeated_gyro:
             reasons.tell("the gyro is frozen", time)
-            reading = replace(reading, values=reading.values[:2], variances=reading.variances[:2])
+            reading = replace(
+                reading, values=reading.values[:2], variances=reading.variances[:2], undated=0.0
+            )
         elif slip.scales_are_wrong and self._relearnt < MOST_RELEARNT:
             reasons.tell("the wheels' scales do not fit the gyro", time, 1.0)
             slip.start_again()
@@ -188,12 +190,10 @@ class Fusion:
             return ()
         if reading.held > 0.0:
             self.drive.widen_along(reading.held)
-        if len(values) == 3:
-            found = self.drive.step(span, values, variances, reading.swing, reading.wobble)  # type: ignore[arg-type]
-            if reading.undated > 0.0:
-                self.drive.widen((State.HEADING,), reading.undated)
-            return found
-        return self.drive.step_wheels(span, values, variances, reading.wobble)  # type: ignore[arg-type]
+        found = self.drive.step(span, values, variances, reading.swing, reading.wobble)
+        if reading.undated > 0.0:
+            self.drive.widen((State.HEADING,), reading.undated)
+        return found
 
     def _bridge(self, reading: Reading, now: tuple[float, float]) -> None:
         """Move on by the counters over a time in which nobody looked."""

@@ -113,62 +113,38 @@ class DriveFilter:
 
     def predict(self, dt: float) -> None:
         """Move on by dt s with nothing read."""
-        self.flat, _ = generated.predict(self.flat, dt, *self._noise(dt))
+        self.flat = generated.predict(self.flat, dt, *self._noise(dt))
 
     def step(
         self,
         dt: float,
-        read: tuple[float, float, float],
-        variances: tuple[float, float, float],
+        read: tuple[float, ...],
+        variances: tuple[float, ...],
         swing: float,
         wobble: float = 0.0,
     ) -> Flat:
-        """Move on by dt s and take left wheel, right wheel (rad/s, nominal scale) and gyro (rad/s): means
-        over dt.
+        """Move on by dt s and take left wheel, right wheel (rad/s, nominal scale) and, where it is there, the
+        gyro (rad/s): means over dt.
 
         swing: rad/s2, how fast the turn rate changes; it says how far the gyro's delay can be seen. wobble:
         variance that either wheel's reading has besides, as much up as the other one's down.
         Gives innovation and its variance of left, right, gyro in turn, each after those before it.
         """
-        left, right, gyro = read
-        v = variances
-        noise = self._noise(dt)
-        self.flat, innovations = generated.step(
+        gyro, of_gyro = None, 0.0
+        if len(read) == 3:
+            gyro, of_gyro = read[2], variances[2]
+        else:
+            swing = 0.0
+        self.predict(dt)
+        self.flat, innovations = generated.update(
             self.flat,
-            dt,
-            *noise,
-            left,
-            v[0],
-            right,
-            v[1],
+            read[0],
+            variances[0],
+            read[1],
+            variances[1],
             gyro,
-            v[2],
+            of_gyro,
             swing,
-            wobble,
-            self._radius,
-            self._half_track,
-        )
-        return innovations
-
-    def step_wheels(
-        self,
-        dt: float,
-        read: tuple[float, float],
-        variances: tuple[float, float],
-        wobble: float = 0.0,
-    ) -> Flat:
-        """Move on by dt s and take both wheels; there is no gyro reading."""
-        left, right = read
-        v = variances
-        self.flat, innovations = generated.step_wheels(
-            self.flat,
-            dt,
-            *self._noise(dt),
-            left,
-            v[0],
-            right,
-            v[1],
-            0.0,
             wobble,
             self._radius,
             self._half_track,
@@ -203,14 +179,9 @@ class DriveFilter:
         self.flat = flattened(mean, P)
         return travel
 
-    def update_gyro(self, gyro: float, variance: float) -> Flat:
-        """Take a gyro reading alone."""
-        self.flat, innovations = generated.update_gyro(self.flat, gyro, variance)
-        return innovations
-
     def still(self, velocity_variance: float, turn_rate_variance: float) -> None:
         """Take it that the robot does not move."""
-        self.flat, _ = generated.update_still(self.flat, 0.0, velocity_variance, 0.0, turn_rate_variance)
+        self.flat = generated.update_still(self.flat, velocity_variance, turn_rate_variance)
 
     def observe(
         self,

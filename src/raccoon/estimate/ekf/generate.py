@@ -32,7 +32,11 @@ PROCESS_NOISE = {
     State.BALANCE: "q_scale",
     State.WHEEL_TURN: "q_scale",
 }
-WHEELS = {"left", "right"}
+READ = (
+    "z_left: float, r_left: float, z_right: float, r_right: float, z_gyro: float | None, r_gyro: float, "
+    "swing: float, wobble: float, radius: float, half_track: float"
+)
+STILL = ("velocity", "turn_rate")
 NOISE = {
     "left": "r_left + wobble",
     "right": "r_right + wobble + shared * wobble",
@@ -129,24 +133,41 @@ def predict_lines() -> list[str]:
     return lines
 
 
-def linearise_lines(sensors: Sequence[str]) -> list[str]:
-    """Innovation and Jacobian of every measurement of the step, all at the predicted state."""
-    both = set(sensors) >= WHEELS
-    lines = []
-    if both:
-        lines += ["inverse_radius = 1.0 / radius", "shared = -wobble / (r_left + wobble)"]
-        lines.append(f"wheels_turn = {code(WHEELS_TURN)}")
-        lines.append(f"telling_velocity = velocity if abs(velocity) > {LEAST_VELOCITY} else 0.0")
-        lines.append(f"telling_turn = wheels_turn if abs(turn_rate) > {LEAST_TURN} else 0.0")
-    if "gyro" in sensors:
-        lines.append(f"telling_rate = turn_rate if abs(turn_rate) > {LEAST_TURN} else 0.0")
-    for sensor in sensors:
-        inverse = reading(sensor)
-        lines.append(f"y_{sensor} = z_{sensor} - ({code(short(inverse))})")
-        for symbol, name in slopes(sensor).items():
-            if name != "1":
-                lines.append(f"{name} = {slope_code(sensor, symbol)}")
-    return [*lines, "y_right -= shared * y_left"] if both else lines
+def wheels_lines() -> list[str]:
+    """Both wheels' innovations and Jacobians, at the predicted state, and their updates."""
+    return [
+        "inverse_radius = 1.0 / radius",
+        "shared = -wobble / (r_left + wobble)",
+        f"wheels_turn = {code(WHEELS_TURN)}",
+        f"telling_velocity = velocity if abs(velocity) > {LEAST_VELOCITY} else 0.0",
+        f"telling_turn = wheels_turn if abs(turn_rate) > {LEAST_TURN} else 0.0",
+        *linearise_lines("left"),
+        *linearise_lines("right"),
+        "y_right -= shared * y_left",
+        *update_lines("left", True),
+        *update_lines("right", False),
+        "innovations: Flat = (y_left, s_left, y_right, s_right)",
+    ]
+
+
+def gyro_lines() -> list[str]:
+    """The gyro's update, where it has read; the state is still the predicted one."""
+    lines = [
+        f"telling_rate = turn_rate if abs(turn_rate) > {LEAST_TURN} else 0.0",
+        *linearise_lines("gyro"),
+        *update_lines("gyro", False),
+        "innovations = (*innovations, y_gyro, s_gyro)",
+    ]
+    return ["if z_gyro is not None:", *(f"    {line}" for line in lines)]
+
+
+def linearise_lines(sensor: str) -> list[str]:
+    """Innovation and Jacobian of a measurement."""
+    lines = [f"y_{sensor} = z_{sensor} - ({code(short(reading(sensor)))})"]
+    for symbol, name in slopes(sensor).items():
+        if name != "1":
+            lines.append(f"{name} = {slope_code(sensor, symbol)}")
+    return lines
 
 
 def reading(sensor: str) -> Any:
@@ -207,31 +228,17 @@ def update_lines(sensor: str, first: bool) -> list[str]:
     return lines
 
 
-def function(name: str, sensors: Sequence[str], predict: bool, doc: str) -> str:
+def function(name: str, parameters: str, gives: str, doc: str, body: Sequence[str], returned: str) -> str:
     """Source of one function over the flat state."""
-    flat = NAMES + [cov(i, j) for i in range(SIZE) for j in range(i, SIZE)]
-    parameters = ["state: Flat"]
-    if predict:
-        parameters.append("dt: float")
-        parameters += [f"{q}: float" for q in dict.fromkeys(PROCESS_NOISE.values())]
-    for sensor in sensors:
-        parameters += [f"z_{sensor}: float", f"r_{sensor}: float"]
-    if set(sensors) >= WHEELS:
-        parameters += ["swing: float", "wobble: float"]
-        parameters += ["radius: float", "half_track: float"]
-    body = [f"({', '.join(flat)},) = state"]
-    if predict:
-        body += predict_lines()
-    body += linearise_lines(sensors)
-    for number, sensor in enumerate(sensors):
-        body += update_lines(sensor, number == 0)
-    if sensors:
-        body += [f"{each} += d{i}" for i, each in enumerate(NAMES)]
-    innovations = ", ".join(f"y_{sensor}, s_{sensor}" for sensor in sensors)
-    body.append(f"return ({', '.join(flat)}), ({innovations}{',' if innovations else ''})")
-    head = [f"def {name}(", *fill(", ".join(parameters)), ") -> tuple[Flat, Flat]:"]
-    lines = [*head, f'    """{doc}"""']
-    return "\n".join(lines + [wrapped for line in body for wrapped in fill(line)])
+    flat = ", ".join(NAMES + [cov(i, j) for i in range(SIZE) for j in range(i, SIZE)])
+    head = [f"def {name}(", *fill(f"state: Flat, {parameters}"), f") -> {gives}:", f'    """{doc}"""']
+    body = [f"({flat},) = state", *body, f"return ({flat}){returned}"]
+    return "\n".join(head + [wrapped for line in body for wrapped in fill(line)])
+
+
+def moved_lines() -> list[str]:
+    """The state, by what all updates together take it."""
+    return [f"{each} += d{i}" for i, each in enumerate(NAMES)]
 
 
 def fill(line: str) -> list[str]:
@@ -246,8 +253,7 @@ HEADER = '''"""The drive filter's predict and update, unrolled. Written by `ekf/
 model there.
 
 Each function takes and gives the flat state: the named states of `state.State`, then the upper
-triangle of their covariance by rows. A function that updates also gives (innovation, variance of it) of
-each measurement.
+triangle of their covariance by rows. `update` also gives (innovation, variance of it) of each measurement.
 """
 
 from __future__ import annotations
@@ -261,12 +267,26 @@ Flat = tuple[float, ...]
 
 def source() -> str:
     """The whole generated module."""
+    noise = ", ".join(f"{q}: float" for q in dict.fromkeys(PROCESS_NOISE.values()))
+    at_rest = [f"y_{sensor} = 0.0 - {sensor}" for sensor in STILL]
     functions = [
-        function("predict", [], True, "Move on by dt."),
-        function("step", ["left", "right", "gyro"], True, "Move on by dt; both wheels and the gyro read."),
-        function("step_wheels", ["left", "right"], True, "Move on by dt; both wheels read, no gyro."),
-        function("update_gyro", ["gyro"], False, "The gyro reads."),
-        function("update_still", ["velocity", "turn_rate"], False, "The robot stands still."),
+        function("predict", f"dt: float, {noise}", "Flat", "Move on by dt.", predict_lines(), ""),
+        function(
+            "update",
+            READ,
+            "tuple[Flat, Flat]",
+            "Both wheels read, and the gyro where it is not None.",
+            [*wheels_lines(), *gyro_lines(), *moved_lines()],
+            ", innovations",
+        ),
+        function(
+            "update_still",
+            ", ".join(f"r_{sensor}: float" for sensor in STILL),
+            "Flat",
+            "The robot stands still.",
+            [*at_rest, *update_lines("velocity", True), *update_lines("turn_rate", False), *moved_lines()],
+            "",
+        ),
     ]
     return HEADER + "\n\n" + "\n\n\n".join(functions) + "\n"
 
