@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError, RaccoonError
@@ -20,12 +19,10 @@ from raccoon.sim.world.table import World
 from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_twice, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
+from raccoon.sweep.results import Row
 from raccoon.sweep.watch import MatchOver, WatchedPort, wall_limit
 from raccoon.trace.record import already_there
 
-Row = dict[str, Any]
-"""One match: run, seed, status, reason, seconds, x, y, heading, position_error, heading_error, and the value
-of every factor."""
 OK, FAILED, CRASHED = "ok", "failed", "crashed"
 SETTLE = 0.5
 """S after the program's end until the robot stands."""

@@ -20,12 +20,13 @@ from typing import IO, Any
 from raccoon.core.config import BYTE_ORDER_MARK
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
+from raccoon.core.schema import LONGEST, shown
 
 Row = dict[str, Any]
+"""One match: run, seed, status, reason, seconds, x, y, heading, position_error, heading_error, and the value
+of every factor."""
 ENDINGS = (".csv", ".parquet")
 _WHOLE, _TEXT = ("run", "seed"), ("status", "reason")
-DIGEST = 60
-"""Letters from which on a value is a digest, or too long to show."""
 GROWTH = 1.25
 """A .parquet is written anew when so many times as many rows are there, so that its cost stays linear."""
 
@@ -99,8 +100,9 @@ class Results:
             ) from None
         for name in wanted:
             if name != "end" and found.get(name) != wanted[name]:
-                known, own = _short(found.get(name)), _short(wanted[name])
-                what = f"{name}: {known}, and not {own}" if len(known + own) < 2 * DIGEST else name
+                known, own = shown(found.get(name)), shown(wanted[name])
+                # Two that are both cut are digests, or look alike.
+                what = f"{name}: {known}, and not {own}" if len(known + own) < 2 * LONGEST else name
                 raise ConfigError(
                     f"{self.path} is the result of a sweep with another {what}; choose another file"
                 )
@@ -218,8 +220,3 @@ def _pyarrow(path: Path) -> Any:
     except ImportError:
         raise ConfigError(f"{path}: Parquet needs pyarrow: pip install pyarrow, or choose .csv") from None
     return pyarrow
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= DIGEST else text[: DIGEST - 3] + "..."

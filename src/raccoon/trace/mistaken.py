@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from raccoon.core.errors import TraceError
+from raccoon.core.schema import shown
 
 TAKEN = "recordings are traces (.jsonl.gz), CSV with a column t (the time in s), MCAP (.mcap) and EMPS (.mat)"
 OTHERS: Mapping[str, str] = {
@@ -22,7 +23,6 @@ OTHERS: Mapping[str, str] = {
 SWEEP_HEADER = "run,seed,status,"
 SEPARATORS = (",", ";", "\t")
 KIND_BYTES = 4096
-SHOWN = 40
 MOST_ODD = 4
 """Letters of a header that are no UTF-8: an old program may have written a few."""
 
@@ -46,9 +46,7 @@ def csv_separator(path: Path) -> str:
     if text.startswith(SWEEP_HEADER):
         raise TraceError(f"it seems to be the table of a sweep; {TAKEN}")
     if path.suffix != ".csv" and "," not in text:
-        begin = text.strip()
-        shown = begin if len(begin) <= SHOWN else f"{begin[:SHOWN]}..."
-        raise TraceError(f"it seems to be a text that begins with {shown!r}; {TAKEN}")
+        raise TraceError(f"it seems to be a text that begins with {shown(text.strip())}; {TAKEN}")
     return SEPARATORS[0]
 
 

@@ -7,7 +7,8 @@ import shlex
 from collections.abc import Sequence
 
 from raccoon.sweep.factors import Factor
-from raccoon.sweep.match import OK, Match, Row
+from raccoon.sweep.match import OK, Match
+from raccoon.sweep.results import Row
 from raccoon.sweep.summary import Sensitivity, Summary, summary
 
 MOST = 3
