@@ -21,15 +21,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.files import replacing
 from raccoon.trace.format import Event
 from raccoon.trace.mistaken import csv_separator
-from raccoon.trace.recording import (
-    DUTY,
-    EVENT,
-    SURFACE,
-    Recording,
-    allowed_instead,
-    check_unit_of_duty,
-    mistaken_duty,
-)
+from raccoon.trace.recording import EVENT, SURFACE, DutiesBeyond, Recording, allowed_instead
 from raccoon.trace.rows import Rows
 
 MAX_BYTES = 1 << 30
@@ -75,7 +67,7 @@ class _Reader:
         self._count = 0
         self._backward = 0
         self._words: dict[str, int] = {}  # of columns of others: how many lines hold no number
-        self._beyond: dict[str, tuple[int, float]] = {}  # duties beyond -1..1: how many, the largest
+        self._beyond = DutiesBeyond()
 
     def recording(self) -> Recording:
         rows = iter(self._rows)
@@ -92,8 +84,7 @@ class _Reader:
             raise TraceError(
                 f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
             )
-        for name, (bad, largest) in self._beyond.items():
-            check_unit_of_duty(name, bad, self._count, largest)
+        self._beyond.check(self._count)
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
         return Recording(found, self._events, problems=self._problems)
@@ -147,9 +138,9 @@ class _Reader:
         text = self._with_point(cell) if self._commas and _of_numbers(name, cell) else cell
         value, allowed = _parse(name, text)
         if value is None:
-            if DUTY.fullmatch(name) and (wrong := _number(text)) is not None:
-                bad, largest = self._beyond.get(name, (0, 0.0))
-                self._beyond[name] = bad + 1, max(largest, abs(wrong))
+            wrong = _number(text)
+            if wrong is not None:
+                self._beyond.take(name, wrong)
             blank = "" if name == "t" else " and blank"
             if not _of_numbers(name, cell):
                 self._words[name] = self._words.get(name, 0) + 1
@@ -183,9 +174,8 @@ class _Reader:
             raise TraceError(said)
         self._problems.append(said)
         if len(self._problems) > MAX_PROBLEMS:
-            largest = max((each for _, each in self._beyond.values()), default=0.0)
-            duty = f"; commands reach {largest:g}: {mistaken_duty(largest)}" if self._beyond else ""
-            raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {self._problems[0]}{duty}")
+            said = "; ".join(filter(None, (self._problems[0], self._beyond.guess())))
+            raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {said}")
 
 
 def _header(names: list[str] | str) -> list[str]:

@@ -25,7 +25,7 @@ from raccoon.core.files import replacing
 from raccoon.core.readings import SI_WORDS
 from raccoon.trace.decode import MAX_TEXT
 from raccoon.trace.format import Event
-from raccoon.trace.recording import DUTY, EVENT, Column, Recording, allowed_instead, check_unit_of_duty
+from raccoon.trace.recording import EVENT, Column, DutiesBeyond, Recording, allowed_instead
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -175,7 +175,7 @@ class _Rows:
         self._ours = False
         self._count = 0
         self._tick = 1.0
-        self._beyond: dict[str, tuple[int, float]] = {}  # duties beyond -1..1: how many, the largest
+        self._beyond = DutiesBeyond()
 
     def take(self, record: Any) -> None:
         from mcap.records import Channel, Header, Message, Metadata
@@ -210,9 +210,7 @@ class _Rows:
             row[topic] = value
             return
         self._report(f"topic {topic}: {value:g}: allowed are {allowed} and blank")
-        if DUTY.fullmatch(topic):
-            bad, largest = self._beyond.get(topic, (0, 0.0))
-            self._beyond[topic] = bad + 1, max(largest, abs(value))
+        self._beyond.take(topic, value)
 
     def _report(self, problem: str) -> None:
         if len(self.problems) < MAX_PROBLEMS:
@@ -229,8 +227,7 @@ class _Rows:
         return worth
 
     def recording(self) -> Recording:
-        for topic, (bad, largest) in self._beyond.items():
-            check_unit_of_duty(topic, bad, len(self._rows), largest)
+        self._beyond.check(len(self._rows))
         keys = sorted(self._rows.keys() | {key for key, _ in self._texts})
         if not keys:
             raise TraceError('there is no JSON message {"value": ...} in it')

@@ -156,16 +156,30 @@ def allowed_instead(name: str, value: float) -> str:
     return "numbers from -1 to 1" if DUTY.fullmatch(name) and not -1.0 <= value <= 1.0 else ""
 
 
-def check_unit_of_duty(name: str, beyond: int, rows: int, largest: float) -> None:
-    """Raise TraceError where so many of a command's rows are beyond -1..1 that it has another unit.
+class DutiesBeyond:
+    """Commands that a reader found beyond -1..1: so many of them are of another unit."""
 
-    largest: the size of what is furthest beyond.
-    """
-    if beyond > max(MOST_BEYOND * rows, FEWEST_BEYOND):
-        raise TraceError(
-            f"{name} is beyond -1..1 in {beyond} of {rows} rows and reaches {largest:g}: "
-            f"{mistaken_duty(largest)}"
-        )
+    def __init__(self) -> None:
+        self._sizes: dict[str, list[float]] = {}
+
+    def take(self, name: str, value: float) -> None:
+        """Remember a value that its column does not allow."""
+        if DUTY.fullmatch(name):
+            self._sizes.setdefault(name, []).append(abs(value))
+
+    def guess(self) -> str:
+        """What they seem to be, for a message; "" where there are none."""
+        largest = max((size for sizes in self._sizes.values() for size in sizes), default=None)
+        return "" if largest is None else f"commands reach {largest:g}: {mistaken_duty(largest)}"
+
+    def check(self, rows: int) -> None:
+        """Raise TraceError where so many of a command's rows are that it has another unit."""
+        for name, sizes in self._sizes.items():
+            if len(sizes) > max(MOST_BEYOND * rows, FEWEST_BEYOND):
+                raise TraceError(
+                    f"{name} is beyond -1..1 in {len(sizes)} of {rows} rows and reaches {max(sizes):g}: "
+                    f"{mistaken_duty(max(sizes))}"
+                )
 
 
 def _check_time(time: Column) -> None:
