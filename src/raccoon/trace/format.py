@@ -118,9 +118,14 @@ class _Reader:
             raise TraceError(f"line {max(self._line, 1)}: {error}{hint}") from None
         try:
             for line in lines:
-                if (end := self._take(parse_line(line), trace)) is not None:
-                    trace.damage = end.damage
+                table = parse_line(line)
+                if "end" in table:
+                    trace.damage = self._end(table, len(trace.ticks))
                     return trace
+                if "device" in table:
+                    self._device = parse_device(table["device"])
+                else:
+                    self._cycle(table, trace)
             raise TraceError("the recording was not closed: it has no last line")
         except TraceError as error:
             place = self._line  # reading on counts on
@@ -157,15 +162,6 @@ class _Reader:
             self._line += 1
             raise TraceError(f"the packed file is damaged: {error}") from None
 
-    def _take(self, table: dict[str, Any], trace: Trace) -> _End | None:
-        if "end" in table:
-            return self._end(table, len(trace.ticks))
-        if "device" in table:
-            self._device = parse_device(table["device"])
-            return None
-        self._cycle(table, trace)
-        return None
-
     def _cycle(self, table: dict[str, Any], trace: Trace) -> None:
         cycle = parse_cycle(table, self._device)
         number = len(trace.ticks)
@@ -182,13 +178,9 @@ class _Reader:
         trace.ticks.append(Tick(cycle.inputs, cycle.commands, dict(cycle.estimates)))
         trace.events += [Event(number, text) for text in cycle.events]
 
-    def _end(self, table: dict[str, Any], ticks: int) -> _End:
+    def _end(self, table: dict[str, Any], ticks: int) -> Damage | None:
+        """What the last line says of how the recording ended."""
         if table["end"] != ticks:
             raise TraceError(f"the last line counts {table['end']!r} cycles and there are {ticks}")
         failure = table.get("failure")
-        return _End(None if failure is None else Damage(self._line, ticks, str(failure)))
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    damage: Damage | None
+        return None if failure is None else Damage(self._line, ticks, str(failure))

@@ -78,12 +78,9 @@ class ReplayPort:
                 self._compare(recorded, _ended(recorded, self._last))
 
     def annotate(self, name: str, values: Sequence[float]) -> None:
-        """What a recording port records, this one checks: see `check_annotation`."""
-        if self._check:
-            self.check_annotation(name, values)
-
-    def check_annotation(self, name: str, values: Sequence[float]) -> None:
         """Compare an estimate with the recorded one of this cycle. Raises ReplayDiverged."""
+        if not self._check:
+            return
         recorded = {} if self._recorded is None else self._recorded.estimates
         if name not in recorded:
             raise ReplayDiverged(self._tick, name, None, tuple(values))

@@ -89,19 +89,19 @@ def test_a_changed_estimate_is_named(trace: Trace) -> None:
     port = ReplayPort(trace)
     port.read()
     with pytest.raises(ReplayDiverged, match=r"pose\[2\]"):
-        port.check_annotation("pose", (0.0, 0.0, 0.3))
+        port.annotate("pose", (0.0, 0.0, 0.3))
     with pytest.raises(ReplayDiverged, match=r"pose\[3\] was None"):
-        port.check_annotation("pose", (0.0, 0.0, 0.1 + 0.2, 1.0))
+        port.annotate("pose", (0.0, 0.0, 0.1 + 0.2, 1.0))
     with pytest.raises(ReplayDiverged, match="speed was None"):
-        port.check_annotation("speed", (0.0,))
+        port.annotate("speed", (0.0,))
 
 
 def test_tolerance_forgives_last_bits_and_no_more(trace: Trace) -> None:
     port = ReplayPort(trace, tolerance=1e-9)
     port.read()
-    port.check_annotation("pose", (0.0, 0.0, 0.3))
+    port.annotate("pose", (0.0, 0.0, 0.3))
     with pytest.raises(ReplayDiverged):
-        port.check_annotation("pose", (0.0, 0.0, 0.3000001))
+        port.annotate("pose", (0.0, 0.0, 0.3000001))
     with pytest.raises(ValueError, match="tolerance is -1"):
         ReplayPort(trace, tolerance=-1)
 
