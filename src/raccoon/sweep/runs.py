@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, closing, nullcontext
 from functools import partial
@@ -12,8 +12,8 @@ from typing import Any, NoReturn
 
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.execute import Crew, run_all
-from raccoon.sweep.match import Match, Row, columns, crashed, nominal_end, play, seed_of
-from raccoon.sweep.results import Results
+from raccoon.sweep.match import Match, columns, crashed, nominal_end, play, seed_of
+from raccoon.sweep.results import Results, Row
 from raccoon.sweep.workers import AHEAD, process_crew
 
 MOST_RUNS = 10_000_000
@@ -42,41 +42,45 @@ def sweep(
     if not 1 <= runs <= MOST_RUNS:
         raise ConfigError(f"runs is {runs}: allowed are numbers from 1 to {MOST_RUNS}")
     seed_of(seed, 0)  # refuses a seed that is none before a file is begun
+    crew = _crew(executor, workers)
     if out is None:
-        rows: dict[int, Row] = {}
-        _play_into(rows.__setitem__, match, seed, range(runs), _crew(executor, workers), progress, runs, rows)
-        return [rows[run] for run in range(runs)]
+        unwritten = _Unwritten()
+        _play_missing(unwritten, match, seed, runs, crew, progress)
+        return [unwritten.rows[run] for run in range(runs)]
     with closing(Results(out, columns(match), description(match, seed))) as results:
-        match = match.ending_at(results.about["end"])
-        missing = [run for run in range(runs) if run not in results.rows]
-
-        def keep(_run: int, row: Row) -> None:
-            results.add(row)
-
-        _play_into(keep, match, seed, missing, _crew(executor, workers), progress, runs, results.rows)
+        _play_missing(results, match.ending_at(results.about["end"]), seed, runs, crew, progress)
         results.finish()
         return [results.rows[run] for run in range(runs)]
 
 
-def _play_into(
-    keep: Callable[[int, Row], None],
+class _Unwritten:
+    """Rows by run that go into no file."""
+
+    def __init__(self) -> None:
+        self.rows: dict[int, Row] = {}
+
+    def add(self, row: Row) -> None:
+        self.rows[row["run"]] = row
+
+
+def _play_missing(
+    kept: Results | _Unwritten,
     match: Match,
     seed: int,
-    missing: Any,
+    runs: int,
     opened: AbstractContextManager[Crew],
     progress: Progress | None,
-    runs: int,
-    rows: Mapping[int, Row],
 ) -> None:
+    missing = [run for run in range(runs) if run not in kept.rows]
     if not missing:
         return
-    failed = sum(row["status"] != "ok" for row in rows.values())
+    failed = sum(row["status"] != "ok" for row in kept.rows.values())
     with opened as crew:
-        for run, row in run_all(partial(_one, match, seed), missing, crew, partial(_lost, match, seed)):
-            keep(run, row)
+        for _, row in run_all(partial(_one, match, seed), missing, crew, partial(_lost, match, seed)):
+            kept.add(row)
             failed += row["status"] != "ok"
             if progress is not None:
-                progress(len(rows), runs, failed)
+                progress(len(kept.rows), runs, failed)
 
 
 def _crew(
