@@ -33,16 +33,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
+from raccoon.core.readings import ANALOG_FULL_SCALE
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading, tophat_reading
 
-FULL_SCALE = 4095.0
+FULL_SCALE = float(ANALOG_FULL_SCALE)
 GENERATIONS = ("old", "new")
 NEAR, FAR = 0.007, 0.023  # m, the heights of Tables II and III
 LEAST_HEIGHT, MOST_HEIGHT = 0.002, 0.06  # m; nearer, the light misses the receiver and the law of R(h) ends
 AMBIENT = {"normal": 0.0, "sun": 1.0}
+"""Ambient level of the paper's two lights."""
 LINE_WIDTH, WAY_A_READING = 0.015, 0.24 / 200.0  # m, of a simulated calibration drive at 0.24 m/s
 TEXTURE = 0.02  # sd of the floor's own brightness as a share of it, from reading to reading
-"""Ambient level of the paper's two lights."""
 
 Number = TypeVar("Number", float, NDArray[np.float64])
 Array = NDArray[np.float64]
@@ -105,8 +106,8 @@ class SensorModel:
 
 
 def light_of(counts: float) -> float:
-    """x of a reading above 0: the inverse of counts = 4095 / (1 + x)."""
-    return FULL_SCALE / counts - 1.0
+    """x of a reading: the inverse of counts = 4095 / (1 + x), finite for any reading."""
+    return FULL_SCALE / max(counts, 1.0) - 1.0
 
 
 @cache

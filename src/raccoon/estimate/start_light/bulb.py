@@ -14,7 +14,7 @@ from collections import deque
 from itertools import pairwise
 from statistics import median
 
-from raccoon.estimate.start_light.history import light_of
+from raccoon.model.reflectance import light_of
 
 MEAN_SECONDS = 0.05  # of readings that are taken together: noise, flashes and flicker are gone then
 KEPT_SECONDS = 4.0  # a warm-up, and some time before and after it

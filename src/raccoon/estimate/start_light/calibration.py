@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM
-from raccoon.estimate.start_light.history import FULL_SCALE, light_of
+from raccoon.model.reflectance import FULL_SCALE, light_of
 
 LEAST_COUNTS = 60.0
 """Between lamp off and on, and between the ambient light and the threshold."""

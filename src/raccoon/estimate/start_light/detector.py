@@ -23,7 +23,8 @@ from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.start_light import bulb
 from raccoon.estimate.start_light.bulb import MEAN_SECONDS, SlowBulb
 from raccoon.estimate.start_light.calibration import LEAST_COUNTS, StartLightCalibration
-from raccoon.estimate.start_light.history import WARM_UP_SECONDS, History, light_of
+from raccoon.estimate.start_light.history import WARM_UP_SECONDS, History
+from raccoon.model.reflectance import light_of
 
 LEARNING_SECONDS = 0.5  # of ambient light before anything may fire
 LEARNING_READINGS = 10  # and at least so many: of five a flash is most of what they tell of the noise

@@ -6,13 +6,14 @@ import math
 from collections import deque
 from itertools import takewhile
 
+from raccoon.model.reflectance import FULL_SCALE, light_of
+
 WARM_UP = (0.15, 0.75)
 """Shares of the new light between which a bulb's warm-up is timed."""
 WARM_UP_SECONDS = 0.24
 """1.2 time constants of a bulb (0.05..0.2 s); daylight takes longer."""
 HISTORY_SECONDS = 1.5
 """S of readings that are kept: a warm-up, and what the detector waits for after it."""
-FULL_SCALE = 4095.0
 
 
 class History:
@@ -68,11 +69,6 @@ class History:
                 return math.inf if moving else end - begin - 0.25 * (after[0] - reading[0])
             after = reading
         return math.inf
-
-
-def light_of(counts: float) -> float:
-    """Light on the sensor in units of the light that halves its reading (raccoon.model.reflectance)."""
-    return FULL_SCALE / max(counts, 1.0) - 1.0
 
 
 def _crossing(before: tuple[float, float], after: tuple[float, float], light: float) -> float:

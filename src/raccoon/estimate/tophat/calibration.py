@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import CalibrationError
 
-FULL_SCALE = 4095.0
 CLEAR = 6.0  # standard deviations that leave no error worth counting
 LEAST_SD = 1.0  # counts; no reading is better known than the converter's step and its noise
 

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import Status
-from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration
+from raccoon.estimate.tophat.calibration import TophatCalibration
 from raccoon.estimate.tophat.flicker import FlickerWatch
 from raccoon.estimate.tophat.tracker import GATE, LightTracker
+from raccoon.model.reflectance import FULL_SCALE, light_of
 
 LOST_READINGS = 5  # unexplained in a row; an edge takes fewer
 BEYOND_READINGS = 4  # in a row beyond both surfaces, which is no edge
@@ -125,7 +126,7 @@ class Tophat:
         levels = self.levels
         flicker = self._flicker
         flicker.update(counts)
-        light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
+        light = light_of(counts)
         if self._state is None:
             self._last_counts, self._last_light, self._taken = counts, light, time
         # The mean of two readings at 200 Hz does not see lamps that flicker at 100 Hz.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.estimate.tophat.calibration import FULL_SCALE
+from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
 

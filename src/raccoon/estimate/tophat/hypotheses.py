@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raccoon.estimate.tophat.calibration import FULL_SCALE
 from raccoon.estimate.tophat.stories import (
     GROUP,
     LIGHTS,
@@ -32,6 +31,7 @@ from raccoon.estimate.tophat.stories import (
     chances,
     moves_of_stories,
 )
+from raccoon.model.reflectance import FULL_SCALE, light_of
 
 Array = NDArray[np.float64]
 
@@ -124,7 +124,7 @@ class Hypotheses:
         sensor, moves = self._sensor, moves_of_stories()
         steps = min(max(way, LEAST_WAY) * STAGES / sensor.spot, MOST_PACE)
         chance = chances(round(10.0 * steps), round(1e6 * sensor.spot), others_lost)
-        seen = FULL_SCALE / max(counts, 1.0) - 1.0
+        seen = light_of(counts)
         share = sensor.share
         weight, light, dark, pace, uu, uv, vv, up, vp, pp = self._stories[:, moves.source]
         # Predict: light moves u by its pace and v by the share of that, which is known to its sd alone.

@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 
 from raccoon.core.readings import Status
-from raccoon.estimate.tophat.calibration import CLEAR, FULL_SCALE, LEAST_SD, Surface
+from raccoon.estimate.tophat.calibration import CLEAR, LEAST_SD, Surface
 from raccoon.estimate.tophat.sensor import explanations
+from raccoon.model.reflectance import FULL_SCALE, light_of
 
 WANDER = 0.004  # of the light, a reading: a cloud takes seconds
 DRIFT = 0.0002  # of the light, a reading, by which a surface moves alone
@@ -57,7 +58,7 @@ class Levels:
     )
 
     def __init__(self, white: Surface, black: Surface) -> None:
-        self.light, self.dark = light_of_counts(white.mean), light_of_counts(black.mean)
+        self.light, self.dark = light_of(white.mean), light_of(black.mean)
         self._light_noise, self._dark_noise = white.sd**2, black.sd**2  # counts^2, of one reading
         self._light_var = (light_per_count(white.mean) * white.sd) ** 2 / max(white.count, 1)
         self._dark_var = (light_per_count(black.mean) * black.sd) ** 2 / max(black.count, 1)
@@ -85,9 +86,8 @@ class Levels:
         """One predict and update of the filter, with the noise of the surface learnt beside it."""
         level = self.black if on_black else self.white
         if level * level > NEAR_BOTTOM * NEAR_BOTTOM * noise:
-            light = FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
             slope = FULL_SCALE / (counts * counts) if counts > 1.0 else FULL_SCALE
-            wrong = light - (self.dark if on_black else self.light)
+            wrong = light_of(counts) - (self.dark if on_black else self.light)
         else:  # even noise of the counts is uneven there in the light, and its mean another level
             slope = FULL_SCALE / (level * level)
             wrong = -slope * miss
@@ -127,7 +127,7 @@ class Levels:
 
     def relearn(self, white: float, black: float) -> bool:
         """Begin anew at these counts; False where black is not as much darker as such light leaves it."""
-        light, dark = light_of_counts(white), light_of_counts(black)
+        light, dark = light_of(white), light_of(black)
         expected = max(self.dark + self._share * (light - self.light), self._own_dark)
         noise = math.sqrt(self._light_noise) * white / self.white + math.sqrt(CONVERTER_NOISE)
         if light - dark < SEEN_CONTRAST * (light - expected) or black - white < max(
@@ -191,11 +191,6 @@ class Levels:
         below, above = 0.4 * (middle - white), 0.4 * (black - middle)
         self.low = middle - (1.5 * white_noise if 1.5 * white_noise < below else below)
         self.high = middle + (1.5 * black_noise if 1.5 * black_noise < above else above)
-
-
-def light_of_counts(counts: float) -> float:
-    """The light behind a reading, finite for any."""
-    return FULL_SCALE / counts - 1.0 if counts > 1.0 else FULL_SCALE - 1.0
 
 
 def light_per_count(counts: float) -> float:

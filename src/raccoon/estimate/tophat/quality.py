@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
-from raccoon.estimate.tophat.calibration import FULL_SCALE, TophatCalibration, Verdict
+from raccoon.estimate.tophat.calibration import TophatCalibration, Verdict
+from raccoon.model.reflectance import FULL_SCALE
 
 Array = NDArray[np.float64]
 

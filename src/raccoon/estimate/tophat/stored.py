@@ -8,14 +8,14 @@ from typing import Any
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds, finite, refuse_unknown, shown
-from raccoon.estimate.tophat.calibration import FULL_SCALE, Surface, TophatCalibration, Verdict
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
+from raccoon.model.reflectance import FULL_SCALE, GENERATIONS
 
 COUNTS = Bounds(0.0, FULL_SCALE)
 SPREAD = Bounds(positive=True, high=FULL_SCALE)
 SHARE = Bounds(0.0, 1.0)
 FROM_ZERO = Bounds(0.0)
 VOLTAGE = Bounds(0.0, 30.0)
-GENERATIONS = ("old", "new")
 
 
 @dataclass(frozen=True, slots=True)

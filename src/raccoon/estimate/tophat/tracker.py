@@ -13,8 +13,9 @@ import math
 from raccoon.core.readings import ANALOG_BOTTOM, Status
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface
 from raccoon.estimate.tophat.hypotheses import Belief, Hypotheses, Sensor, pattern_of, usual_spot
-from raccoon.estimate.tophat.levels import CONVERTER_NOISE, Levels, light_of_counts
+from raccoon.estimate.tophat.levels import CONVERTER_NOISE, Levels
 from raccoon.estimate.tophat.sensor import explanations
+from raccoon.model.reflectance import light_of
 
 GATE = 4.5  # standard deviations within which a reading belongs to a surface
 LEVEL = 2.0  # standard deviations between readings that are learnt from; on an edge they differ by more
@@ -172,8 +173,8 @@ class LightTracker(Levels):
         What is seen of it is the part in which neither surface explains the readings, to a reading. Where
         there is no such part, because the levels are not known, it is not an edge for sure.
         """
-        begins = light_of_counts(self.white + GATE * self.sd_white)
-        ends = light_of_counts(self.black - GATE * self.sd_black)
+        begins = light_of(self.white + GATE * self.sd_white)
+        ends = light_of(self.black - GATE * self.sd_black)
         if begins <= ends:
             apart = self.black - self.white
             return apart < GATE * (math.sqrt(self._light_noise) + math.sqrt(self._dark_noise))
