@@ -20,11 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from raccoon.core.config import DriveModel, Measured, MotorConfig, NominalModel, RobotConfig
+from raccoon.core.config import DriveModel, Measured, NominalModel, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
 from raccoon.estimate.drive_calibration.columns import Array, Manoeuvre
 from raccoon.estimate.drive_calibration.deviations import left_out, parts_of
+from raccoon.estimate.drive_calibration.motors import MotorsCalibration
 from raccoon.estimate.drive_calibration.paths import residuals
 from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
 from raccoon.model.bemf import counts_scale
@@ -42,52 +43,30 @@ BOTH_WAYS = (
 
 
 @dataclass(frozen=True, slots=True)
-class DriveCalibration:
-    """The drive as fitted. Every value with its standard deviation.
+class DriveCalibration(MotorsCalibration):
+    """The drive as fitted.
 
-    left, right: radians per tick. track_width: m. left_radius, right_radius: m, the same finding as wheel
-    radii.
-    left_offset, right_offset: back-EMF counts at rest, None where there was no rest with back-EMF.
+    track_width: m. left_radius, right_radius: m, what left and right are as wheel radii.
     error_before, error_after: root mean square of the fitted residuals over their weights, before and after.
     remarks: what is strange about the result, in words.
     """
 
-    left: Measured
-    right: Measured
     track_width: Measured
     left_radius: Measured
     right_radius: Measured
-    left_offset: Measured | None
-    right_offset: Measured | None
     error_before: float
     error_after: float
     remarks: tuple[str, ...] = ()
 
     def entries(self, robot: RobotConfig) -> Mapping[str, Measured]:
         """The values by their key in robot.toml."""
-        found = {"model.drive.track_width": self.track_width}
-        for port, ticks, offset in self._by_port(robot):
-            found[f"motor.{port}.radians_per_tick"] = ticks
-            if offset is not None:
-                found[f"motor.{port}.bemf_offset"] = offset
-        return found
+        return {"model.drive.track_width": self.track_width, **MotorsCalibration.entries(self, robot)}
 
     def applied(self, robot: RobotConfig) -> RobotConfig:
         """The robot with this calibration in place of its own."""
-        motors = dict(robot.motors)
-        for port, ticks, offset in self._by_port(robot):
-            motor = motors.get(port, MotorConfig())
-            offset = motor.bemf_offset if offset is None else offset
-            motors[port] = replace(motor, radians_per_tick=ticks, bemf_offset=offset)
         drive: DriveModel = replace(robot.model.drive, track_width=self.track_width)
         model: NominalModel = replace(robot.model, drive=drive)
-        return replace(robot, motors=motors, model=model)
-
-    def _by_port(self, robot: RobotConfig) -> tuple[tuple[int, Measured, Measured | None], ...]:
-        return (
-            (robot.drive.left, self.left, self.left_offset),
-            (robot.drive.right, self.right, self.right_offset),
-        )
+        return replace(MotorsCalibration.applied(self, robot), model=model)
 
 
 def calibrate_drive(

@@ -15,15 +15,16 @@ rest to rest the lag of the board's filter adds nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean, pstdev
 
-from raccoon.core.config import Measured, MotorConfig, RobotConfig
+from raccoon.core.config import Measured, RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Inputs
 from raccoon.estimate.drive.prior import known_offset_std, track_std
 from raccoon.estimate.drive.wheels import WheelDecoder
+from raccoon.estimate.drive_calibration.motors import MotorsCalibration
 from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
 from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
 from raccoon.estimate.ekf.state import OdometrySettings
@@ -37,44 +38,14 @@ SLIP = 0.0005
 
 
 @dataclass(frozen=True, slots=True)
-class StraightCalibration:
-    """What a taped straight drive tells. Every value with its standard deviation.
+class StraightCalibration(MotorsCalibration):
+    """What a taped straight drive tells.
 
-    left, right: radians per tick. left_offset, right_offset: back-EMF counts at rest in the sign of the
-    board, None where the recording has no rest with back-EMF. turn: rad the robot turned on the way.
-    remarks: what is strange about the result, in words.
+    turn: rad the robot turned on the way. remarks: what is strange about the result, in words.
     """
 
-    left: Measured
-    right: Measured
-    left_offset: Measured | None
-    right_offset: Measured | None
     turn: float
     remarks: tuple[str, ...] = ()
-
-    def applied(self, robot: RobotConfig) -> RobotConfig:
-        """The robot with this calibration in place of its own."""
-        motors = dict(robot.motors)
-        for port, radians_per_tick, offset in self._by_port(robot):
-            motor = motors.get(port, MotorConfig())
-            offset = motor.bemf_offset if offset is None else offset
-            motors[port] = replace(motor, radians_per_tick=radians_per_tick, bemf_offset=offset)
-        return replace(robot, motors=motors)
-
-    def _by_port(self, robot: RobotConfig) -> tuple[tuple[int, Measured, Measured | None], ...]:
-        return (
-            (robot.drive.left, self.left, self.left_offset),
-            (robot.drive.right, self.right, self.right_offset),
-        )
-
-    def entries(self, robot: RobotConfig) -> Mapping[str, Measured]:
-        """The values by their key in robot.toml."""
-        found = {}
-        for port, radians_per_tick, offset in self._by_port(robot):
-            found[f"motor.{port}.radians_per_tick"] = radians_per_tick
-            if offset is not None:
-                found[f"motor.{port}.bemf_offset"] = offset
-        return found
 
 
 def calibrate_straight(
