@@ -14,7 +14,6 @@ import numpy as np
 
 from raccoon.estimate.ekf.model import Array
 from raccoon.estimate.ekf.state import SIZE, State
-from raccoon.model.angles import difference
 
 # 99.9 % of a chi-squared distribution with 1, 2, 3 degrees of freedom: square roots.
 GATES = {1: 3.291, 2: 3.717, 3: 4.033}
@@ -43,7 +42,7 @@ class Seen:
         """measured - expected, an angle the short way round."""
         result: Array = measured - expected
         if self.angle is not None:
-            result[self.angle] = difference(float(measured[self.angle]), float(expected[self.angle]))
+            result[self.angle] = math.remainder(result[self.angle], math.tau)
         return result
 
 
