@@ -65,11 +65,6 @@ class Path:
         """Where it begins, and which way."""
         return self.pieces[0].start
 
-    @property
-    def end(self) -> Pose:
-        """Where it ends, and which way."""
-        return self.pieces[-1].at(self.pieces[-1].length)
-
     def at(self, way: float) -> PathState:
         """`way` m after the start; before it and after the end along the first and last piece."""
         index = self._index(way)

@@ -14,8 +14,8 @@ CORNER = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
 def test_a_corner_is_rounded_and_the_end_is_the_last_point() -> None:
     path = Path(CORNER, rounding=0.2)
     assert path.length == pytest.approx(0.8 + 0.2 * math.pi / 2.0 + 0.8)
-    assert (path.end.x, path.end.y) == pytest.approx((1.0, 1.0))
-    assert path.end.heading == pytest.approx(math.pi / 2.0)
+    assert (path.at(path.length).pose.x, path.at(path.length).pose.y) == pytest.approx((1.0, 1.0))
+    assert path.at(path.length).pose.heading == pytest.approx(math.pi / 2.0)
     assert max(piece.curvature for piece in path.pieces) == pytest.approx(5.0)
     middle = path.at(0.8 + 0.1 * math.pi / 2.0)
     assert middle.pose.heading == pytest.approx(math.pi / 4.0)
@@ -25,13 +25,13 @@ def test_a_corner_is_rounded_and_the_end_is_the_last_point() -> None:
 def test_a_rounding_that_does_not_fit_is_made_smaller() -> None:
     path = Path([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.5, 0.1)], rounding=1.0)
     assert max(piece.curvature for piece in path.pieces) == pytest.approx(20.0)
-    assert (path.end.x, path.end.y) == pytest.approx((0.5, 0.1))
+    assert (path.at(path.length).pose.x, path.at(path.length).pose.y) == pytest.approx((0.5, 0.1))
 
 
 def test_a_slight_kink_after_half_a_turn_keeps_the_heading_unwrapped() -> None:
     back = [(-0.1, 0.3), (-0.1333333, 0.2333333), (-0.2, 0.1)]  # in a line but for the last digit
     path = Path([(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.0, 0.5), *back], rounding=0.1)
-    assert path.end.heading == pytest.approx(math.pi + math.atan(2.0), abs=1e-5)
+    assert path.at(path.length).pose.heading == pytest.approx(math.pi + math.atan(2.0), abs=1e-5)
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 0.3), st.floats(-0.5, 0.5)), min_size=2, max_size=6))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from raccoon.core.errors import MotionTimeout
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Truth
 from raccoon.model.paper import COMPETITION_VOLTAGE
+from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, repeat, seq, wait
 from raccoon.robot.calibration.wheels import calibrate_drive
 from raccoon.robot.motions.goals import straight, turn
@@ -169,9 +169,8 @@ def _truth(robot: Robot) -> Truth:
 
 
 def _end(truth: Truth, goal: tuple[float, float, float], seconds: float) -> End:
-    dx, dy = truth.x - goal[0], truth.y - goal[1]
-    cos, sin = math.cos(goal[2]), math.sin(goal[2])
-    return End(abs(dx * cos + dy * sin), abs(dy * cos - dx * sin), abs(truth.heading - goal[2]), seconds)
+    ahead, aside = Pose(*goal).offset_of(truth.x, truth.y)
+    return End(abs(ahead), abs(aside), abs(truth.heading - goal[2]), seconds)
 
 
 def _as_is(each: Trial) -> tuple[Parameters, Parameters]:

@@ -25,27 +25,21 @@ def explained(speed: float, sigma: float) -> bool:
 
 
 class Standstill:
-    """Detector with memory: feed it every cycle.
+    """Detector with memory: feed it every cycle."""
 
-    still: the verdict. seconds: how long it has held.
-    """
-
-    __slots__ = ("_quiet", "seconds", "still")
+    __slots__ = ("_quiet",)
 
     def __init__(self) -> None:
         self._quiet = 0.0
-        self.still = False
-        self.seconds = 0.0
 
     def interrupt(self) -> None:
         """Nobody looked for a while: it has to stand anew."""
-        self._quiet = self.seconds = 0.0
-        self.still = False
+        self._quiet = 0.0
 
     def update(
         self, dt: float, driven: bool, wheel: tuple[float, float], gyro: tuple[float, float] | None
     ) -> bool:
-        """Take one cycle.
+        """Take one cycle; whether it stands.
 
         driven: a drive motor has duty. wheel: (largest speed beyond the offset, sigma of that offset), rad/s.
         gyro: (rate beyond the bias, sigma of that bias), rad/s, None where there is no gyro.
@@ -54,9 +48,7 @@ class Standstill:
         if gyro is not None and abs(gyro[0]) > GYRO_MARGIN + 4.0 * gyro[1]:
             quiet = False
         self._quiet = self._quiet + dt if quiet else 0.0
-        self.still = self._quiet >= HOLD_TIME
-        self.seconds = self.seconds + dt if self.still else 0.0
-        return self.still
+        return self._quiet >= HOLD_TIME
 
 
 class Creeping:
