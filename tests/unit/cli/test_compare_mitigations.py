@@ -19,7 +19,6 @@ from raccoon.cli.compare_mitigations.measure import (
     Ends,
     as_cells,
     ends_of,
-    full_table,
     in_turn,
 )
 from raccoon.cli.compare_mitigations.measure import measured as measured_robots
@@ -87,9 +86,9 @@ def test_the_paper_s_pairings_all_come() -> None:
         return tuple(run.value("motor.back_emf_constant", "factor", side) for side in ("left", "right"))  # type: ignore[return-value]
 
     assert len({motors(number) for number in range(9)}) == len(PAIRINGS) == 9
-    assert full_table()[PAPER] % 9 == 0
-    assert full_table()[DRAWN] == 200
-    assert full_table()[MATCH] == 9 + 50
+    assert CONDITIONS[PAPER].robots % 9 == 0
+    assert CONDITIONS[DRAWN].robots == 200
+    assert CONDITIONS[MATCH].robots == 9 + 50
 
 
 def test_the_batteries_cover_the_whole_range_evenly() -> None:

@@ -106,7 +106,7 @@ def _note(args: argparse.Namespace, every: int) -> Callable[[Number, dict[str, E
 
 def _robots(args: argparse.Namespace) -> dict[str, int]:
     """Robots of each column that is wanted. Raises ConfigError."""
-    from raccoon.cli.compare_mitigations.measure import full_table
+    from raccoon.cli.compare_mitigations.robots import CONDITIONS
 
     if args.robots is not None and args.quick:
         raise ConfigError(f"--robots {args.robots}: --quick means {QUICK}; leave one of them out")
@@ -115,7 +115,7 @@ def _robots(args: argparse.Namespace) -> dict[str, int]:
     check_workers(args.workers)
     if not 0.0 <= args.tape < 0.1:
         raise ConfigError(f"--tape {args.tape:g}: allowed are numbers from 0 to 0.1 (m)")
-    full = full_table()
+    full = {name: condition.robots for name, condition in CONDITIONS.items()}
     for name in args.condition or ():
         if name not in full:
             raise ConfigError(f"--condition {name}: allowed are {', '.join(full)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -66,19 +67,21 @@ def _metre(cells: Cells, method: str, condition: str) -> float | None:
 
 
 def _better(cells: Cells, text: str, better: str, worse: str, condition: str, share: float = 1.0) -> Claim:
-    one, other = _metre(cells, better, condition), _metre(cells, worse, condition)
-    if one is None or other is None:
-        return Claim(text, f"needs {condition}", None)
-    numbers = f"{condition}: {1e3 * one:.1f} mm against {1e3 * other:.1f} mm ({worse})"
-    return Claim(text, numbers, one < share * other)
+    return _compared(cells, text, better, worse, condition, lambda one, other: one < share * other)
 
 
 def _alike(cells: Cells, text: str, one: str, other: str, condition: str) -> Claim:
+    return _compared(cells, text, one, other, condition, lambda first, second: first > 0.8 * second)
+
+
+def _compared(
+    cells: Cells, text: str, one: str, other: str, condition: str, holds: Callable[[float, float], bool]
+) -> Claim:
     first, second = _metre(cells, one, condition), _metre(cells, other, condition)
     if first is None or second is None:
         return Claim(text, f"needs {condition}", None)
     numbers = f"{condition}: {1e3 * first:.1f} mm against {1e3 * second:.1f} mm ({other})"
-    return Claim(text, numbers, first > 0.8 * second)
+    return Claim(text, numbers, holds(first, second))
 
 
 def _worse(cells: Cells, text: str, method: str) -> Claim:

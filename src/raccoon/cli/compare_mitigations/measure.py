@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from raccoon.cli.compare_mitigations.robots import CONDITIONS, TAPE_STD, Trial, trial
+from raccoon.cli.compare_mitigations.robots import TAPE_STD, Trial, trial
 from raccoon.cli.compare_mitigations.timed import (
     QUARTER,
     TimedDrive,
@@ -266,8 +266,3 @@ def as_cells(found: Found) -> Cells:
             for name, end in ends.items():
                 cells.setdefault((method, condition, name), []).append(end)
     return cells
-
-
-def full_table() -> dict[str, int]:
-    """Robots of each condition in the table of the docs."""
-    return {name: condition.robots for name, condition in CONDITIONS.items()}

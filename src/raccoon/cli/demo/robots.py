@@ -181,15 +181,15 @@ def trials(seed: int) -> list[Trial]:
 def measure_times(seed: int) -> Times:
     """What a team times on its own table: half-empty battery, two motors of kind 2, full power."""
     trial = Trial(BATTERIES[0], 1, 1, seed)
-    metres = [_distance(trial, 1.0, seconds) for seconds in (1.5, 3.0)]
+    metres = [_distance(trial, seconds) for seconds in (1.5, 3.0)]
     radians = [_angle(trial, seconds) for seconds in (0.3, 0.6)]
     per_metre = 1.5 / (metres[1] - metres[0])
     per_radian = 0.3 / (radians[1] - radians[0])
     return Times(per_metre, per_radian, 1.5 / per_metre - metres[0], 0.3 / per_radian - radians[0])
 
 
-def _distance(trial: Trial, duty: float, seconds: float) -> float:
-    end = _after(simulated(trial, 2), duty, duty, seconds)
+def _distance(trial: Trial, seconds: float) -> float:
+    end = _after(simulated(trial, 2), 1.0, 1.0, seconds)
     return math.hypot(end.x, end.y)
 
 
