@@ -77,7 +77,7 @@ def test_the_slow_numbers_wander_in_a_gap_as_they_do_in_steps() -> None:
     noise = ProcessNoise(0.1, 0.2, 1e-6, 2e-6, 3e-6)
     stepped, gap = certain(noise=noise), certain(noise=noise)
     stepped.predict(2.0)
-    gap.bridge(2.0, (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+    gap.bridge(2.0, (0.0, 0.0), (0.0, 0.0), 0.0, 0.0, (0.0, 0.0))
     slow = slice(State.GYRO_BIAS, SIZE)
     expected, found = (covariance_of(each.flat)[slow, slow] for each in (stepped, gap))
     np.testing.assert_allclose(found, expected)
@@ -86,7 +86,7 @@ def test_the_slow_numbers_wander_in_a_gap_as_they_do_in_steps() -> None:
 
 def test_what_both_wheels_turned_alike_and_uncounted_is_way_and_no_turn() -> None:
     drive = certain(np.array([0.0] * 8 + [1.0, 0.0, 1.0, 1.0, 0.0]))
-    drive.bridge(1.0, (2.0, 2.0), (0.04, 0.04), 0.0, 0.036, 0.0, 0.0)
+    drive.bridge(1.0, (2.0, 2.0), (0.04, 0.04), 0.0, 0.036, (0.0, 0.0))
     P = covariance_of(drive.flat)
     assert P[State.X, State.X] == pytest.approx((0.0345 / 2.0) ** 2 * 2.0 * (0.04 + 0.036))
     assert P[State.HEADING, State.HEADING] == pytest.approx((0.0345 / 0.16) ** 2 * 2.0 * (0.04 - 0.036))

@@ -201,7 +201,7 @@ class Fusion:
         speeds = now[0] - flat[State.LEFT_OFFSET], now[1] - flat[State.RIGHT_OFFSET]
         motion = self.geometry.body_motion(*speeds)
         angles, variances = (left * span, right * span), (reading.variances[0], reading.variances[1])
-        self._travel = self.drive.bridge(span, angles, variances, reading.wobble, reading.together, *motion)
+        self._travel = self.drive.bridge(span, angles, variances, reading.wobble, reading.together, motion)
         self.slip.start_again()
         if span >= LONGEST_GAP or self.deviation(State.HEADING) > LOST_HEADING:
             # No straight line goes through so much doubt: what is learnt later would throw the pose about.

@@ -107,9 +107,7 @@ def fitted_drive(
                 f"{name}: these recordings tell it to {100 * deviation:.1f} % only (5 % are allowed): "
                 f"{BOTH_WAYS}"
             )
-    voltages = [each.battery_voltage for each in manoeuvres if each.battery_voltage is not None]
-    voltage = float(np.mean(voltages)) if voltages else None
-    return _result(robot, device, manoeuvres, factors, deviations, voltage, (before, after))
+    return _result(robot, device, manoeuvres, factors, deviations, (before, after))
 
 
 def _result(
@@ -118,9 +116,11 @@ def _result(
     manoeuvres: Sequence[Manoeuvre],
     factors: Array,
     deviations: Array,
-    voltage: float | None,
     errors: tuple[float, float],
 ) -> DriveCalibration:
+    voltages = [each.battery_voltage for each in manoeuvres if each.battery_voltage is not None]
+    voltage = float(np.mean(voltages)) if voltages else None
+
     def times(value: float, place: int) -> Measured:
         factor = float(factors[place])
         return Measured(value * factor, value * float(deviations[place]), battery_voltage=voltage)

@@ -158,13 +158,12 @@ class DriveFilter:
         variances: tuple[float, float],
         wobble: float,
         together: float,
-        velocity: float,
-        turn_rate: float,
+        motion: tuple[float, float],
     ) -> float:
         """Move on by dt s in which nobody looked, by the angles (rad, nominal) that both wheels turned; m.
 
-        variances, wobble: of the angles, rad^2. together: their covariance besides. velocity, turn_rate: m/s
-        and rad/s that it has now, about.
+        variances, wobble: of the angles, rad^2. together: their covariance besides. motion: m/s and rad/s
+        that it has now, about.
         """
         _, _, gyro_bias, offset, scale = self._noise(dt)
         P = covariance_of(self.flat)
@@ -174,8 +173,8 @@ class DriveFilter:
         noise = np.diag(variances) + wobble * np.array([[1.0, -1.0], [-1.0, 1.0]])
         noise[0, 1] += together
         noise[1, 0] += together
-        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry, turn_rate)
-        mean[State.VELOCITY], mean[State.TURN_RATE] = velocity, turn_rate
+        mean, P, travel = bridged(mean_of(self.flat), P, dt, angles, noise, self.geometry, motion[1])
+        mean[[State.VELOCITY, State.TURN_RATE]] = motion
         self.flat = flattened(mean, P)
         return travel
 

@@ -134,11 +134,7 @@ def _fit(
         off = np.where(table[:, 0] > 0.5, black_doubt(generation, at), 0.0)
         wider = np.column_stack([table[:, :2], np.hypot(table[:, 2], off)])
         u, misfit, std = _levelled(wider, nominal, free, cut, generation)
-    # Large deviations are rare but happen: their cost grows as a logarithm.
-    usual = 2.0 * float(np.log1p(u**2).sum())
-    numbers = len(free) + (generation != GENERATION)
-    cost = misfit + usual + PENALTY * numbers
-    return _in_contract(nominal, free, u, std, misfit, cost, numbers, generation)
+    return _in_contract(nominal, free, u, std, misfit, generation)
 
 
 def _levelled(
@@ -180,16 +176,12 @@ def _moved(free: Sequence[str], u: Array) -> dict[str, float]:
 
 
 def _in_contract(
-    nominal: Nominal,
-    free: Sequence[str],
-    u: Array,
-    std: Array,
-    misfit: float,
-    cost: float,
-    numbers: int,
-    generation: str,
+    nominal: Nominal, free: Sequence[str], u: Array, std: Array, misfit: float, generation: str
 ) -> LevelFit:
     """Light as the offset, and another make as the factor, that are least wrong over white and black."""
+    # Large deviations are rare but happen: their cost grows as a logarithm.
+    numbers = len(free) + (generation != GENERATION)
+    cost = misfit + 2.0 * float(np.log1p(u**2).sum()) + PENALTY * numbers
     moved = _moved(free, u)
     found = {
         each: (moved[each], WIDTHS[each] * float(off)) for each, off in zip(free, std, strict=True)
