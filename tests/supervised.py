@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import signal
 import socket
@@ -14,7 +15,7 @@ from bench_robot import BenchRobot
 from children import heeding
 from raccoon.core.clock import SteppedClock
 from raccoon.hal.wombat.emulator import Emulator, Firmware, Plant
-from raccoon.hal.wombat.link.unix import serve_one
+from socket_link import serve_one
 
 PROGRAM = """
 import sys
@@ -22,8 +23,8 @@ from raccoon.core.readings import Outputs
 from raccoon.hal.wombat.port import WombatPort
 from raccoon.hal.wombat.probe import probe
 from raccoon.core.clock import RealClock
-from raccoon.hal.wombat.link.unix import SocketLink
 from raccoon.hal.supervise.supervisor import Supervisor
+from socket_link import SocketLink
 
 link = SocketLink(sys.argv[1])
 dialect = probe(link, RealClock())
@@ -72,7 +73,9 @@ class SupervisedBench:
         """Start a program: PROGRAM with the number of its cycles, or ROBOT_PROGRAM."""
         with heeding(signal.SIGHUP, signal.SIGINT):
             started = subprocess.Popen(
-                [sys.executable, "-c", program, self.path, *arguments], stderr=subprocess.PIPE
+                [sys.executable, "-c", program, self.path, *arguments],
+                stderr=subprocess.PIPE,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
             )
         self.programs.append(started)
         return started

@@ -11,7 +11,7 @@ import pytest
 from raccoon.core.errors import HardwareError
 from raccoon.hal.supervise.supervisor import Supervisor
 from raccoon.hal.wombat.firmware.stock.commands import frame, stop
-from raccoon.hal.wombat.link.unix import SocketLink
+from socket_link import SocketLink
 from supervised import SupervisedBench
 
 

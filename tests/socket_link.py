@@ -1,4 +1,4 @@
-"""The link over a socket: an emulated Wombat in another process, for what survives a dead program."""
+"""The link over a socket: an emulated Wombat in another process, for programs that are killed."""
 
 from __future__ import annotations
 
