@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from numbers import Real
 from typing import Any
 
@@ -130,23 +130,20 @@ def check_heading(**headings: float) -> None:
 
 def check_speed(**speeds: float | None) -> None:
     """Raise ValueError naming the first that is not None and no speed in m/s, negative or not."""
-    allowed = f"up to {FASTEST:g} m/s (20 cm/s are 0.20)"
-    for name, value in speeds.items():
-        if value is None:
-            continue
-        check_number(name, value, allowed)
-        if not abs(value) <= FASTEST:
-            _refuse(name, value, allowed)
+    _check_size(FASTEST, f"up to {FASTEST:g} m/s (20 cm/s are 0.20)", speeds)
 
 
 def check_rate(**rates: float | None) -> None:
     """Raise ValueError naming the first that is not None and no turn rate in rad/s."""
-    allowed = f"up to {FASTEST_TURN:g} rad/s (write deg(90) for degrees a second)"
-    for name, value in rates.items():
+    _check_size(FASTEST_TURN, f"up to {FASTEST_TURN:g} rad/s (write deg(90) for degrees a second)", rates)
+
+
+def _check_size(most: float, allowed: str, values: Mapping[str, float | None]) -> None:
+    for name, value in values.items():
         if value is None:
             continue
         check_number(name, value, allowed)
-        if not abs(value) <= FASTEST_TURN:
+        if not abs(value) <= most:
             _refuse(name, value, allowed)
 
 
