@@ -57,18 +57,21 @@ def draw(cells: Cells, conditions: tuple[str, ...], path: Path) -> None:
     figure, axes = plt.subplots(2, 2, figsize=(13.0, 9.0), layout="constrained", sharex=True, sharey=True)
     for panel, name in zip(axes.flat, MANOEUVRES, strict=True):
         turning = name == "turn 90"
+        error = _degrees_off if turning else _mm_off
         values = np.array(
-            [
-                [
-                    math.degrees(high(ends, "heading")) if turning else 1e3 * off(ends)
-                    for ends in (cells[(method, condition, name)] for condition in conditions)
-                ]
-                for method in METHODS
-            ]
+            [[error(cells[method, condition, name]) for condition in conditions] for method in METHODS]
         )
         _map(panel, values, f"{name}: {'degrees off' if turning else 'mm from the goal'} (95 %)", conditions)
     save_figure(figure, path)
     plt.close(figure)
+
+
+def _degrees_off(ends: list[End]) -> float:
+    return math.degrees(high(ends, "heading"))
+
+
+def _mm_off(ends: list[End]) -> float:
+    return 1e3 * off(ends)
 
 
 def _map(panel: Axes, values: np.ndarray, title: str, conditions: tuple[str, ...]) -> None:
