@@ -1,45 +1,36 @@
-"""From where the robot should be and is to the velocities that close the gap."""
+"""From where the robot should be and is to the velocities that close the gap: how hard every motion pulls
+back to its path."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from raccoon.control.profile import ProfileState
 
-
-@dataclass(frozen=True, slots=True)
-class TrackingGains:
-    """Outer loop gains.
-
-    along 1/s: speed a metre behind. heading 1/s: turn rate a radian off. across rad/m2: turn rate, per m/s
-    of speed, a metre beside the line. With heading error h and offset y, y' = v h and
-    h' = -heading h - across v y: a critically damped approach has across v^2 = heading^2 / 4.
-    """
-
-    along: float = 5.0
-    heading: float = 4.0
-    across: float = 120.0
-    turn: float = 6.0
-    catch_up: float = 0.06
-    """m/s, the most that the gap along the line adds to the profile's speed."""
+ALONG, CATCH_UP = 5.0, 0.06
+"""1/s, speed a metre behind, and m/s, the most that the gap along the line adds to the profile's speed."""
+HEADING, ACROSS = 4.0, 120.0
+"""1/s, turn rate a radian off, and rad/m2, turn rate, per m/s of speed, a metre beside the line. With heading
+error h and offset y, y' = v h and h' = -HEADING h - ACROSS v y: a critically damped approach has
+ACROSS v^2 = HEADING^2 / 4."""
+TURN = 6.0
+"""1/s, turn rate a radian behind in a turn."""
 
 
 def line_command(
-    reference: ProfileState, along: float, across: float, heading_error: float, gains: TrackingGains
+    reference: ProfileState, along: float, across: float, heading_error: float
 ) -> tuple[float, float]:
     """(velocity m/s, turn rate rad/s) that keep to a line.
 
     along, across: m ahead of the line's start and left of it. heading_error: rad, present minus the line's.
     """
-    gap = gains.along * (reference.position - along)
-    velocity = reference.velocity + max(-gains.catch_up, min(gains.catch_up, gap))
-    turn_rate = -gains.heading * heading_error - gains.across * reference.velocity * across
+    gap = ALONG * (reference.position - along)
+    velocity = reference.velocity + max(-CATCH_UP, min(CATCH_UP, gap))
+    turn_rate = -HEADING * heading_error - ACROSS * reference.velocity * across
     return velocity, turn_rate
 
 
-def turn_command(reference: ProfileState, turned: float, gains: TrackingGains) -> float:
+def turn_command(reference: ProfileState, turned: float) -> float:
     """Turn rate rad/s that keeps to a turn's profile; `turned`: rad since its start."""
-    return reference.velocity + gains.turn * (reference.position - turned)
+    return reference.velocity + TURN * (reference.position - turned)
 
 
 def slewed(value: float, wanted: float, step: float) -> float:

@@ -18,7 +18,7 @@ from raccoon.robot.actions.limits import (
     check_rate,
     check_speed,
 )
-from raccoon.robot.motions.pacing import GAINS, STALL_PATIENCE, check_wiring, reason
+from raccoon.robot.motions.pacing import STALL_PATIENCE, check_wiring, reason
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
                     _, across = start.offset_of(robot.estimate.x, robot.estimate.y)
                     off = robot.estimate.heading - start.heading
                     state = ProfileState(0.0, velocity, 0.0)
-                    _, held = line_command(state, 0.0, across, off, GAINS)
+                    _, held = line_command(state, 0.0, across, off)
                 robot.drive.follow(velocity, rate + held)
                 if turn_rate != 0.0 and robot.drive.cut:
                     robot.drive.speeds.limited = True

@@ -25,7 +25,7 @@ from raccoon.robot.actions.limits import (
     check_speed,
     check_way,
 )
-from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, finish
+from raccoon.robot.motions.pacing import LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, finish
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -70,7 +70,7 @@ def straight(
             off = robot.estimate.heading - start.heading
             if pace.may_end(distance - along, tolerance):
                 break
-            velocity, turn_rate = line_command(state, along, across, off, GAINS)
+            velocity, turn_rate = line_command(state, along, across, off)
             robot.drive.follow(velocity, turn_rate, state.acceleration)
             yield
         return finish(robot, start.ahead(distance), pace)
@@ -142,7 +142,7 @@ def turning(
         turned = robot.estimate.heading - start.heading
         if pace.may_end(angle - turned, tolerance):
             break
-        robot.drive.follow(0.0, turn_command(state, turned, GAINS), 0.0, state.acceleration)
+        robot.drive.follow(0.0, turn_command(state, turned), 0.0, state.acceleration)
         yield
     return finish(robot, start.turned(angle), pace)
 
@@ -246,7 +246,7 @@ def _arc(
         if pace.may_end(outer * (signed * angle - along), tolerance):
             break
         off = robot.estimate.heading - here.heading
-        velocity, turn_rate = line_command(state, along, across, off, GAINS)
+        velocity, turn_rate = line_command(state, along, across, off)
         robot.drive.follow(
             velocity, turn_rate + velocity / signed, state.acceleration, state.acceleration / signed
         )

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from raccoon.control.motion import TrackingGains
 from raccoon.control.profile import Profile, ProfileState
 from raccoon.control.stages import Staged
 from raccoon.core.errors import MotionTimeout
@@ -17,8 +16,6 @@ from raccoon.robot.remarks import mismatch, miswired, say, tell
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
 
-GAINS = TrackingGains()
-"""How hard every motion pulls back to its path."""
 # The profile waits for a robot that falls this far behind it, instead of running away.
 LAG_LIMIT = 0.02
 LAG_LIMIT_TURN = 0.15

@@ -18,7 +18,7 @@ from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import check_heading, check_limits, check_number, check_speed, check_way
 from raccoon.robot.motions.goals import straight, turning
-from raccoon.robot.motions.pacing import GAINS, LAG_LIMIT, MotionResult, Pace, finish
+from raccoon.robot.motions.pacing import LAG_LIMIT, MotionResult, Pace, finish
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -175,7 +175,7 @@ def _follow(
         if pace.may_end(path.length - along, tolerance):
             break
         off = math.remainder(here.heading - at.pose.heading, math.tau)
-        velocity, turn_rate = line_command(state, along, across, off, GAINS)
+        velocity, turn_rate = line_command(state, along, across, off)
         robot.drive.follow(velocity, turn_rate + velocity * at.curvature, state.acceleration)
         yield
     return finish(robot, place(path.length), pace)
