@@ -15,6 +15,10 @@ import math
 from dataclasses import dataclass
 
 Vector3 = tuple[float, float, float]
+WINDOW = 0.05
+"""s over which voltage and speed are compared."""
+LEAST_SPEED = 0.4
+"""rad/s; a slower wheel may stand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +35,7 @@ class WheelVoltages:
 
 
 class Windows:
-    """Sums of voltage, direction and time over windows of `length` s of steady direction.
+    """Sums of voltage, direction and time over windows of WINDOW s of steady direction.
 
     A window in which the wheel stands, turns back or has no reading says nothing and is dropped.
     """
@@ -40,16 +44,12 @@ class Windows:
         "_begin",
         "_direction",
         "_last",
-        "_length",
         "_seconds",
         "_volt_seconds",
         "_way",
-        "least_speed",
     )
 
-    def __init__(self, length: float = 0.05, least_speed: float = 0.4) -> None:
-        self._length = length
-        self.least_speed = least_speed
+    def __init__(self) -> None:
         self.clear()
 
     def clear(self) -> None:
@@ -60,7 +60,7 @@ class Windows:
 
     def add(self, voltage: float, speed: float, dt: float) -> tuple[Vector3, float] | None:
         """A cycle of dt s under `voltage`, at whose end the wheel turns at `speed`: (row, V) when full."""
-        direction = 0.0 if abs(speed) < self.least_speed else math.copysign(1.0, speed)
+        direction = 0.0 if abs(speed) < LEAST_SPEED else math.copysign(1.0, speed)
         if direction == 0.0 or dt <= 0.0 or (self._direction and direction != self._direction):
             self.clear()
             return None
@@ -71,7 +71,7 @@ class Windows:
         self._volt_seconds += voltage * dt
         self._way += 0.5 * (speed + self._last) * dt
         self._last = speed
-        if self._seconds < self._length:
+        if self._seconds < WINDOW:
             return None
         t = self._seconds
         row = (direction, self._way / t, (speed - self._begin) / t)

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from raccoon.control.feedforward import WheelModel
-from raccoon.control.identify import RecursiveFit, Vector3, Windows
+from raccoon.control.identify import WINDOW, RecursiveFit, Vector3, Windows
 
 STALL_SPEED_SHARE = 0.2
 """Of the speed this voltage gives a nominal wheel; the slowest of the paper's motors reaches far more."""
@@ -25,8 +25,6 @@ ODD_LOADS = (0.5, 2.0)
 """Load factors beyond which both motors together are."""
 LATE = 0.005
 """s by which a reading may be later or earlier than the others: what a jerk tells is that much in doubt."""
-WINDOW = 0.05
-"""s over which voltage and speed are compared."""
 UNSURE = 5
 """Windows that are kept back: it takes a quarter of a second until a wall shows in what both wheels carry."""
 RAMP = 1.0
@@ -114,7 +112,7 @@ class WheelWatch:
         self._model = model
         self._static = model.static_voltage
         self._least_slope = STALL_SPEED_SHARE * model.gain
-        self._windows = Windows(WINDOW)
+        self._windows = Windows()
         nominal = (model.static_voltage, 1.0 / model.gain, model.acceleration_voltage)
         # Friction may differ by all of itself, the V a rad/s is calibrated, the inertia is a guess.
         spread = (0.8 * nominal[0] + 0.1, 0.3 * nominal[1], 0.8 * nominal[2])

@@ -41,7 +41,7 @@ def test_a_gyro_of_another_full_scale_is_found_and_slip_is_none() -> None:
 
 def test_the_deviation_of_a_voltage_is_that_of_its_filter() -> None:
     """y += a (x - y) leaves a / (2 - a) of the variance of a reading."""
-    battery = BatteryVoltage(time_constant=0.1, reading_std=0.02)
+    battery = BatteryVoltage()
     for cycle in range(400):
         battery.update(0.005 * cycle, 6.8)
     found = battery.estimate()
@@ -50,7 +50,7 @@ def test_the_deviation_of_a_voltage_is_that_of_its_filter() -> None:
 
 
 def test_a_voltage_follows_a_load_with_its_time_constant() -> None:
-    battery = BatteryVoltage(time_constant=0.1)
+    battery = BatteryVoltage()
     battery.update(0.0, 7.0)
     for cycle in range(1, 101):
         battery.update(0.001 * cycle, 6.0)

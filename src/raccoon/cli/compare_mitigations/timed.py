@@ -14,6 +14,7 @@ from raccoon.sim.effects.parameters import Parameters
 STOPPING = 0.25  # s with the motors shorted after each leg
 LONGEST = 30.0  # s of a leg, whatever happens
 QUARTER = 0.5 * math.pi
+TURN_DUTY = 0.5
 TUNING_LEGS = (2.0, 5.0)  # s
 
 
@@ -21,13 +22,12 @@ TUNING_LEGS = (2.0, 5.0)  # s
 class TimedDrive:
     """How a program without odometry drives.
 
-    duty: of straight legs; turns take `turn_duty`. trims: factors of the left and of the right motor (static
+    duty: of straight legs. trims: factors of the left and of the right motor (static
     compensation). scaling: of the voltage, None without. gyro: hold the heading on straight legs, and turn by
     it.
     """
 
     duty: float = 1.0
-    turn_duty: float = 0.5
     trims: tuple[float, float] = (1.0, 1.0)
     scaling: VoltageScaling | None = None
     gyro: bool = False
@@ -91,7 +91,7 @@ def quarter_turn(robot: Vehicle, way: TimedDrive, tuned: Tuned, heading: float =
     def there(_seconds: float) -> bool:
         return robot.heading >= heading - tuned.turn
 
-    leg(robot, way, -way.turn_duty, way.turn_duty, there if way.gyro else after(tuned.turn), None)
+    leg(robot, way, -TURN_DUTY, TURN_DUTY, there if way.gyro else after(tuned.turn), None)
 
 
 def after(limit: float) -> Callable[[float], bool]:

@@ -9,6 +9,12 @@ from raccoon.core.schema import BATTERY_VOLTAGE
 
 LEAST, MOST = BATTERY_VOLTAGE.low, BATTERY_VOLTAGE.high
 """V between which a reading is a battery's."""
+TIME_CONSTANT = 0.1
+"""s; long enough for the converter's steps of 9 mV, short enough to follow sag."""
+READING_STD = 0.02
+"""V, of one reading."""
+LOWEST = 5.6
+"""V; below it the controller itself is about to brown out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,23 +27,14 @@ class BatteryEstimate:
 
 
 class BatteryVoltage:
-    """First-order filter of the voltage under load.
+    """First-order filter of the voltage under load."""
 
-    time_constant: s; long enough for the converter's steps of 9 mV, short enough to follow sag.
-    reading_std: V, of one reading. lowest: V; below it the controller itself is about to brown out.
-    """
+    __slots__ = ("_time", "_value", "_variance")
 
-    __slots__ = ("_lowest", "_reading_std", "_time", "_time_constant", "_value", "_variance")
-
-    def __init__(self, time_constant: float = 0.1, reading_std: float = 0.02, lowest: float = 5.6) -> None:
-        if not time_constant > 0.0:
-            raise ValueError(f"time_constant is {time_constant} s: it must be above 0")
-        self._time_constant = time_constant
-        self._reading_std = reading_std
-        self._lowest = lowest
+    def __init__(self) -> None:
         self._time: float | None = None
         self._value = 0.0
-        self._variance = reading_std * reading_std
+        self._variance = READING_STD * READING_STD
 
     def update(self, time: float, voltage: float | None) -> None:
         """Take the reading of this cycle; None and voltages that no controller runs on are passed over.
@@ -50,9 +47,9 @@ class BatteryVoltage:
             self._value = voltage
         else:
             dt = time - self._time
-            share = min(1.0, max(0.0, dt) / self._time_constant)
+            share = min(1.0, max(0.0, dt) / TIME_CONSTANT)
             self._value += share * (voltage - self._value)
-            noise = self._reading_std * self._reading_std
+            noise = READING_STD * READING_STD
             self._variance = (1.0 - share) ** 2 * self._variance + share * share * noise
         self._time = time
 
@@ -65,5 +62,5 @@ class BatteryVoltage:
         """Value, standard deviation and status."""
         if self._time is None:
             return BatteryEstimate(0.0, float("inf"), Status.INVALID)
-        status = Status.OK if self._value > self._lowest else Status.UNCERTAIN
+        status = Status.OK if self._value > LOWEST else Status.UNCERTAIN
         return BatteryEstimate(self._value, self._variance**0.5, status)

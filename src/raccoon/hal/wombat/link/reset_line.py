@@ -25,9 +25,8 @@ class GpioResetLine:
     The pin is taken at the pulse and given back after it: whatever flashes the firmware finds it free.
     """
 
-    def __init__(self, chip: str = GPIO_CHIP, pin: int = RESET_PIN) -> None:
+    def __init__(self, chip: str = GPIO_CHIP) -> None:
         self._chip = chip
-        self._pin = pin
 
     def pulse(self) -> None:
         """Hold the line low for 10 ms. Raises HardwareError where the pin cannot be had."""
@@ -46,13 +45,13 @@ class GpioResetLine:
                     os.close(line)
         except OSError as error:
             raise HardwareError(
-                f"the reset line (pin {self._pin} of {self._chip}) failed: {error}"
+                f"the reset line (pin {RESET_PIN} of {self._chip}) failed: {error}"
             ) from error
 
     def _take(self, chip: int) -> int:
         """Make the pin an output that is low at once; returns the descriptor of the line."""
         request = bytearray(
-            _REQUEST.pack(self._pin, *(0,) * 63, OUTPUT, bytes(64), b"raccoon".ljust(32, b"\0"), 1, 0)
+            _REQUEST.pack(RESET_PIN, *(0,) * 63, OUTPUT, bytes(64), b"raccoon".ljust(32, b"\0"), 1, 0)
         )
         fcntl.ioctl(chip, GET_LINE_HANDLE, request)
         descriptor: int = _REQUEST.unpack(request)[-1]
