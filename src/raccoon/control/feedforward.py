@@ -109,14 +109,14 @@ def wheel_models(config: RobotConfig, device: Device | None = None) -> tuple[Whe
 
 def calibrated_constant(config: RobotConfig, side: str, device: Device) -> float | None:
     """K_E of a driven motor, V/(rad/s), by its `radians_per_tick`; None where it has none."""
-    ticks = config.motor(getattr(config.drive, side)).radians_per_tick
+    ticks = config.wheel_motor(side).radians_per_tick
     if ticks is None:
         return None
     return device.bemf_volts * device.position_counts_seconds / ticks.value
 
 
 def _wheel(config: RobotConfig, side: str, device: Device | None) -> WheelModel:
-    model, motor = getattr(config.model, side), config.motor(getattr(config.drive, side))
+    model, motor = getattr(config.model, side), config.wheel_motor(side)
     constant = model.back_emf_constant.value
     told = None if device is None else calibrated_constant(config, side, device)
     if told is not None and device is not None and not 1.0 / FOREIGN < told / constant < FOREIGN:

@@ -109,6 +109,10 @@ class RobotConfig:
         """The configuration of a motor port, the default where the file says nothing."""
         return self.motors.get(motor_port, MotorConfig())
 
+    def wheel_motor(self, side: str) -> MotorConfig:
+        """The same of the motor that drives the "left" or the "right" wheel."""
+        return self.motor(getattr(self.drive, side))
+
 
 def load_robot(path: str | Path) -> RobotConfig:
     """Read a `robot.toml`.

@@ -18,7 +18,7 @@ def counts_scale(robot: RobotConfig, side: str, device: Device) -> float:
     """Radians of the `side` ("left" or "right") wheel in one back-EMF count · second, without its wiring
     sign.
     """
-    motor = robot.motor(getattr(robot.drive, side))
+    motor = robot.wheel_motor(side)
     return radians_per_count(motor, getattr(robot.model, side).back_emf_constant.value, device)
 
 

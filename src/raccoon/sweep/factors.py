@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from raccoon.core.config import MotorConfig, RobotConfig
+from raccoon.core.config import RobotConfig
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.estimate.ekf.state import OdometrySettings
@@ -141,19 +141,15 @@ def default_factors(robot: RobotConfig) -> tuple[Factor, ...]:
     return (*factors, *_tophat_factors(robot))
 
 
-def _motor(robot: RobotConfig, side: str) -> MotorConfig:
-    return robot.motor(getattr(robot.drive, side))
-
-
 def _calibrated(robot: RobotConfig, side: str) -> bool:
     """Whether robot.toml has calibrated ticks of the wheel that can be its."""
-    known = _motor(robot, side).radians_per_tick is not None
+    known = robot.wheel_motor(side).radians_per_tick is not None
     return known and 0.5 < _factor(robot, side) < 2.0
 
 
 def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, float]:
     """Mean and standard deviation of a motor's K_E over that of `[model]`; usual: without a calibration."""
-    ticks = _motor(robot, side).radians_per_tick
+    ticks = robot.wheel_motor(side).radians_per_tick
     if ticks is None or not _calibrated(robot, side):
         return 1.0, usual
     mean = _factor(robot, side)
@@ -162,7 +158,7 @@ def _known_ticks(robot: RobotConfig, side: str, usual: float) -> tuple[float, fl
 
 def _known_offset(robot: RobotConfig, side: str) -> tuple[float, float]:
     """Mean and standard deviation of a motor's reading at rest, counts."""
-    offset = _motor(robot, side).bemf_offset
+    offset = robot.wheel_motor(side).bemf_offset
     if offset is None:
         return 0.0, USUAL_OFFSET
     return offset.value, offset.std or robot.model.bemf.offset.std

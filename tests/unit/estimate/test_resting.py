@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from raccoon.estimate.drive_calibration.resting import resting_counts
+from raccoon.estimate.drive_calibration.resting import resting_offset
 
 
 def words_at_rest(offset: float, dead_zone: float, seed: int) -> list[float]:
@@ -21,7 +21,7 @@ def test_an_offset_is_as_sure_as_it_says(dead_zone: float) -> None:
     the offset that no number of readings brings back.
     """
     offsets = np.linspace(-60.0, 60.0, 121)
-    found = [resting_counts(words_at_rest(each, dead_zone, 7), dead_zone) for each in offsets]
+    found = [resting_offset(words_at_rest(each, dead_zone, 7), dead_zone) for each in offsets]
     off = [abs(each.value - true) / each.std for each, true in zip(found, offsets, strict=True) if each]
     assert len(off) == len(offsets)
     assert np.mean(np.less(off, 2.0)) > 0.95
@@ -29,7 +29,7 @@ def test_an_offset_is_as_sure_as_it_says(dead_zone: float) -> None:
 
 
 def test_an_offset_beyond_the_dead_zone_is_known_to_a_count() -> None:
-    found = resting_counts(words_at_rest(40.0, 25.0, 1), 25.0)
+    found = resting_offset(words_at_rest(40.0, 25.0, 1), 25.0)
     assert found is not None
     assert found.value == pytest.approx(40.0, abs=1.5)
     assert found.std < 1.0

@@ -228,7 +228,7 @@ def _side(robot: RobotConfig, side: str, device: Device) -> _Side:
 
 def _static_voltage(robot: RobotConfig, side: str) -> float:
     """V that dry friction takes, by robot.toml."""
-    motor, model = robot.motor(getattr(robot.drive, side)), getattr(robot.model, side)
+    motor, model = robot.wheel_motor(side), getattr(robot.model, side)
     if motor.static_voltage is not None:
         return motor.static_voltage.value
     friction: float = robot.model.friction.coulomb.value

@@ -58,7 +58,7 @@ def known_offset_std(robot: RobotConfig, side: str) -> float | None:
 
     One that was written down as a plain number is known as well as the model's: motors do not stay at it.
     """
-    own = robot.motor(getattr(robot.drive, side)).bemf_offset
+    own = robot.wheel_motor(side).bemf_offset
     return None if own is None else own.std or (robot.model.bemf.offset.std if own.value else 0.0)
 
 
@@ -80,7 +80,7 @@ def track_std(robot: RobotConfig, settings: OdometrySettings) -> float:
 
 def scale_std(robot: RobotConfig, settings: OdometrySettings, side: str) -> float:
     """Relative standard deviation of the metres of one count · second."""
-    own = robot.motor(getattr(robot.drive, side)).radians_per_tick
+    own = robot.wheel_motor(side).radians_per_tick
     if own is not None:
         return max(own.std / own.value, settings.calibrated_scale)
     radius, constant = robot.model.drive.wheel_radius, getattr(robot.model, side).back_emf_constant

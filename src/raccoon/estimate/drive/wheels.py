@@ -67,11 +67,6 @@ def lag_seconds(robot: RobotConfig, device: Device) -> float:
     return counter_lag(own.value, SAMPLE_TIME)
 
 
-def offset_counts(robot: RobotConfig, side: str) -> float:
-    """Back-EMF counts of the `side` motor at standstill, in the sign of the board."""
-    return resting_counts(robot, getattr(robot.drive, side))
-
-
 def resting_counts(robot: RobotConfig, port: int) -> float:
     """Back-EMF counts of the motor on `port` at standstill, in the sign of the board."""
     own = robot.motor(port).bemf_offset
@@ -104,7 +99,7 @@ class _Wheel:
         self._robot = robot
         self._side = side
         self.port: int = getattr(robot.drive, side)
-        self._offset = offset_counts(robot, side)
+        self._offset = resting_counts(robot, self.port)
         self._device: Device | None = None
         self._scale = 0.0
         self._tick = 1.0

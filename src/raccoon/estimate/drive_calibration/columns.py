@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import SI_WORDS, Device
-from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
+from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_offset
 from raccoon.model.bemf import counts_scale
 
 Array = NDArray[np.float64]
@@ -153,7 +153,7 @@ def _wheel(
     offset = None
     if bemf is not None:
         words = np.asarray(bemf, dtype=float)
-        found = resting_counts(words[:rest][np.isfinite(words[:rest])], device.bemf_dead_zone)
+        found = resting_offset(words[:rest][np.isfinite(words[:rest])], device.bemf_dead_zone)
         offset = None if found is None else (found.value, found.std)
     configured = motor.bemf_offset or robot.model.bemf.offset
     counts = configured.value if offset is None else offset[0]

@@ -19,7 +19,7 @@ CUT = 0.5
 """Counts by which whole words may all be off, as where a firmware cuts fractions instead of rounding them."""
 
 
-def resting_counts(words: Sequence[float] | NDArray[np.float64], dead_zone: float) -> Measured | None:
+def resting_offset(words: Sequence[float] | NDArray[np.float64], dead_zone: float) -> Measured | None:
     """The offset in counts, of readings at rest; None where there are fewer than 40.
 
     The board's filter makes neighbours alike: about one reading in nine is independent (0.2 at every step).

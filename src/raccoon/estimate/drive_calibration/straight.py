@@ -25,7 +25,7 @@ from raccoon.core.readings import Inputs
 from raccoon.estimate.drive.prior import known_offset_std, track_std
 from raccoon.estimate.drive.wheels import WheelDecoder
 from raccoon.estimate.drive_calibration.motors import MotorsCalibration
-from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_counts
+from raccoon.estimate.drive_calibration.resting import MOVING_COUNTS, resting_offset
 from raccoon.estimate.drive_calibration.surprises import check_believed, surprises
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.model.bemf import counts_scale
@@ -142,9 +142,9 @@ def _first(inputs: Sequence[Inputs], port: int) -> tuple[float | None, float | N
 
 
 def resting_bemf(rest: Sequence[Inputs], port: int) -> Measured | None:
-    """`resting_counts` of a port."""
+    """`resting_offset` of a port."""
     words = [word for cycle in rest[: max(len(rest) - 10, 0)] if (word := cycle.bemf[port]) is not None]
-    return resting_counts(words, rest[0].device.bemf_dead_zone) if words else None
+    return resting_offset(words, rest[0].device.bemf_dead_zone) if words else None
 
 
 def resting_gyro(rest: Sequence[Inputs]) -> Measured | None:

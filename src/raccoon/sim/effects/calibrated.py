@@ -48,4 +48,4 @@ def calibrated_robot(robot: RobotConfig, device: Device) -> Parameters:
 
 
 def _calibrated(robot: RobotConfig, side: str) -> bool:
-    return robot.motor(getattr(robot.drive, side)).radians_per_tick is not None
+    return robot.wheel_motor(side).radians_per_tick is not None
