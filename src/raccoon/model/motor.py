@@ -17,11 +17,6 @@ def current(voltage: float, speed: float, resistance: float, back_emf_constant: 
     return (voltage - back_emf_constant * speed) / resistance
 
 
-def torque(current: float, back_emf_constant: float) -> float:
-    """N m of a current: K_E is also the torque constant in SI."""
-    return back_emf_constant * current
-
-
 def steady_speed(
     voltage: float, resistance: float, back_emf_constant: float, coulomb: float = 0.0, viscous: float = 0.0
 ) -> float:

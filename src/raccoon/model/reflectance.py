@@ -18,8 +18,8 @@ x is the light in units of the light that halves the reading. It is a sum of thr
 Seven numbers a sensor generation against the eight readings of the paper's Tables II and III (`fit`, closed
 form): the light of both colours adds, so indoors the four readings give R7, n, r and L exactly, and the four
 readings in the sun, less those, give S7, m and s by least squares in logarithms. One degree of freedom a
-generation is left; `residuals` says what it costs (below 1 count). How wide a spot the sensor sees is not in
-the paper: the radius below is an assumption and a parameter.
+generation is left, and costs less than 1 count. How wide a spot the sensor sees is not in the paper: the
+radius below is an assumption and a parameter.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_FULL_SCALE
-from raccoon.model.paper import TOPHAT_READINGS, TophatReading, tophat_reading
+from raccoon.model.paper import TophatReading, tophat_reading
 
 FULL_SCALE = float(ANALOG_FULL_SCALE)
 GENERATIONS = ("old", "new")
@@ -184,22 +184,6 @@ def black_doubt(generation: str, height: float) -> float:
     share = math.log(height / NEAR) / math.log(FAR / NEAR)
     own = near.light(1.0) * (far.light(1.0) / near.light(1.0)) ** share
     return float(abs(FULL_SCALE / (1.0 + own) - here.counts(1.0)))
-
-
-def residuals() -> list[tuple[TophatReading, float, float]]:
-    """(condition, model - paper over white, the same over black), counts, for the paper's conditions."""
-    rows = []
-    for reading in TOPHAT_READINGS:
-        optics = fit(reading.generation).at(reading.height)
-        ambient = AMBIENT[reading.light]
-        rows.append(
-            (
-                reading,
-                optics.counts(0.0, ambient) - reading.white,
-                optics.counts(1.0, ambient) - reading.black,
-            )
-        )
-    return rows
 
 
 def spot_radius(height: float) -> float:

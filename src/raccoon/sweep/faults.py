@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs, Outputs, Vector
 
-T = TypeVar("T")
 KINDS: Mapping[str, str] = {
     "fault.imu_silent": "the IMU says nothing any more",
     "fault.imu_frozen": "the IMU repeats its last reading",

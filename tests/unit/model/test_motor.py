@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from raccoon.model.motor import current, steady_speed, time_constant, torque
+from raccoon.model.motor import current, steady_speed, time_constant
 
 MOTOR = (1.8, 1.08)
 
@@ -23,8 +23,8 @@ def test_too_little_voltage_does_not_break_loose() -> None:
     assert steady_speed(1.01 * stuck, *MOTOR, coulomb=0.18) > 0.0
 
 
-def test_torque_at_standstill_and_at_the_free_running_speed() -> None:
-    assert torque(current(6.8, 0.0, *MOTOR), 1.08) == pytest.approx(1.08 * 6.8 / 1.8)
+def test_current_at_standstill_and_at_the_free_running_speed() -> None:
+    assert current(6.8, 0.0, *MOTOR) == pytest.approx(6.8 / 1.8)
     assert current(6.8, steady_speed(6.8, *MOTOR), *MOTOR) == pytest.approx(0.0)
 
 

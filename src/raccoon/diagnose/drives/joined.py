@@ -15,8 +15,6 @@ from raccoon.diagnose.drives.features import SETTLING
 from raccoon.diagnose.drives.log import Channel, Clocks, Log, Run
 from raccoon.diagnose.drives.stops import brakes
 
-Array = NDArray[np.float64]
-
 PAUSE = 5.0
 """S that are put between two recordings, in which nothing is commanded and nothing compared."""
 

@@ -20,7 +20,6 @@ from raccoon.diagnose.drives.log import SHORTEST_SECONDS, Log, apart, settled
 from raccoon.diagnose.drives.sizes import full_voltage, volts
 
 Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 SIDES = ("left", "right")
 
 BIN = 0.02

@@ -6,11 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.log import Log
-
-Array = NDArray[np.float64]
 
 BRAKING_SECONDS = 0.1
 BRAKES = 0.4

@@ -6,15 +6,12 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.descent import SETTLED
 from raccoon.diagnose.fit.fits import costs_at, fit_afresh, fit_point
 from raccoon.diagnose.fit.fitted import Fit
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.fit.whitener import Whitening
-
-Array = NDArray[np.float64]
 
 STAIRS = "drive.backlash"
 SCAN_SIZES = (-0.16, -0.08, -0.04, -0.02, 0.0, 0.02, 0.04, 0.08, 0.16)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raccoon.diagnose.fit.evidence import Gram
 from raccoon.diagnose.fit.fits import fit_afresh, fit_at, fit_many, fit_point
@@ -24,8 +23,6 @@ from raccoon.diagnose.select.refits import FAMILIES, both_signs, first_guess
 from raccoon.diagnose.select.rivals import BETTER, alike, net_lead
 from raccoon.diagnose.select.sets import Chosen, Member, Sets, apart
 from raccoon.diagnose.select.symmetry import fitted_twins
-
-Array = NDArray[np.float64]
 
 PROPOSED = 3
 POLISHED = 3

@@ -10,14 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from raccoon.diagnose.drives.features import Features
 from raccoon.diagnose.drives.log import WHEELS
 from raccoon.diagnose.fit.problem import Point, Problem
 from raccoon.diagnose.select.sets import apart
-
-Array = NDArray[np.float64]
 
 FRICTION, UNEVEN, SLOPE = "friction.coulomb", "friction.direction_dependent", "drive.slope"
 ALIKE = (FRICTION, UNEVEN, SLOPE)
