@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.core.files import replacing
 from raccoon.trace.format import Event
-from raccoon.trace.mistaken import csv_separator
+from raccoon.trace.mistaken import SEPARATOR_SAID, csv_separator, misnamed, no_seconds, no_time
 from raccoon.trace.recording import EVENT, SURFACE, DutiesBeyond, Recording, allowed_instead
 from raccoon.trace.rows import Rows
 
@@ -71,7 +71,10 @@ class _Reader:
 
     def recording(self) -> Recording:
         rows = iter(self._rows)
-        names = _header(next(rows, []))
+        first = next(rows, [])
+        names = _header(next(rows, []) if first == [SEPARATOR_SAID, ""] else first, self._rows.line)
+        if other := misnamed(names):
+            self._problems.append(other)
         columns = {name: array("d") for name in names if name != EVENT}
         last = -math.inf
         for cells in rows:
@@ -141,7 +144,7 @@ class _Reader:
             wrong = _number(text)
             if wrong is not None:
                 self._beyond.take(name, wrong)
-            blank = "" if name == "t" else " and blank"
+            blank = no_seconds(cell) if name == "t" else " and blank"
             if not _of_numbers(name, cell):
                 self._words[name] = self._words.get(name, 0) + 1
             if self._strict or self._words.get(name, 0) <= FEW_WORDS:
@@ -178,17 +181,15 @@ class _Reader:
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {said}")
 
 
-def _header(names: list[str] | str) -> list[str]:
+def _header(names: list[str] | str, line: int) -> list[str]:
     if isinstance(names, str):
-        raise TraceError(f"line 1, {names}")
+        raise TraceError(f"line {line}, {names}")
     names = [name.strip() for name in names]
     if "t" not in names:
-        raise TraceError(
-            f"line 1: there is no column t in the header {','.join(names)[:80]!r}; t is the time in s"
-        )
+        raise TraceError(f"line {line}: {no_time(names)}")
     for name in names:
         if not name or names.count(name) > 1:
-            raise TraceError(f"line 1: column name {name!r} is empty or there twice")
+            raise TraceError(f"line {line}: column name {name!r} is empty or there twice")
     return names
 
 

@@ -18,6 +18,7 @@ from raccoon.core.readings import Device, Inputs, Outputs
 from raccoon.trace.decode import parse_cycle, parse_device, parse_line
 from raccoon.trace.encode import Values
 from raccoon.trace.header import Header, parse_header
+from raccoon.trace.mistaken import check_no_picture
 from raccoon.trace.record import recording_file
 
 MAX_LINE_BYTES = 1 << 20
@@ -112,6 +113,7 @@ class _Reader:
         first = b"{}"
         try:
             first = next(lines, first)
+            check_no_picture(first)
             trace = Trace(parse_header(parse_line(first)))
         except TraceError as error:
             hint = "; it looks like CSV: name it .csv" if first.startswith(b"t,") else ""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
 from raccoon.core.errors import TraceError
@@ -20,11 +21,51 @@ OTHERS: Mapping[str, str] = {
     ".parquet": "a table of a sweep",
 }
 """What files are that people have beside their recordings, by the endings of their names."""
+PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF")
+"""How pictures begin, whatever their names."""
 SWEEP_HEADER = "run,seed,status,"
 SEPARATORS = (",", ";", "\t")
 KIND_BYTES = 4096
 MOST_ODD = 4
 """Letters of a header that are no UTF-8: an old program may have written a few."""
+MISNAMED_SAID = 4
+SEPARATOR_SAID = "sep="
+"""How a CSV of Excel may begin: the first line says what stands between the columns."""
+_TIME = re.compile(r"t|(time|zeit|timestamp|seconds?|secs?|millis|ms)\b.*|t\W.*|time_.*", re.IGNORECASE)
+_DATE = re.compile(r"\d+[-/.:]\d+[-/.:]\d+.*")
+_KNOWN = re.compile(
+    r"(motor\.\d+\.(duty|bemf|position|current|voltage|speed|force|torque|travel|angle|brake)"
+    r"|servo\.\d+\.pulse_us|battery\.voltage|imu\.((gyro|accel)\.[xyz]|temperature)"
+    r"|(analog|digital)\.\d+"
+    r"|truth\.(x|y|heading|surface\.\d+))(\s*[(\[/].*)?",
+    re.IGNORECASE,
+)
+"""Names of the format, but for those that a team makes up itself, and what people write behind them."""
+
+
+def no_time(names: Iterable[str]) -> str:
+    """Why a header without t is none, with what seems to be it."""
+    header = ",".join(names)
+    cells = [each.strip().strip('"') for each in re.split("[,;\t]", header)]
+    said = f"there is no column t in the header {header[:80]!r}; t is the time in s"
+    if all(re.fullmatch(r"[-+]?[\d.]+(e[-+]?\d+)?", each, re.IGNORECASE) for each in cells):
+        return f"{said}, and the first line holds the names of the columns"
+    alike = next((each for each in cells if _TIME.fullmatch(each)), None)
+    return said if alike is None else f"{said}: if {alike!r} is that, name it t"
+
+
+def no_seconds(cell: str) -> str:
+    """What a time seems to be that is no number, for a message; "" where nothing is known."""
+    return "; it looks like a date or a time of day" if _DATE.fullmatch(cell.strip()) else ""
+
+
+def misnamed(names: Collection[str]) -> str:
+    """Which columns seem to be those of the format but for a unit or capital letters; "" where none does."""
+    matches = {name: _KNOWN.fullmatch(name) for name in names}
+    meant = {name: match[1].lower() for name, match in matches.items() if match is not None}
+    found = [f"{name!r} is to be {known}" for name, known in meant.items() if known not in names]
+    more = f" and {len(found) - MISNAMED_SAID} more" if len(found) > MISNAMED_SAID else ""
+    return f"columns by other names are not used: {', '.join(found[:MISNAMED_SAID])}{more}" if found else ""
 
 
 def csv_separator(path: Path) -> str:
@@ -37,6 +78,8 @@ def csv_separator(path: Path) -> str:
         start = file.read(KIND_BYTES)
     line = start.partition(b"\n")[0]
     text = line.decode("utf-8-sig", "replace")
+    if text.startswith(SEPARATOR_SAID) and text[4:5] in SEPARATORS:
+        return text[4:5]
     for separator in SEPARATORS:
         if "t" in [name.strip().strip('"') for name in text.split(separator)]:
             return separator
@@ -52,6 +95,7 @@ def csv_separator(path: Path) -> str:
 
 def _check_form(start: bytes, line: str) -> None:
     """Raise TraceError for what would be a CSV or a trace in another form or by another name."""
+    check_no_picture(start)
     if start.startswith((b"\x1f\x8b", b"PK\x03\x04")):
         raise TraceError("the file is packed: unpack it first, or name it .jsonl.gz where it is a trace")
     halves = (
@@ -64,3 +108,9 @@ def _check_form(start: bytes, line: str) -> None:
         raise TraceError("it looks like JSON Lines, not CSV: name it .jsonl")
     if "\0" in line or line.count("\ufffd") > MOST_ODD:
         raise TraceError("it is no text: a CSV file begins with the names of its columns")
+
+
+def check_no_picture(start: bytes) -> None:
+    """Raise TraceError for a file that begins as a picture does, whatever its name."""
+    if start.startswith(PICTURES):
+        raise TraceError(f"it seems to be {OTHERS['.png']}; {TAKEN}")

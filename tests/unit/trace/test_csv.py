@@ -80,6 +80,8 @@ BAD = [
     ("t,x\n1,1\n0.5,1\n", "line 3, column t: '0.5': allowed are numbers that do not go back"),
     ("t,x\n,1\n", "line 2, column t: ''"),
     ("t,x\n0,1\nsoon,1\n", "line 3, column t: 'soon': allowed are finite numbers"),
+    ("t\n2026-11-29T09:10:00Z\n", "allowed are finite numbers; it looks like a date or a time of day"),
+    ("t\n09:10:00.5\n", "allowed are finite numbers; it looks like a date or a time of day"),
     ("t,motor.0.duty\n0,1.5\n", "line 2, column motor.0.duty: '1.5': allowed are numbers from -1 to 1"),
     ("t,digital.3\n0,2\n", "line 2, column digital.3: '2': allowed are 0, 1"),
     ("t,truth.surface.1\n0,grey\n", "line 2, column truth.surface.1: 'grey': allowed are black, white"),
@@ -121,6 +123,9 @@ def test_a_bad_value_is_blank_and_a_bad_row_is_left_out(tmp_path: Path) -> None:
     [
         ("", "no column t"),
         ("a,b\n1,2\n", "no column t in the header 'a,b'"),
+        ("a,time_ms\n1,2\n", "t is the time in s: if 'time_ms' is that, name it t"),
+        ("T;a\n1;2\n", "t is the time in s: if 'T' is that, name it t"),
+        ("0,-0.5,1e-3\n", "t is the time in s, and the first line holds the names of the columns"),
         ("t,x,x\n", "'x' is empty or there twice"),
         ("t,,x\n", "'' is empty or there twice"),
         ("t\n" + "x" * (1 << 20), "line is longer"),
@@ -135,6 +140,24 @@ def test_a_file_that_is_no_recording_is_refused(
         message = "line 2"
     with pytest.raises(TraceError, match=message):
         read_csv(write(tmp_path / "run.csv", text), strict=strict)
+
+
+def test_a_first_line_of_excel_says_what_parts_the_columns(tmp_path: Path) -> None:
+    path = write(tmp_path / "run.csv", "sep=;\nt;x\n0,5;1\n1,0;oops\n")
+    recording = read_csv(path, strict=False)
+    np.testing.assert_array_equal(recording["t"], [0.5, 1.0])
+    assert recording.problems == ["line 4, column x: 'oops': allowed are finite numbers and blank"]
+    with pytest.raises(TraceError, match="line 2: there is no column t in the header 'a,b'"):
+        read_csv(write(path, "sep=,\na,b\n"))
+
+
+def test_a_name_with_a_unit_or_capital_letters_is_said(tmp_path: Path) -> None:
+    names = ["t", "motor.0.duty [-1..1]", "Battery.Voltage", "analog.0", "ANALOG.0", "motor.0.wish", "x (m)"]
+    path = write(tmp_path / "run.csv", ",".join(names) + "\n0,0,0,0,0,0,0\n")
+    assert read_csv(path).problems == [
+        "columns by other names are not used: 'motor.0.duty [-1..1]' is to be motor.0.duty, "
+        "'Battery.Voltage' is to be battery.voltage"
+    ]
 
 
 @pytest.mark.parametrize(

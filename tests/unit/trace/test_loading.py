@@ -86,6 +86,8 @@ def test_an_mcap_file_is_a_recording(tmp_path: Path) -> None:
         ("run.json", '{"format": "raccoon trace"}\n', "it looks like JSON Lines, not CSV: name it .jsonl"),
         ("picture.png", "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0\0\0\0\0\0\0\0\0\0", "it seems to be a picture"),
         ("run.txt", "hello\n", "it seems to be a text that begins with 'hello'; recordings are traces"),
+        ("run.csv", "\x89PNG\r\n\x1a\n", "it seems to be a picture; recordings are"),
+        ("run.jsonl.gz", "\x89PNG\r\n\x1a\n", "line 1: it seems to be a picture; recordings are"),
         ("run.csv", "hello\n", "line 1: there is no column t in the header 'hello'; t is the time in s"),
         ("a.csv", "run,seed,status,reason,x\n", "it seems to be the table of a sweep; recordings are"),
         ("run.txt", "time,x\n", "line 1: there is no column t in the header 'time,x'; t is the time in s"),
