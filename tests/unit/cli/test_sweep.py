@@ -110,6 +110,9 @@ def test_what_an_interrupted_sweep_has_played_is_named(
 
     monkeypatch.setattr("raccoon.cli.sweep.play.sweep", interrupted)
     assert main(["sweep", program, "--any-end", "--out", "r.csv"]) == 130
+    assert capsys.readouterr().err == "raccoon sweep: interrupted\n"  # there is no file yet
+    Path("r.csv").touch()
+    assert main(["sweep", program, "--any-end", "--out", "r.csv"]) == 130
     assert capsys.readouterr().err == (
         "what was played is in r.csv: the same command goes on from there\nraccoon sweep: interrupted\n"
     )

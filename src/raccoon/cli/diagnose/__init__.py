@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raccoon.cli.crew import add_crew, check_crew
+from raccoon.cli.wrapped import print_wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -174,7 +175,7 @@ def _write(args: argparse.Namespace, diagnosis: Diagnosis, name: str) -> None:
     try:
         _save(args, diagnosis, name)
     finally:
-        print(terminal_report(diagnosis))
+        print_wrapped(terminal_report(diagnosis))
     if args.save_model is not None and diagnosis.model is None:
         print(f"{args.save_model}: not written: this kind of recording gives no model of a robot")
 

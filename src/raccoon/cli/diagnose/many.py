@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.cli.crew import crew_of
 from raccoon.cli.diagnose.one import Answer, Job, diagnose_or_reason, job_of, robot_of
+from raccoon.cli.wrapped import print_wrapped
 
 if TYPE_CHECKING:
     from raccoon.core.config import RobotConfig
@@ -139,7 +140,7 @@ def run_fleet(args: argparse.Namespace, paths: Sequence[Path]) -> int:
         for name, reason in failed.items():
             print(f"{name}: no diagnosis: {reason}")
         if answers:
-            print(fleet_report(fleet, seen))
+            print_wrapped(fleet_report(fleet, seen))
     if common is not None and common.model is None:
         print(f"{args.save_model}: not written: {common.reason}")
     if work.stopped:

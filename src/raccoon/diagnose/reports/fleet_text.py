@@ -53,17 +53,19 @@ def fleet_report(fleet: Fleet, seen: Mapping[str, Foreseen] | None = None) -> st
     """A line a recording, then common causes with their spread, the odd ones out, and what changed. seen:
     each recording with the model of the others, where one was made."""
     results = fleet.results
-    lines = [f"{name}{whose(fleet, name)}: {each.verdict}: {told(each)}" for name, each in results.items()]
+    lines = [
+        f"{name}{whose(fleet, name)}: {verdict_words(each)}: {told(each)}" for name, each in results.items()
+    ]
     lines += ["", *(_cause_line(each, fleet) for each in fleet.causes)] if fleet.causes else []
     if fleet.numbers:
-        lines += ["", "Measured on the way (median, spread of one):"]
+        lines += ["", "Measured on the way (median +- spread of the recordings):"]
         lines += [_number_line(each, len(results)) for each in fleet.numbers]
     changes = change_lines(fleet)
     if changes:
         lines += ["", f"{CHANGED}:", *(f"  {each}" for each in changes)]
     elif len(results) > 1 and fleet.causes and most_of_one(fleet) < FEWEST:
         of_one = " of one robot" if len(fleet.names) > 1 else ""
-        lines += ["", f"What changed and when is looked for in {FEWEST} recordings{of_one} and more."]
+        lines += ["", f"To see what changed and when takes {FEWEST} recordings{of_one} at least."]
     if seen:
         lines += ["", FORESEEN_TITLE, *(f"  {name}: {foreseen_text(each)}" for name, each in seen.items())]
     notes = note_lines(results)
@@ -102,8 +104,22 @@ def told(diagnosis: Diagnosis) -> str:
     said = ", ".join(found)
     if not said and diagnosis.verdict is Verdict.NOT_IDENTIFIABLE:
         said = _why_not(diagnosis)
-    broken = "".join(f"; {each.channel}: {each.fault}" for each in diagnosis.sensor_faults)
-    return (said or "-") + broken
+    return "; ".join(
+        [said or "-", *(f"{channel}: {', '.join(it)}" for channel, it in _broken(diagnosis).items())]
+    )
+
+
+def _broken(diagnosis: Diagnosis) -> dict[str, list[str]]:
+    """What is wrong with each channel."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for each in diagnosis.sensor_faults:
+        found[each.channel].append(each.fault)
+    return found
+
+
+def verdict_words(diagnosis: Diagnosis) -> str:
+    """The verdict as words."""
+    return str(diagnosis.verdict).replace("_", " ")
 
 
 def _why_not(diagnosis: Diagnosis) -> str:

@@ -11,7 +11,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.extras import install
 from raccoon.core.files import write_atomically
 from raccoon.diagnose.reports.headline import seen_text, verdict_text
-from raccoon.diagnose.reports.numbers import two_digits, with_deviation
+from raccoon.diagnose.reports.numbers import deviation, with_deviation
 from raccoon.diagnose.reports.pictures import cause_figure, curve_figure, error_figure, png, shape_figure
 from raccoon.diagnose.reports.terminal import (
     UNKNOWABLE,
@@ -68,7 +68,7 @@ def page(diagnosis: Diagnosis, title: str) -> str:
         hidden={reason: ids for reason, ids in why.items() if reason.startswith(UNKNOWABLE)},
         text=terminal_report(diagnosis),
         precise=with_deviation,
-        two_digits=two_digits,
+        deviation=deviation,
     )
     return text
 

@@ -6,10 +6,14 @@ import math
 
 from raccoon.diagnose.result import ParameterResult
 
+MOST_PLACES = 6
+"""Places on either side of the point that a number has at most; beyond it stands a power of ten."""
+
 
 def number_text(each: ParameterResult) -> str:
     """Value, deviation and unit."""
-    return f"{with_deviation(each.value, each.std)} +- {two_digits(each.std)} {each.unit}".rstrip()
+    sure = f" +- {deviation(each.std)}" if each.std != 0.0 else ""  # a count has none
+    return f"{with_deviation(each.value, each.std)}{sure} {each.unit}".rstrip()
 
 
 def two_digits(number: float) -> str:
@@ -17,9 +21,26 @@ def two_digits(number: float) -> str:
     return f"{number:.2g}" if not math.isfinite(number) else f"{float(f'{number:.2g}'):.6g}"
 
 
+def deviation(std: float) -> str:
+    """A standard deviation by two digits, zeros too: 0.0010, 0.35, 12."""
+    places = _places(std)
+    return two_digits(std) if places is None else _rounded(std, places)
+
+
 def with_deviation(value: float, std: float) -> str:
-    """A number with as many digits as its deviation has, at least four."""
-    if not (math.isfinite(std) and std > 0.0 and math.isfinite(value) and value != 0.0):
-        return f"{value:.4g}"
-    digits = math.floor(math.log10(abs(value))) - math.floor(math.log10(std)) + 2
-    return f"{value:.{min(max(digits, 4), 9)}g}"
+    """A number with the places of its deviation; where that has none, or both are tiny, with four digits."""
+    places = _places(std)
+    return f"{value:.4g}" if places is None or not math.isfinite(value) else _rounded(value, places)
+
+
+def _rounded(number: float, places: int) -> str:
+    return f"{round(number, places):.{max(places, 0)}f}"
+
+
+def _places(std: float) -> int | None:
+    """Places behind the point that two digits of a deviation take, below 0 those before it; None where that
+    is no way to write it."""
+    if not (math.isfinite(std) and std > 0.0):
+        return None
+    places = 1 - math.floor(math.log10(float(f"{std:.1e}")))
+    return places if abs(places) <= MOST_PLACES else None

@@ -12,7 +12,7 @@ import numpy as np
 from raccoon.diagnose.reports.unknown_words import along
 from raccoon.diagnose.result import Curve, Diagnosis, Shape
 
-BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#555555"
+BEFORE, AFTER, MEASURED = "#b5422c", "#2c6fb5", "#aaaaaa"
 MOST_POINTS = 4000
 """Of a curve; more make a page large, and no picture has as many columns."""
 
@@ -127,7 +127,7 @@ def curve_figure(curve: Curve, diagnosis: Diagnosis) -> Any:
     panels = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1)) if compared else [figure.subplots()]
     top, bottom = panels[0], panels[-1]
     if compared or not simulated:
-        top.plot(time, measured, color=MEASURED, linewidth=1.6, label="measured")
+        top.plot(time, measured, color=MEASURED, linewidth=3.2, label="measured")
         top.set_ylabel(f"{curve.name}, {curve.unit}", fontsize=9)
     if compared:
         top.plot(time, before, color=BEFORE, linewidth=0.9, label=f"simulated, {plain}")

@@ -171,10 +171,10 @@ def change_text(cause: CauseResult) -> str:
         return ""
     why = f", {cause.no_matter}" if cause.no_matter else ""
     little = f"real, but too small to matter{why}: it " if cause.little else ""
-    most = f"moves a reading by up to {_times(cause.change)} its noise"
+    most = f"moves the reading that shows it most by {_times(cause.change)} its noise"
     if cause.unabsorbed < ABSORBED:
         return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
-    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} is more than {TOLERANCES} explain"
+    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} are beyond {TOLERANCES}"
 
 
 def _times(number: float) -> str:

@@ -11,7 +11,16 @@ from raccoon.sim.effects.parameters import SIDES
 
 Values = Mapping[str, ParameterResult]
 
+TUNED, DRIVEN = "(raccoon tune wheels --write)", "(raccoon calibrate drive --write)"
 INTO_ROBOT = "put this value into robot.toml"
+KEYS = {
+    "battery.open_circuit_voltage": "open_circuit_voltage",
+    "battery.internal_resistance": "internal_resistance",
+    "friction.coulomb": "coulomb",
+    "friction.viscous": "viscous",
+    "bemf.filter_lag": "filter_time_constant",
+}
+"""How robot.toml calls a value that is to be put into it."""
 INTO_MODEL = "keep it in a model.toml (--save-model), since robot.toml has one number for both wheels"
 """What to do instead with a number of one side: put into robot.toml it would make the other side's wrong."""
 CLEAR = 2.0
@@ -134,10 +143,12 @@ _CATALOGUE: Mapping[str, Maker] = {
         "the winding resistance of {place}",
         "higher",
         "lower",
-        "look for worn brushes and loose plugs, then calibrate {place}",
-        "calibrate {place}",
+        f"look for worn brushes and loose plugs, then calibrate {{place}} {TUNED}",
+        f"calibrate {{place}} {TUNED}",
     ),
-    "motor.back_emf_constant": _scaled("the K_E of {place}", "higher", "lower", "calibrate {place}"),
+    "motor.back_emf_constant": _scaled(
+        "the K_E (volts per speed) of {place}", "higher", "lower", f"calibrate {{place}} {TUNED}"
+    ),
     "motor.heating": _number(
         "the windings get hot, and their resistance rises by {percent:.0f} % for each A2 of lasting load "
         "({place})",
@@ -185,11 +196,9 @@ _CATALOGUE: Mapping[str, Maker] = {
         "look for what scrubs sideways, such as a caster or wide tyres",
     ),
     "drive.wheel_radius": _scaled(
-        "the radius of {place}", "larger", "smaller", "measure it, or calibrate straight driving"
+        "the radius of {place}", "larger", "smaller", f"measure it, or calibrate a straight drive {DRIVEN}"
     ),
-    "drive.track_width": _scaled(
-        "the effective track width", "larger", "smaller", "calibrate with counted full turns"
-    ),
+    "drive.track_width": _scaled("the effective track width", "larger", "smaller", f"calibrate it {DRIVEN}"),
     "drive.inertia": _scaled(
         "the robot's inertia",
         "larger",
@@ -209,10 +218,10 @@ _CATALOGUE: Mapping[str, Maker] = {
     ),
     "bemf.offset": _number(
         "the back-EMF of {place} reads {value:+.0f} counts at standstill, not {nominal:+.0f}",
-        "calibrate its offset",
+        f"calibrate its offset {DRIVEN}",
     ),
     "bemf.scale": _scaled(
-        "the back-EMF reading of {place}", "larger", "smaller", "calibrate its ticks per turn"
+        "the back-EMF reading of {place}", "larger", "smaller", f"calibrate its radians a tick {DRIVEN}"
     ),
     "bemf.dead_zone": _number(
         "back-EMF below {value:.0f} counts is reported as 0 ({place}), so slow creeping goes unseen",
@@ -222,9 +231,15 @@ _CATALOGUE: Mapping[str, Maker] = {
         "back-EMF is smoothed with {milli:.3g} ms instead of {nominal_milli:.3g} ms ({place})", INTO_ROBOT
     ),
     "imu.gyro_bias": _number(
-        "the gyro reads {value:+.4f} rad/s at rest, not {nominal:+.4f}", "calibrate it before every run"
+        "the gyro reads {value:+.4f} rad/s at rest, not {nominal:+.4f}",
+        "begin every run with a second at rest, wait(1.0), in which it is learnt",
     ),
-    "imu.gyro_scale": _scaled("the gyro's reading", "larger", "smaller", "calibrate with counted full turns"),
+    "imu.gyro_scale": _scaled(
+        "the gyro's reading",
+        "larger",
+        "smaller",
+        "turn the robot by hand through ten full turns, and put gyro_scale into robot.toml",
+    ),
     "imu.gyro_drift": _number(
         "the gyro's zero moves by {value:+.5f} rad/s every second",
         "switch the robot on some minutes before the run, so that the gyro warms up",
@@ -263,6 +278,11 @@ def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
         found = Told(f"{id} at {place}: {numbers}", "")
     else:
         found = maker(place, values)
+    if id in KEYS and where not in SIDES:
+        number = _first(values)
+        unit = f" ({number.unit})" if number.unit else ""
+        said = f"put {KEYS[id]} = {number.value:.4g}{unit} into robot.toml"
+        found = replace(found, todo=found.todo.replace(INTO_ROBOT, said))
     if where in SIDES:
         found = replace(found, todo=found.todo.replace(INTO_ROBOT, INTO_MODEL))
     return Told(found.what[0].upper() + found.what[1:], found.todo)

@@ -10,14 +10,15 @@ import pytest
 
 from blind.generator import make
 from blind.tophats import tophat
+from diagnoses import diagnosis
 from raccoon.core.config import RobotConfig, parse_robot
 from raccoon.diagnose.fleet.model import common_model
 from raccoon.diagnose.fleet.summary import fleet_of
 from raccoon.diagnose.recordings.kinds import diagnose_recording
 from raccoon.diagnose.reports import html_fleet
-from raccoon.diagnose.reports.fleet_text import fleet_report, note_lines
+from raccoon.diagnose.reports.fleet_text import fleet_report, note_lines, told
 from raccoon.diagnose.reports.html_fleet import save_fleet_html
-from raccoon.diagnose.result import Diagnosis, Verdict
+from raccoon.diagnose.result import Diagnosis, SensorFault, Verdict
 
 ROBOT = RobotConfig()
 
@@ -106,14 +107,14 @@ def test_a_recording_that_cannot_tell_says_why(drive: Diagnosis) -> None:
     )
     text = fleet_report(fleet_of(fleet))
     assert "drive: adequate: -\n" in text
-    assert "still: not_identifiable: the commands never change" in text
-    assert "less: not_identifiable: motor.0.duty, motor.1.duty, truth.x are missing" in text
+    assert "still: not identifiable: the commands never change" in text
+    assert "less: not identifiable: motor.0.duty, motor.1.duty, truth.x are missing" in text
     assert "lost: unknown: something that depends on time" in text
 
 
 def test_few_recordings_say_that_no_change_is_looked_for(changed: dict[str, Diagnosis]) -> None:
     few = {name: changed[name] for name in ("t1.csv", "t5.csv", "t6.csv")}
-    assert "looked for in 5 recordings and more" in fleet_report(fleet_of(few))
+    assert "what changed and when takes 5 recordings" in fleet_report(fleet_of(few))
     assert "looked for in" not in fleet_report(fleet_of(changed))
 
 
@@ -150,3 +151,14 @@ def test_names_of_files_are_no_formulas(tmp_path: Path) -> None:
     assert "a$^$b.csv" in page
     assert "&lt;b&gt;\u65e5\u672c.csv" in page
     assert "<b>" not in page
+
+
+def test_what_is_wrong_with_a_channel_is_said_beside_its_name_once() -> None:
+    faults = (
+        SensorFault("motor.0.speed", "filtered", "a filter"),
+        SensorFault("motor.1.speed", "stale", "old"),
+        SensorFault("motor.0.speed", "repeats", "too fast"),
+    )
+    assert told(replace(diagnosis(), sensor_faults=faults)) == (
+        "-; motor.0.speed: filtered, repeats; motor.1.speed: stale"
+    )

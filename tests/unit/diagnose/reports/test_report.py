@@ -32,7 +32,8 @@ TIME = np.linspace(0.0, 5.0, 400)
 CAUSE = CauseResult(
     "motor.back_emf_constant", "left", 1, {"factor": ParameterResult(0.959, 0.004, "", 1.0)},
     Gain(4.2, 1.1, 0.93), 0.99, ("bemf.scale@left",),
-    "The K_E of the left motor is 4.1 % lower than assumed: calibrate the left motor.",
+    "The K_E (volts per speed) of the left motor is 4.1 % lower than assumed: calibrate the left motor "
+    "(raccoon tune wheels --write).",
 )  # fmt: skip
 FOUND = Diagnosis(
     Verdict.PARTLY,
@@ -71,8 +72,8 @@ def test_no_number_of_a_page_is_a_power_of_ten_that_need_not_be(words_only: None
     found = replace(FOUND, causes=(replace(CAUSE, parameters=number, change=99.6, unabsorbed=99.7),))
     for text in (terminal_report(found), page(found, "a.csv")):
         assert "e+0" not in text
-    assert "-968.7 +- 600 counts" in terminal_report(found)
-    assert "up to 100 times its noise" in terminal_report(found)
+    assert "-970 +- 600 counts" in terminal_report(found)
+    assert "shows it most by 100 times its noise" in terminal_report(found)
 
 
 def test_the_dot_of_the_largest_error_is_whole() -> None:
@@ -135,7 +136,7 @@ def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
     assert shape.size.value == pytest.approx(0.02)
     assert shape.size.std == pytest.approx(0.001 * np.sqrt(2.0))
     assert shape_text(shape) == (
-        "error of the gyro's reading varies by 0.02 +- 0.0014 rad/s over the speed, "
+        "error of the gyro's reading varies by 0.0200 +- 0.0014 rad/s over the speed, "
         "highest at 5 rad/s of the wheels: does the controller shake: is it screwed down?"
     )
 
@@ -163,14 +164,14 @@ def test_a_share_of_nothing_is_not_said_to_be_left(share: float, said: str) -> N
 def test_the_terminal_says_cause_number_evidence_refusals_and_what_to_do() -> None:
     text = terminal_report(FOUND)
     for part in (
-        "K_E of the left motor is 4.1 % lower", "0.959 +- 0.004",
+        "K_E (volts per speed) of the left motor is 4.1 % lower", "0.9590 +- 0.0040",
         "4.20 times the noise without it, 1.10 with it",
         "1. One of these, which cannot be told apart here: motor.back_emf_constant@left or bemf.scale@left.",
-        "If it is motor.back_emf_constant@left, the K_E of",
+        "If it is motor.back_emf_constant@left, the K_E (volts",
         "0.99 that it is motor.back_emf_constant@left and",
         "12 % of the error's power is left; it depends on: heading",
         "Sensor: motor.1.current shows", "imu.gyro_scale: not identifiable: imu.gyro.z is missing",
-        "To learn more: ten counted full turns.", "0.12 +- 0.01 ohm", "Note: a note.",
+        "To learn more: ten counted full turns.", "0.120 +- 0.010 ohm", "Note: a note.",
     ):  # fmt: skip
         assert part in text
 
@@ -182,7 +183,8 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
     assert "run &lt;1&gt;" in text
     assert "shows &lt;no&gt; current" in text
     for part in (
-        "The K_E of the left motor is 4.1 % lower than assumed.", "<b>To do:</b> Calibrate the left motor.",
+        "The K_E (volts per speed) of the left motor is 4.1 % lower than assumed.",
+        "<b>To do:</b> Calibrate the left motor (raccoon tune wheels --write).",
         "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
         "lower than assumed; or bemf.scale@left acts instead.", "cannot tell it from bemf.scale@left",
         "What was considered and not named",
@@ -239,14 +241,14 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
     text, shown = terminal_report(found), page(found, "run")
     assert ("real, but too small to matter" in text) is ("real, but too small to matter" in shown) is said
     headline = shown.partition('class="big">')[2].partition("<")[0]
-    assert headline.startswith("The simulation fits" if said else "The K_E of the left motor")
+    assert headline.startswith("The simulation fits" if said else "The K_E (volts per speed) of")
     assert ("<b>To do" in shown) is not said  # nobody at the table has time for it
     sizes = (
-        "oves a reading by up to 0.04 times its noise; over all readings 0.024 times is more than the "
-        "tolerances in robot.toml explain"
+        "oves the reading that shows it most by 0.04 times its noise; over all readings 0.024 times are beyond "
+        "the tolerances in robot.toml"
     )
     assert (sizes in text) is (sizes in shown) is said
-    assert ("oves a reading by" in text) is bool(np.isfinite(change))  # nothing where no drive was recorded
+    assert ("oves the reading" in text) is bool(np.isfinite(change))  # nothing where no drive was recorded
 
 
 @pytest.mark.usefixtures("words_only")
@@ -305,7 +307,7 @@ def test_data_that_does_not_show_a_cause_is_said_not_to(errors: tuple[float, flo
 
 def test_a_cause_without_rivals_is_not_one_of_several() -> None:
     text = terminal_report(replace(FOUND, causes=(replace(CAUSE, confounded_with=()),)))
-    assert "1. The K_E of the left motor" in text
+    assert "1. The K_E (volts per speed) of the left motor" in text
     assert "One of these" not in text
     assert "probability 0.99\n" in text
 
@@ -318,7 +320,7 @@ def test_what_robot_toml_could_do_as_well_is_said_so() -> None:
 
 def test_a_large_change_is_no_power_of_ten() -> None:
     text = terminal_report(replace(FOUND, causes=(replace(CAUSE, change=440.0, unabsorbed=178.0),)))
-    assert "up to 440 times its noise; over all readings 178 times" in text
+    assert "by 440 times its noise; over all readings 178 times" in text
 
 
 def test_a_finding_is_a_note_and_no_advice() -> None:
@@ -355,17 +357,17 @@ def number(value: float, nominal: float = 0.0, std: float = 0.001) -> ParameterR
 @pytest.mark.parametrize(
     ("id_", "values", "what", "todo"),
     [
-        ("battery.open_circuit_voltage", [7.3, 6.8], "more than the 6.80 V", "Put this value into"),
+        ("battery.open_circuit_voltage", [7.3, 6.8], "more than the 6.80 V", "Put open_circuit_"),
         ("battery.open_circuit_voltage", [6.3, 6.8], "only 6.30 V", "Charge it, or put"),
-        ("battery.internal_resistance", [0.001, 0.05], "sags less than assumed", "Put this value"),
+        ("battery.internal_resistance", [0.001, 0.05], "sags less than assumed", "Put internal_"),
         ("battery.internal_resistance", [0.12, 0.05], "sags more", "Take a fresh battery"),
         ("motor.armature_resistance", [1.2, 1.0], "20.0 % higher", "Look for worn brushes"),
-        ("motor.armature_resistance", [0.8, 1.0], "20.0 % lower", "Calibrate the left motor."),
+        ("motor.armature_resistance", [0.8, 1.0], "20.0 % lower", "Calibrate the left motor (raccoon"),
         ("friction.coulomb", [0.099, 0.18], "only 0.099 N m instead of 0.180", "Keep it in a model.toml"),
         ("friction.coulomb", [0.23, 0.18], "0.230 N m instead of 0.180", "Check axles"),
         ("friction.viscous", [0.002, 0.004], "is only 0.0020", "Keep it in a model.toml"),
         ("friction.viscous", [0.008, 0.004], "is 0.0080", "Check bearings"),
-        ("bemf.offset", [-7.0, 2.0], "-7 counts at standstill, not +2", "Calibrate its offset."),
+        ("bemf.offset", [-7.0, 2.0], "-7 counts at standstill, not +2", "Calibrate its offset (raccoon"),
         ("bemf.filter_lag", [0.03, 0.0225], "30 ms instead of 22.5 ms", "Keep it in a model.toml"),
     ],
 )  # fmt: skip
@@ -377,10 +379,13 @@ def test_a_sentence_and_its_advice_fit_both_signs(
 
 def test_a_number_that_robot_toml_has_once_is_put_there_where_it_is_that_of_both_sides() -> None:
     """Put there for one wheel, the friction of the other one was the next cause."""
-    for id_, value, nominal in (("friction.coulomb", 0.1, 0.18), ("bemf.filter_lag", 0.03, 0.0225)):
+    for id_, value, nominal, key in (
+        ("friction.coulomb", 0.1, 0.18, "coulomb = 0.1"),
+        ("bemf.filter_lag", 0.03, 0.0225, "filter_time_constant = 0.03"),
+    ):
         both, left = (explanation(id_, where, {"number": number(value, nominal)}) for where in (None, "left"))
-        assert both.endswith(": put this value into robot.toml.")
-        assert "put this value" not in left
+        assert both.endswith(f": put {key} into robot.toml.")
+        assert key not in left
         assert left.endswith("(--save-model), since robot.toml has one number for both wheels.")
 
 
@@ -456,4 +461,4 @@ def test_a_sentence_of_another_kind_of_recording_stays_whole() -> None:
     html = page(replace(FOUND, causes=(lag,), channels=(), curves=(), shapes=()), "run")
     assert "lower than assumed; or bemf.scale@left acts instead." in html
     assert "lower than assumed. With imu.latency beside it this is the sum." in html
-    assert told(lag).todo == "calibrate the left motor"
+    assert told(lag).todo == "calibrate the left motor (raccoon tune wheels --write)"

@@ -1,0 +1,29 @@
+"""Long sentences on a terminal."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+
+NARROWEST = 40
+"""Letters of a line below which a sentence is no easier to read in parts."""
+FURTHER_IN = 4
+
+
+def print_wrapped(text: str) -> None:
+    """Print. On a terminal a line that is too long breaks between words, and goes on further in; in a file
+    it stays one, for what looks for a sentence there."""
+    if sys.stdout.isatty():
+        width = max(NARROWEST, shutil.get_terminal_size().columns)
+        text = "\n".join(_wrapped(line, width) for line in text.split("\n"))
+    print(text)
+
+
+def _wrapped(line: str, width: int) -> str:
+    if len(line) <= width:
+        return line
+    inside = " " * (len(line) - len(line.lstrip()) + FURTHER_IN)
+    return textwrap.fill(
+        line, width, subsequent_indent=inside, break_long_words=False, break_on_hyphens=False
+    )

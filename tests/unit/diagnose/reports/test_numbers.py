@@ -1,0 +1,27 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from raccoon.diagnose.reports.numbers import number_text
+from raccoon.diagnose.result import ParameterResult
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "said"),
+    [
+        (1.0, 0.001, "1.0000 +- 0.0010"),
+        (-0.1876, 0.18, "-0.19 +- 0.18"),
+        (0.007096, 0.00049, "0.00710 +- 0.00049"),
+        (0.0, 0.0996, "0.00 +- 0.10"),
+        (1.23, 13.0, "1 +- 13"),
+        (-968.7, 602.0, "-970 +- 600"),
+        (7.69e-5, 3.1e-6, "7.69e-05 +- 3.1e-06"),
+        (0.3878, 0.0, "0.3878"),
+        (1.0, math.nan, "1 +- nan"),
+    ],
+)
+def test_a_number_has_the_places_that_its_deviation_has(value: float, std: float, said: str) -> None:
+    """A scale of 1 +- 0.001 is known to three places, an offset of -0.1876 +- 0.18 not to four."""
+    assert number_text(ParameterResult(value, std, "V", 0.0)) == f"{said} V"
