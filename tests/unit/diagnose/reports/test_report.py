@@ -244,8 +244,8 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
     assert headline.startswith("The simulation fits" if said else "The K_E (volts per speed) of")
     assert ("<b>To do" in shown) is not said  # nobody at the table has time for it
     sizes = (
-        "oves the reading that shows it most by 0.04 times its noise; over all readings 0.024 times are beyond "
-        "the tolerances in robot.toml"
+        "oves the reading that shows it most by 0.04 times its noise; over all readings 0.024 times are "
+        "beyond the tolerances in robot.toml"
     )
     assert (sizes in text) is (sizes in shown) is said
     assert ("oves the reading" in text) is bool(np.isfinite(change))  # nothing where no drive was recorded
