@@ -90,7 +90,12 @@ def _lines(diagnosis: Diagnosis) -> Iterator[str]:
 def news(diagnosis: Diagnosis) -> list[str]:
     """The notes that are not said as what the recording cannot show already."""
     said = {each.removeprefix(CANNOT) for each in reasons(diagnosis) if each.startswith(UNKNOWABLE)}
-    return [each for each in diagnosis.notes if each.removeprefix(CANNOT) not in said]
+    lists = tuple(f"not checked, since {each}: " for each in said)  # the same causes in another order
+    return [
+        each
+        for each in diagnosis.notes
+        if each.removeprefix(CANNOT) not in said and not each.startswith(lists)
+    ]
 
 
 def left_text(unexplained: Unexplained) -> str:
@@ -174,7 +179,7 @@ def change_text(cause: CauseResult) -> str:
     most = f"moves the reading that shows it most by {_times(cause.change)} its noise"
     if cause.unabsorbed < ABSORBED:
         return f"{little}{most}; {TOLERANCES} could do nearly all of that as well"
-    return f"{little}{most}; over all readings {_times(cause.unabsorbed)} are beyond {TOLERANCES}"
+    return f"{little}{most}, and all readings by {_times(cause.unabsorbed)} beyond {TOLERANCES}"
 
 
 def _times(number: float) -> str:

@@ -145,7 +145,7 @@ def test_what_no_cause_describes_has_a_size_and_a_place() -> None:
 def test_what_a_recording_cannot_show_is_said_once() -> None:
     """A tophat that saw one surface, and geometry without turns, said why twice."""
     reason = "not identifiable: analog.0: only one surface was seen"
-    notes = (reason, "only one way", "another thing")
+    notes = (reason, "only one way", "another thing", "not checked, since only one way: drive.track_width")
     rejected = (
         Rejected("tophat.gain@0", reason),
         Rejected("drive.track_width", "not identifiable: only one way"),
@@ -244,7 +244,7 @@ def test_a_cause_that_does_not_matter_is_said_not_to(change: float, said: bool) 
     assert headline.startswith("The simulation fits" if said else "The K_E (volts per speed) of")
     assert ("<b>To do" in shown) is not said  # nobody at the table has time for it
     sizes = (
-        "oves the reading that shows it most by 0.04 times its noise; over all readings 0.024 times are "
+        "oves the reading that shows it most by 0.04 times its noise, and all readings by 0.024 times "
         "beyond the tolerances in robot.toml"
     )
     assert (sizes in text) is (sizes in shown) is said
@@ -320,7 +320,7 @@ def test_what_robot_toml_could_do_as_well_is_said_so() -> None:
 
 def test_a_large_change_is_no_power_of_ten() -> None:
     text = terminal_report(replace(FOUND, causes=(replace(CAUSE, change=440.0, unabsorbed=178.0),)))
-    assert "by 440 times its noise; over all readings 178 times" in text
+    assert "by 440 times its noise, and all readings by 178 times" in text
 
 
 def test_a_finding_is_a_note_and_no_advice() -> None:
