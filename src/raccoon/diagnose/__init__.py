@@ -1,1 +1,17 @@
-"""What the simulation gets wrong, and why. docs/architecture.md says in which order to read it."""
+"""What the simulation gets wrong in a recording, and why. `raccoon diagnose` is this on the command line.
+
+From Python::
+
+    from raccoon.diagnose.recordings.kinds import diagnose_recording
+    from raccoon.trace.loading import load_run
+
+    run = load_run("run.jsonl.gz")  # a trace, CSV, MCAP or EMPS file
+    found = diagnose_recording(run.recording.columns, run.robot, device=run.recording.device)
+    for cause in found.causes:
+        print(cause.name, cause.probability, cause.parameters)
+
+Columns are in the units of docs/trace-format.md (SI, duty as a share of the battery -1..1). `run.robot` is
+None where a recording does not describe its robot: then load one (`raccoon.load_robot`). What is found is a
+`raccoon.diagnose.result.Diagnosis`. Raises TraceError for a recording that cannot be used. Without numba a
+drive takes hours. docs/diagnosis.md has the method, docs/architecture.md in which order to read the package.
+"""

@@ -76,9 +76,11 @@ def diagnose_recording(
 ) -> Diagnosis:
     """Diagnose a recording of any kind.
 
-    more: further drives of the same robot and device, as it was then, which are fitted with the first.
-    truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth,
-    and how late its back-EMF is, where robot.toml has only the default. problems: what
+    columns: arrays of equal length by the names and in the units of docs/trace-format.md, `t` (s) among them.
+    robot: what it is compared with. holdout: columns of another recording, to judge on. model: a model.toml
+    to start from. more: further drives of the same robot and device, as it was then, which are fitted with
+    the first. truth_free: use no `truth.*` column. device: what a tick of `motor.N.position` is worth, and
+    how late its back-EMF is, where robot.toml has only the default. problems: what
     the reader of the recording had to leave out; it is noted. own: effects of your own to consider in a
     drive beside the catalogue. port: controller.port of whatever made a recording that does not say so itself
     (see `named.py`). Raises TraceError as `diagnose`, and

@@ -47,7 +47,8 @@ class _Endless:
 
 
 def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
-    """Drive at `speed` m/s and `turn_rate` rad/s until ended from outside (`.until`, `.timeout`, `race`).
+    """Drive at `speed` m/s (negative: backwards) and `turn_rate` rad/s (left is positive) until ended from
+    outside (`.until`, `.timeout`, `race`).
 
     Without a turn rate the heading of the plan is held. Raises MotionTimeout where the gyro shows for half a
     second that a motor is plugged in the other way round.
