@@ -11,7 +11,9 @@ from raccoon.sim.effects.parameters import SIDES
 
 Values = Mapping[str, ParameterResult]
 
-TUNED, DRIVEN = "(raccoon tune wheels --write)", "(raccoon calibrate drive --write)"
+TUNED, DRIVEN = "(raccoon tune wheels)", "(raccoon calibrate drive)"
+BOTH = "(raccoon calibrate drive, raccoon tune wheels)"
+"""Of K_E: what a tick is worth, and which voltage a speed takes."""
 INTO_ROBOT = "put this value into robot.toml"
 KEYS = {
     "battery.open_circuit_voltage": "open_circuit_voltage",
@@ -147,7 +149,7 @@ _CATALOGUE: Mapping[str, Maker] = {
         f"calibrate {{place}} {TUNED}",
     ),
     "motor.back_emf_constant": _scaled(
-        "the K_E (volts per speed) of {place}", "higher", "lower", f"calibrate {{place}} {TUNED}"
+        "the K_E (volts per speed) of {place}", "higher", "lower", f"calibrate {{place}} {BOTH}"
     ),
     "motor.heating": _number(
         "the windings get hot, and their resistance rises by {percent:.0f} % for each A2 of lasting load "

@@ -99,7 +99,7 @@ def test_a_number_that_no_motor_has_is_doubted() -> None:
     assert found.verdict is Verdict.PARTLY
     (doubted,) = found.causes
     assert "No motor's winding is that far off" in doubted.explanation
-    assert told(doubted).todo == "calibrate the motors (raccoon tune wheels --write)"
+    assert told(doubted).todo == "calibrate the motors (raccoon tune wheels)"
     assert told(doubted).more.startswith("No motor's winding")
 
 

@@ -33,7 +33,7 @@ CAUSE = CauseResult(
     "motor.back_emf_constant", "left", 1, {"factor": ParameterResult(0.959, 0.004, "", 1.0)},
     Gain(4.2, 1.1, 0.93), 0.99, ("bemf.scale@left",),
     "The K_E (volts per speed) of the left motor is 4.1 % lower than assumed: calibrate the left motor "
-    "(raccoon tune wheels --write).",
+    "(raccoon calibrate drive, raccoon tune wheels).",
 )  # fmt: skip
 FOUND = Diagnosis(
     Verdict.PARTLY,
@@ -184,7 +184,7 @@ def test_the_page_says_the_same_with_pictures_and_without_markup_from_names(tmp_
     assert "shows &lt;no&gt; current" in text
     for part in (
         "The K_E (volts per speed) of the left motor is 4.1 % lower than assumed.",
-        "<b>To do:</b> Calibrate the left motor (raccoon tune wheels --write).",
+        "<b>To do:</b> Calibrate the left motor (raccoon calibrate drive, raccoon tune wheels).",
         "Error of the gyro&#39;s reading varies by 0.02", "it depends on heading",
         "lower than assumed; or bemf.scale@left acts instead.", "cannot tell it from bemf.scale@left",
         "What was considered and not named",
@@ -461,4 +461,4 @@ def test_a_sentence_of_another_kind_of_recording_stays_whole() -> None:
     html = page(replace(FOUND, causes=(lag,), channels=(), curves=(), shapes=()), "run")
     assert "lower than assumed; or bemf.scale@left acts instead." in html
     assert "lower than assumed. With imu.latency beside it this is the sum." in html
-    assert told(lag).todo == "calibrate the left motor (raccoon tune wheels --write)"
+    assert told(lag).todo == "calibrate the left motor (raccoon calibrate drive, raccoon tune wheels)"

@@ -24,7 +24,7 @@ def tophat_cause(
         "calibrate where it is used.",
         GAIN: f"Tophat {port} reads {abs(value / max(base, 1e-9) - 1.0) * 100:.0f} % "
         f"{'more' if value > base else 'less'} than assumed: {_in_millivolts(value)}calibrate it on white "
-        "and black (raccoon calibrate tophats --write).",
+        "and black (raccoon calibrate tophats).",
         HEIGHT: f"Tophat {port} sits about {two_digits(1000 * value)} mm above the floor instead of "
         f"{two_digits(1000 * base)} mm: "
         "mount it where it was meant to be, or calibrate it there.",
@@ -65,7 +65,7 @@ def older_sentence(port: int) -> str:
     """A sensor of the older make where the simulation has the newer."""
     return (
         f"Tophat {port} reads as the older make of the sensor does, which is darker over both surfaces, and "
-        "white far more: calibrate it on white and black (raccoon calibrate tophats --write), and expect it "
+        "white far more: calibrate it on white and black (raccoon calibrate tophats), and expect it "
         "to differ from newer ones."
     )
 
