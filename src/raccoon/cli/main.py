@@ -69,7 +69,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = list(sys.argv[1:] if argv is None else argv)
     name = "raccoon"
     try:
-        args, unknown = build_parser().parse_known_args(_without_word(given))
+        parser = build_parser()
+        if not given:  # what there is helps more than that a word is missing
+            parser.print_help(sys.stderr)
+            return 2
+        args, unknown = parser.parse_known_args(_without_word(given))
         if unknown:  # in the words and with the usage of the command, not of all of them
             args.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
         args.given = given

@@ -94,8 +94,10 @@ def show(fit: WheelFit) -> None:
 
 def finish(args: argparse.Namespace, entries: Mapping[str, Measured]) -> int:
     """Show what was measured by driving, and put it into robot.toml where that was asked for."""
+    from raccoon.diagnose.reports.numbers import measured_text
+
     for key, value in entries.items():
-        print(f"{key} = {value.value:.5g} +- {value.std:.2g}, at {value.battery_voltage:.2f} V")
+        print(f"{key} = {measured_text(value.value, value.std)}, at {value.battery_voltage:.2f} V")
     return put_in_if_asked(args, entries, simulated(args))
 
 

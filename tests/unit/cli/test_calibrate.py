@@ -106,9 +106,9 @@ def test_an_offset_that_may_be_0_has_no_share(
     recording(tmp_path / "run.csv", SQUARE[:1], truth=False)
     assert main(["calibrate", "drive", str(tmp_path / "run.csv"), "--robot", str(robot)]) == 0
     left, right, track, _ = capsys.readouterr().out.splitlines()
-    assert left.endswith("-0.17 +- 0.24")
-    assert right.endswith("-0.76 +- 0.67")
-    assert track.endswith("0.16 +- 0.001 (0.62 %)")
+    assert left.endswith("-0.17 +- 0.24 counts")
+    assert right.endswith("-0.76 +- 0.67 counts")
+    assert track.endswith("0.1600 +- 0.0010 m (0.62 %)")
 
 
 def test_one_turning_direction_is_refused_with_the_manoeuvre_that_would_do(

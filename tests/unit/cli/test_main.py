@@ -34,7 +34,25 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert capsys.readouterr().out == f"raccoon {__version__}\n"
 
 
-@pytest.mark.parametrize("arguments", [[], ["nonsense"], ["demo", "--nonsense"]])
+def test_without_a_command_all_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([]) == 2
+    said = capsys.readouterr()
+    assert all(name.replace("_", "-") in said.err for name in COMMANDS)
+    assert said.out == ""
+
+
+@pytest.mark.parametrize("command", ["replay", "diagnose", "calibrate drive", "calibrate tophats"])
+def test_an_empty_name_is_not_the_folder_that_one_is_in(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A variable of a script that is empty: every recording here was replayed."""
+    with pytest.raises(SystemExit) as end:
+        main([*command.split(), ""])
+    assert end.value.code == 2
+    assert "the name of a recording is empty" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["nonsense"], ["demo", "--nonsense"]])
 def test_wrong_usage_is_status_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as end:
         main(arguments)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from raccoon.cli.inputs import recording_path
 from raccoon.cli.motors import add_calibration, put_in_if_asked, recorded_in_simulation
 from raccoon.cli.outputs import check_folders, check_not_read
 from raccoon.core.config import Measured, RobotConfig, load_robot
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from raccoon.estimate.drive_calibration.columns import TapedWay
     from raccoon.trace.loading import Run
 
+UNITS = {"radians_per_tick": "rad", "bemf_offset": "counts", "track_width": "m"}
+"""Of what is measured, by the last part of its key."""
 HELP = "measure wheels, motors or tophats: show the numbers, and store them with --write"
 
 
@@ -53,7 +56,9 @@ def _add_drive(kinds: Any) -> None:
             "The robot stands before it and after it: begin and end its program with wait(1.0)."
         ),
     )
-    parser.add_argument("recording", nargs="+", type=Path, help="traces or CSV files, or folders of them")
+    parser.add_argument(
+        "recording", nargs="+", type=recording_path, help="traces or CSV files, or folders of them"
+    )
     parser.add_argument(
         "--robot", type=Path, default=Path("robot.toml"), help="the robot's description (robot.toml)"
     )
@@ -170,18 +175,23 @@ def _taped(text: str, std: float) -> TapedWay:
 
 def _show(entries: Mapping[str, Measured]) -> None:
     """Each value with its deviation."""
+    from raccoon.diagnose.reports.numbers import measured_text
+
     for key, value in entries.items():
         # A share of what may well be 0, such as an offset, tells nothing.
         known = 3.0 * value.std < abs(value.value)
         share = f" ({100 * value.std / abs(value.value):.2f} %)" if known else ""
         battery = "" if value.battery_voltage is None else f" at {value.battery_voltage:.2f} V"
-        print(f"{key:28} {value.value:.6g} +- {value.std:.2g}{share}{battery}")
+        unit = UNITS[key.rpartition(".")[2]]
+        print(f"{key:28} {measured_text(value.value, value.std, unit)}{share}{battery}")
 
 
 def _add_tophats(kinds: Any) -> None:
     text = "white and black of each tophat, of a drive over a line; or show what is stored"
     parser = kinds.add_parser("tophats", help=text, description=text)
-    parser.add_argument("recording", nargs="*", type=Path, help="traces or CSV files of a drive over a line")
+    parser.add_argument(
+        "recording", nargs="*", type=recording_path, help="traces or CSV files of a drive over a line"
+    )
     parser.add_argument(
         "--robot",
         type=Path,

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raccoon.cli.crew import add_crew, check_crew
+from raccoon.cli.inputs import recording_path
 from raccoon.cli.wrapped import print_wrapped
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument(
         "trace",
-        type=_recording,
+        type=recording_path,
         nargs="+",
         help="recordings: traces, CSV, MCAP or EMPS files, or folders of them",
     )
@@ -76,13 +77,6 @@ class OfAll(argparse.Action):
                 "each, with the robot.toml beside them"
             )
         setattr(namespace, self.dest, values)
-
-
-def _recording(text: str) -> Path:
-    """A path; nothing (a variable of a script that is empty) is not the folder that the command is in."""
-    if not text:
-        raise argparse.ArgumentTypeError("the name of a recording is empty")
-    return Path(text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from raccoon.cli.inputs import recording_path
 from raccoon.cli.outputs import check_folders, check_not_read, check_pictures, check_replaceable
 from raccoon.core.errors import ConfigError
 
@@ -16,7 +17,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Arguments of the command."""
     parser.add_argument(
         "file",
-        type=Path,
+        type=recording_path,
         nargs="+",
         help="a trace, a CSV or MCAP file, an OptiOdom session, or a folder of them",
     )

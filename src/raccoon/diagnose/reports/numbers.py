@@ -12,8 +12,13 @@ MOST_PLACES = 6
 
 def number_text(each: ParameterResult) -> str:
     """Value, deviation and unit."""
-    sure = f" +- {deviation(each.std)}" if each.std != 0.0 else ""  # a count has none
-    return f"{with_deviation(each.value, each.std)}{sure} {each.unit}".rstrip()
+    return measured_text(each.value, each.std, each.unit)
+
+
+def measured_text(value: float, std: float, unit: str = "") -> str:
+    """The same of a number that is no result of a diagnosis."""
+    sure = f" +- {deviation(std)}" if std != 0.0 else ""  # a count has none
+    return f"{with_deviation(value, std)}{sure} {unit}".rstrip()
 
 
 def two_digits(number: float) -> str:
