@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.core.files import replacing
 from raccoon.trace.format import Event
-from raccoon.trace.mistaken import SEPARATOR_SAID, csv_separator, misnamed, no_seconds, no_time
+from raccoon.trace.mistaken import SEPARATOR_SAID, csv_separator, misnamed, no_number, no_time
 from raccoon.trace.recording import EVENT, SURFACE, DutiesBeyond, Recording, allowed_instead
 from raccoon.trace.rows import Rows
 
@@ -144,7 +144,7 @@ class _Reader:
             wrong = _number(text)
             if wrong is not None:
                 self._beyond.take(name, wrong)
-            blank = no_seconds(cell) if name == "t" else " and blank"
+            blank = ("" if name == "t" else " and blank") + no_number(name, cell)
             if not _of_numbers(name, cell):
                 self._words[name] = self._words.get(name, 0) + 1
             if self._strict or self._words.get(name, 0) <= FEW_WORDS:

@@ -33,6 +33,7 @@ SEPARATOR_SAID = "sep="
 """How a CSV of Excel may begin: the first line says what stands between the columns."""
 _TIME = re.compile(r"t|(time|zeit|timestamp|seconds?|secs?|millis|ms)\b.*|t\W.*|time_.*", re.IGNORECASE)
 _DATE = re.compile(r"\d+[-/.:]\d+[-/.:]\d+.*")
+_HALVES = re.compile(r"[-+]?\d+,\d+")
 _KNOWN = re.compile(
     r"(motor\.\d+\.(duty|bemf|position|current|voltage|speed|force|torque|travel|angle|brake)"
     r"|servo\.\d+\.pulse_us|battery\.voltage|imu\.((gyro|accel)\.[xyz]|temperature)"
@@ -54,9 +55,12 @@ def no_time(names: Iterable[str]) -> str:
     return said if alike is None else f"{said}: if {alike!r} is that, name it t"
 
 
-def no_seconds(cell: str) -> str:
-    """What a time seems to be that is no number, for a message; "" where nothing is known."""
-    return "; it looks like a date or a time of day" if _DATE.fullmatch(cell.strip()) else ""
+def no_number(name: str, cell: str) -> str:
+    """What a cell seems to be that is no number, for a message; "" where nothing is known."""
+    if name == "t" and _DATE.fullmatch(cell.strip()):
+        return "; it looks like a date or a time of day"
+    halves = _HALVES.fullmatch(cell.strip())
+    return "; where commas part the columns a half is written 0.5" if halves else ""
 
 
 def misnamed(names: Collection[str]) -> str:

@@ -82,6 +82,10 @@ BAD = [
     ("t,x\n0,1\nsoon,1\n", "line 3, column t: 'soon': allowed are finite numbers"),
     ("t\n2026-11-29T09:10:00Z\n", "allowed are finite numbers; it looks like a date or a time of day"),
     ("t\n09:10:00.5\n", "allowed are finite numbers; it looks like a date or a time of day"),
+    (
+        't,battery.voltage\n0,"6,8"\n',
+        "and blank; where commas part the columns a half is written",
+    ),
     ("t,motor.0.duty\n0,1.5\n", "line 2, column motor.0.duty: '1.5': allowed are numbers from -1 to 1"),
     ("t,digital.3\n0,2\n", "line 2, column digital.3: '2': allowed are 0, 1"),
     ("t,truth.surface.1\n0,grey\n", "line 2, column truth.surface.1: 'grey': allowed are black, white"),
