@@ -106,9 +106,11 @@ def _wrong(cause: CauseResult) -> str:
 
 
 def _judged(cause: CauseResult) -> str:
-    """What data that was not fitted says of a cause, and how much of all that could be gained that is."""
+    """What data that was not fitted says of a cause, and how much of all that could be gained is lost without
+    it: those of several may add up to more."""
     share = round(100.0 * cause.gain.share)
-    return f"{evidence_text(cause)}: {share} % of what could be gained" if share else evidence_text(cause)
+    lost = f"; leaving it out loses {share} % of what could be gained"
+    return f"{evidence_text(cause)}{lost if share else ''}"
 
 
 def _todo(cause: CauseResult) -> str:
