@@ -462,3 +462,10 @@ def test_a_sentence_of_another_kind_of_recording_stays_whole() -> None:
     assert "lower than assumed; or bemf.scale@left acts instead." in html
     assert "lower than assumed. With imu.latency beside it this is the sum." in html
     assert told(lag).todo == "calibrate the left motor (raccoon calibrate drive, raccoon tune wheels)"
+
+
+@pytest.mark.usefixtures("words_only")
+def test_every_picture_of_a_page_can_be_moved_on_a_narrow_screen() -> None:
+    """Scaled to the width of a phone, their letters were four pixels high."""
+    text = page(FOUND, "run")
+    assert text.count('<div class="picture"><img') == text.count("<img") > 0
