@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
+from raccoon.diagnose.reports.names import NAMES
 from raccoon.diagnose.result import STOOD, Diagnosis, Verdict
 
 VERDICTS: Mapping[Verdict, str] = {
@@ -20,15 +21,15 @@ NOT_VISIBLE = "not visible"
 MANY_HIDDEN = 5
 """Such causes of 31 from which a recording that shows nothing says little. One that was driven as the checkup
 hides one or two."""
-ASKED = {
-    "motor.back_emf_constant": "K_E",
-    "motor.armature_resistance": "winding resistance",
-    "drive.inertia": "inertia",
-    "drive.wheel_radius": "wheel radius",
-    "friction.coulomb": "dry friction",
-    "imu.gyro_scale": "gyro scale",
-    "battery.internal_resistance": "battery resistance",
-}
+ASKED = (
+    "motor.back_emf_constant",
+    "motor.armature_resistance",
+    "drive.inertia",
+    "drive.wheel_radius",
+    "friction.coulomb",
+    "imu.gyro_scale",
+    "battery.internal_resistance",
+)
 """What most teams ask for; from which size on each would show tells how far a recording sees."""
 _FROM = re.compile(r"; would show from about (.*) on")
 
@@ -58,6 +59,6 @@ def seen_text(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict is not Verdict.ADEQUATE or diagnosis.causes:
         return ""
     reasons = {each.id: each.reason for each in diagnosis.rejected}
-    sizes = [(name, _FROM.search(reasons.get(id_, ""))) for id_, name in ASKED.items()]
+    sizes = [(NAMES[id_], _FROM.search(reasons.get(id_, ""))) for id_ in ASKED]
     said = [f"{name} {found[1]}" for name, found in sizes if found]
     return f"Errors from this size on would have shown: {', '.join(said)}." if said else ""

@@ -136,7 +136,7 @@ def test_many_recordings_are_not_all_named(tmp_path: Path, monkeypatch: pytest.M
     fleet = fleet_of({name: faulty if row % 2 else sound for row, name in enumerate(names)})
     save_fleet_html(fleet, tmp_path / "fleet.html")
     page = (tmp_path / "fleet.html").read_text()
-    assert "tophat.gain@2: 15 of 30 recordings." in page
+    assert "Gain of a tophat (2): 15 of 30 recordings." in page
     said = fleet_report(fleet)
     assert "run-7.csv and 11 more), " in said
     assert max(map(len, said.splitlines())) < 600

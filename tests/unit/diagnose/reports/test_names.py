@@ -1,0 +1,15 @@
+from __future__ import annotations
+
+from raccoon.diagnose.reports.names import NAMES, plain_name
+from raccoon.sim.effects.catalogue import CATALOGUE
+
+
+def test_every_effect_has_a_plain_name_of_its_own() -> None:
+    assert NAMES.keys() == CATALOGUE.keys()
+    assert len(set(NAMES.values())) == len(NAMES)
+
+
+def test_a_plain_name_says_where() -> None:
+    assert plain_name("friction.coulomb@left") == "dry friction (left)"
+    assert plain_name("battery.internal_resistance") == "battery resistance"
+    assert plain_name("team.motor_hum@left") == "team.motor_hum (left)"
