@@ -22,7 +22,7 @@ KEYS = {
     "friction.viscous": "viscous",
     "bemf.filter_lag": "filter_time_constant",
 }
-"""How robot.toml calls a value that is to be put into it."""
+"""How [model.GROUP] of robot.toml calls a value that is to be put into it."""
 INTO_MODEL = "keep it in a model.toml (--save-model), since robot.toml has one number for both wheels"
 """What to do instead with a number of one side: put into robot.toml it would make the other side's wrong."""
 CLEAR = 2.0
@@ -283,7 +283,7 @@ def _told(id: str, where: str | None, values: Values) -> Told:  # noqa: A002
     if id in KEYS and where not in SIDES:
         number = _first(values)
         unit = f" ({number.unit})" if number.unit else ""
-        said = f"put {KEYS[id]} = {number.value:.4g}{unit} into robot.toml"
+        said = f"put {KEYS[id]} = {number.value:.4g}{unit} into [model.{group}] of robot.toml"
         found = replace(found, todo=found.todo.replace(INTO_ROBOT, said))
     if where in SIDES:
         found = replace(found, todo=found.todo.replace(INTO_ROBOT, INTO_MODEL))

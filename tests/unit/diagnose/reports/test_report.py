@@ -384,7 +384,7 @@ def test_a_number_that_robot_toml_has_once_is_put_there_where_it_is_that_of_both
         ("bemf.filter_lag", 0.03, 0.0225, "filter_time_constant = 0.03"),
     ):
         both, left = (explanation(id_, where, {"number": number(value, nominal)}) for where in (None, "left"))
-        assert both.endswith(f": put {key} into robot.toml.")
+        assert both.endswith(f": put {key} into [model.{id_.partition('.')[0]}] of robot.toml.")
         assert key not in left
         assert left.endswith("(--save-model), since robot.toml has one number for both wheels.")
 
