@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
+from raccoon.diagnose.recordings.ends import ends_of
 from raccoon.diagnose.result import SensorFault
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.model.bemf import counts_scale
@@ -134,7 +135,7 @@ def check_wheels(each: Manoeuvre, robot: RobotConfig) -> None:
         return
     known = each.known
     time = each.t[known]
-    ends = known[np.unique(np.searchsorted(time, np.arange(time[0], time[-1], WINDOW)))]
+    ends = known[np.unique(ends_of(time, time[0], time[-1], WINDOW))]
     turns = np.diff(each.truth[ends, 2])
     ways = np.column_stack([-np.diff(each.left[ends]), np.diff(each.right[ends])])
     if float(np.abs(turns).sum()) < LEAST_TURN:

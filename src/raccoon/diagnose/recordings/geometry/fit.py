@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
 from raccoon.diagnose.hypotheses.coordinates import cause_name
+from raccoon.diagnose.recordings.ends import ends_of
 from raccoon.estimate.drive_calibration.columns import Manoeuvre
 from raccoon.estimate.drive_calibration.paths import off_shape, off_truth
 
@@ -59,7 +60,7 @@ def leaves_its_wheels(fit: Fitted, factors: Array) -> str:
     most, when = 0.0, 0.0
     for each in fit.unseen:
         rest, time = off_truth(factors, fit.robot, each), each.t[each.known]
-        ends = np.searchsorted(time, np.arange(time[0], time[-1], 0.25 * WINDOW))
+        ends = ends_of(time, time[0], time[-1], 0.25 * WINDOW)
         ahead = np.minimum(np.searchsorted(time, time[ends] + WINDOW), len(time) - 1)
         moved = rest[ahead] - rest[ends]
         away = np.hypot(moved[:, 0], moved[:, 1])

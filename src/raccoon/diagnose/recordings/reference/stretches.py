@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import Device
+from raccoon.diagnose.recordings.ends import ends_of
 from raccoon.estimate.drive_calibration.columns import manoeuvre
 
 Array = NDArray[np.float64]
@@ -56,7 +57,7 @@ def stretches_of(columns: Columns, robot: RobotConfig, device: Device) -> Stretc
         return None
     time = np.asarray(columns["t"], float)
     known = time[np.isfinite(heading)]
-    ends = np.searchsorted(time, np.arange(known[0], known[-1], STRETCH))
+    ends = ends_of(time, known[0], known[-1], STRETCH)
     if len(ends) < FEWEST // 5:
         return None
     truth = heading_at(time, heading, 2.0 * math.pi)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from raccoon.core.config import RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import Device
+from raccoon.diagnose.recordings.ends import ends_of
 from raccoon.diagnose.recordings.reference.stretches import (
     FEWEST,
     LEAST_TURN,
@@ -105,7 +106,7 @@ def _check_place(columns: Columns, robot: RobotConfig, device: Device) -> None:
         return
     heading = heading_at(time, columns["truth.heading"], 2.0 * math.pi)
     known = np.isfinite(columns["truth.x"]) & np.isfinite(columns["truth.heading"])
-    ends = np.searchsorted(time, np.arange(time[known][0], time[known][-1], 0.2 * STRETCH))
+    ends = ends_of(time, time[known][0], time[known][-1], 0.2 * STRETCH)
     wheels = wheel_ways(columns, robot, device, time, ends)
     if wheels is None or len(ends) < FEWEST:
         return
