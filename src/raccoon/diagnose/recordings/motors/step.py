@@ -48,9 +48,15 @@ def step_port(columns: Columns) -> int | None:
         return None
     duty = columns[f"motor.{ports[0]}.duty"]
     known = duty[np.isfinite(duty)]
-    if len(known) == 0 or np.ptp(known) > 0.0 or known[0] == 0.0 or _reading(columns, ports[0]) is None:
+    if len(known) == 0 or np.ptp(known) > 0.0 or known[0] == 0.0:
         return None
-    return ports[0]
+    return None if _reading(_from_command(columns, ports[0]), ports[0]) is None else ports[0]
+
+
+def _from_command(columns: Columns, port: int) -> Columns:
+    """From the row on that has the first command: before it the motor had no power, and no time is dead."""
+    first = int(np.argmax(np.isfinite(columns[f"motor.{port}.duty"])))
+    return {name: each[first:] for name, each in columns.items()}
 
 
 def _reading(columns: Columns, port: int) -> str | None:
@@ -66,6 +72,7 @@ def diagnose_step(columns: Columns, port: int) -> Diagnosis:
     Raises TraceError for a time that goes back or is in another unit: the dead time would be as well.
     """
     begin = time.perf_counter()
+    columns = _from_command(columns, port)
     check_time(np.asarray(columns["t"], float), SLOWEST_STEP)
     name = _reading(columns, port)
     if name is None:
