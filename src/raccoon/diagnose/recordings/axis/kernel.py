@@ -18,72 +18,88 @@ def run(
     """Fill out (3, rows, lanes, stretches), a row for every `every` samples. table (lanes, 17): the numbers
     in the order of `NEUTRAL`."""
     h = step / pieces
-    for lane in range(table.shape[0]):
+    lanes = table.shape[0]
+    # Drag is the same for all speeds of a sign but for its quadratic part: an exponential for each piece
+    # would take most of the time.
+    rates, keeps = np.empty((2, lanes)), np.empty((5, lanes))
+    decays, shares = np.empty((2, lanes))
+    for lane in range(lanes):
         p = table[lane]
-        resistance, inductance, back_emf, inertia, coulomb = p[0], p[1], p[2], p[3], p[4]
-        viscous, offset, asymmetry, viscous_asymmetry, stiction = p[5], p[6], p[7], p[8], p[9]
-        stiction_speed, quadratic, load, latency, deadband = p[10], p[11], p[12], p[13], p[14]
-        dead_below, full = p[15], p[16]
-        decay = h * resistance / max(inductance, 1e-12)
-        kept_current = math.exp(-decay)
-        late = latency / step
-        whole = math.floor(late)
-        share = late - whole
-        # Drag is the same for all speeds of a sign but for its quadratic part: an exponential for each piece
-        # would take most of the time.
-        even = quadratic == 0.0
-        rate_forward = max(viscous * (1.0 + viscous_asymmetry) / inertia * h, 1e-12)
-        rate_backward = max(viscous * (1.0 - viscous_asymmetry) / inertia * h, 1e-12)
-        kept_forward, kept_backward = math.exp(-rate_forward), math.exp(-rate_backward)
-        for column in range(len(first)):
-            x, w, i = position[column], speed[column], 0.0
-            start = first[column]
+        rates[0, lane] = max(p[5] * (1.0 + p[8]) / p[3] * h, 1e-12)
+        rates[1, lane] = max(p[5] * (1.0 - p[8]) / p[3] * h, 1e-12)
+        keeps[0, lane], keeps[1, lane] = math.exp(-rates[0, lane]), math.exp(-rates[1, lane])
+        decays[lane] = h * p[0] / max(p[1], 1e-12)
+        keeps[2, lane] = math.exp(-decays[lane])
+        shares[lane] = (p[13] / step - math.floor(p[13] / step)) * pieces
+        part = shares[lane] - math.floor(shares[lane])
+        keeps[3, lane], keeps[4, lane] = (
+            math.exp(-decays[lane] * part),
+            math.exp(-decays[lane] * (1.0 - part)),
+        )
+    x, w, i, sooner, later = np.empty((5, lanes))
+    for column in range(len(first)):
+        start = first[column]
+        for lane in range(lanes):
+            x[lane], w[lane], i[lane] = position[column], speed[column], 0.0
             if start > 0:
-                i = (effort[start - 1] - back_emf * w) / resistance if electrical else effort[start - 1]
-            for row in range(out.shape[1]):
-                out[0, row, lane, column] = x
-                out[1, row, lane, column] = w
-                out[2, row, lane, column] = i
-                for sample in range(row * every, row * every + every):
-                    place = min(start + sample, len(effort) - 1) - int(whole)
-                    later = effort[place] if place >= 0 else 0.0
-                    sooner = effort[place - 1] if place >= 1 else 0.0
+                p = table[lane]
+                before = effort[start - 1]
+                i[lane] = (before - p[2] * w[lane]) / p[0] if electrical else before
+        for row in range(out.shape[1]):
+            out[0, row, :, column] = x
+            out[1, row, :, column] = w
+            out[2, row, :, column] = i
+            for sample in range(row * every, row * every + every):
+                for lane in range(lanes):
+                    latency, deadband, dead_below, full = table[lane, 13:]
+                    place = min(start + sample, len(effort) - 1) - math.floor(latency / step)
+                    after = effort[place] if place >= 0 else 0.0
+                    before = effort[place - 1] if place >= 1 else 0.0
                     if deadband > 0.0:
                         stretch = full / max(full - deadband, 1e-9)
-                        later = math.copysign(max(abs(later) - deadband, 0.0) * stretch, later)
-                        sooner = math.copysign(max(abs(sooner) - deadband, 0.0) * stretch, sooner)
+                        after = math.copysign(max(abs(after) - deadband, 0.0) * stretch, after)
+                        before = math.copysign(max(abs(before) - deadband, 0.0) * stretch, before)
                     if dead_below > 0.0:
-                        later *= min(max(5.0 * (abs(later) / dead_below - 0.9), 0.0), 1.0)
-                        sooner *= min(max(5.0 * (abs(sooner) / dead_below - 0.9), 0.0), 1.0)
-                    for piece in range(pieces):
+                        after *= min(max(5.0 * (abs(after) / dead_below - 0.9), 0.0), 1.0)
+                        before *= min(max(5.0 * (abs(before) / dead_below - 0.9), 0.0), 1.0)
+                    sooner[lane], later[lane] = before, after
+                for piece in range(pieces):
+                    # Lanes innermost: the next begins before the last has its quotients.
+                    for lane in range(lanes):
+                        p = table[lane]
+                        resistance, back_emf, inertia, coulomb, viscous = p[0], p[2], p[3], p[4], p[5]
+                        offset, asymmetry, viscous_asymmetry, stiction = p[6], p[7], p[8], p[9]
+                        stiction_speed, quadratic, load = p[10], p[11], p[12]
+                        v, current, decay = w[lane], i[lane], decays[lane]
                         # The part of the piece before the late effort changes, and its rest, both exact.
-                        part = min(max(share * pieces - piece, 0.0), 1.0)
+                        part = min(max(shares[lane] - piece, 0.0), 1.0)
                         mean = 0.0
                         if part > 0.0:
-                            settled = (sooner - back_emf * w) / resistance if electrical else sooner
-                            kept = kept_current if part == 1.0 else math.exp(-decay * part)
-                            mean += settled * part + (i - settled) * (1.0 - kept) / decay
-                            i = settled + (i - settled) * kept
+                            settled = (
+                                (sooner[lane] - back_emf * v) / resistance if electrical else sooner[lane]
+                            )
+                            kept = keeps[2, lane] if part == 1.0 else keeps[3, lane]
+                            mean += settled * part + (current - settled) * (1.0 - kept) / decay
+                            current = settled + (current - settled) * kept
                         if part < 1.0:
-                            settled = (later - back_emf * w) / resistance if electrical else later
-                            kept = kept_current if part == 0.0 else math.exp(-decay * (1.0 - part))
-                            mean += settled * (1.0 - part) + (i - settled) * (1.0 - kept) / decay
-                            i = settled + (i - settled) * kept
+                            settled = (later[lane] - back_emf * v) / resistance if electrical else later[lane]
+                            kept = keeps[2, lane] if part == 0.0 else keeps[4, lane]
+                            mean += settled * (1.0 - part) + (current - settled) * (1.0 - kept) / decay
+                            current = settled + (current - settled) * kept
                         force = (back_emf * mean if electrical else mean) - offset
-                        side = np.sign(w) if w != 0.0 else np.sign(force)
+                        side = np.sign(v) if v != 0.0 else np.sign(force)
                         dry = coulomb * (1.0 + asymmetry * side) + load * abs(force)
                         if stiction > 0.0:
-                            dry += stiction * math.exp(-((w / stiction_speed) ** 2))
-                        if even and side == 1.0:
-                            rate, kept = rate_forward, kept_forward
-                        elif even and side == -1.0:
-                            rate, kept = rate_backward, kept_backward
+                            dry += stiction * math.exp(-((v / stiction_speed) ** 2))
+                        if quadratic == 0.0 and side != 0.0:
+                            backward = 1 if side < 0.0 else 0
+                            rate, kept = rates[backward, lane], keeps[backward, lane]
                         else:
-                            drag = viscous * (1.0 + viscous_asymmetry * side) + quadratic * abs(w)
+                            drag = viscous * (1.0 + viscous_asymmetry * side) + quadratic * abs(v)
                             rate = max(drag / inertia * h, 1e-12)
                             kept = math.exp(-rate)
-                        new = w * kept + (force - side * dry) * h / inertia * (1.0 - kept) / rate
-                        if w * new < 0.0 or (w == 0.0 and abs(force) <= dry):
+                        new = v * kept + (force - side * dry) * h / inertia * (1.0 - kept) / rate
+                        if v * new < 0.0 or (v == 0.0 and abs(force) <= dry):
                             new = 0.0
-                        x += 0.5 * h * (w + new)
-                        w = new
+                        x[lane] += 0.5 * h * (v + new)
+                        w[lane], i[lane] = new, current
