@@ -31,6 +31,14 @@ GROWTH = 1.25
 """A .parquet is written anew when so many times as many rows are there, so that its cost stays linear."""
 
 
+def check_table(path: Path) -> None:
+    """Raise ConfigError for a file that no table can be written to."""
+    if path.suffix not in ENDINGS:
+        raise ConfigError(f"{path}: allowed are the endings {' and '.join(ENDINGS)}")
+    if path.suffix == ".parquet":
+        _pyarrow(path)
+
+
 class Results:
     """Rows by run. about: what was swept, as JSON; all but `end` must be the same to go on.
 
@@ -39,10 +47,7 @@ class Results:
 
     def __init__(self, path: str | Path, columns: tuple[str, ...], about: Mapping[str, Any]) -> None:
         self.path = Path(path)
-        if self.path.suffix not in ENDINGS:
-            raise ConfigError(f"{path}: allowed are the endings {' and '.join(ENDINGS)}")
-        if self.path.suffix == ".parquet":
-            _pyarrow(self.path)
+        check_table(self.path)
         self._columns = columns
         self._about_path = self.path.with_name(self.path.name + ".sweep.json")
         self._rows_path = (

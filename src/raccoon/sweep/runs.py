@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.execute import Crew, run_all
 from raccoon.sweep.match import Match, columns, crashed, nominal_end, play, seed_of
-from raccoon.sweep.results import Results, Row
+from raccoon.sweep.results import Results, Row, check_table
 from raccoon.sweep.workers import AHEAD, process_crew
 
 MOST_RUNS = 10_000_000
@@ -39,9 +39,7 @@ def sweep(
     plays at once. out: a .csv or .parquet that takes each row as its match ends; where it holds rows of this
     sweep already they are kept and only the rest is played, else ConfigError.
     """
-    if not 1 <= runs <= MOST_RUNS:
-        raise ConfigError(f"runs is {runs}: allowed are numbers from 1 to {MOST_RUNS}")
-    seed_of(seed, 0)  # refuses a seed that is none before a file is begun
+    check_sweep(runs, seed, out)
     crew = _crew(executor, workers)
     if out is None:
         unwritten = _Unwritten()
@@ -51,6 +49,15 @@ def sweep(
         _play_missing(results, match.ending_at(results.about["end"]), seed, runs, crew, progress)
         results.finish()
         return [results.rows[run] for run in range(runs)]
+
+
+def check_sweep(runs: int, seed: int, out: str | Path | None) -> None:
+    """Raise ConfigError for a number of runs, a seed or a table that no sweep has, before any work."""
+    if not 1 <= runs <= MOST_RUNS:
+        raise ConfigError(f"runs is {runs}: allowed are numbers from 1 to {MOST_RUNS}")
+    seed_of(seed, 0)
+    if out is not None:
+        check_table(Path(out))
 
 
 class _Unwritten:

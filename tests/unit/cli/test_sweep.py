@@ -162,9 +162,20 @@ def test_what_an_interrupted_sweep_has_played_is_named(
     ],
 )
 @pytest.mark.usefixtures("program")
-def test_bad_input_is_named(arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_bad_input_is_named(
+    arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before a worker begins: runs of 0 were refused once the nominal robot had driven."""
+
+    def begun(*_: object) -> None:
+        raise AssertionError("a worker was begun")
+
+    monkeypatch.setattr("raccoon.cli.sweep.play.crew_of", begun)
     assert main(["sweep", *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_each_worker_has_its_next_match_at_hand() -> None:
     with process_crew(1) as crew:
         assert crew.window == 2
 

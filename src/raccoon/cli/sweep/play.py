@@ -19,7 +19,7 @@ from raccoon.sim.world.table import World
 from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
 from raccoon.sweep.match import Match, play, seed_of
 from raccoon.sweep.program import Program
-from raccoon.sweep.runs import sweep, with_nominal_end
+from raccoon.sweep.runs import check_sweep, sweep, with_nominal_end
 from raccoon.trace.record import already_there
 
 
@@ -29,6 +29,7 @@ def sweep_and_print(args: argparse.Namespace) -> int:
         raise ConfigError("--record is for one match: say which with --only RUN")
     check_folders(args.out)
     match = match_of(args)
+    check_sweep(args.runs, args.seed, args.out)
     try:
         with Bar() as bar, crew_of(args) as crew:
             if not args.any_end:
