@@ -1,5 +1,6 @@
 """Compiles the simulated robots while the linters run, so that two test processes do not both have to."""
 
+import gc
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -40,5 +41,6 @@ def compiled(number: int) -> None:
 
 
 if __name__ == "__main__":
-    with ProcessPoolExecutor(2) as pool:
+    # A compiler makes millions of objects and lets few go: looking after them took a sixth of the time.
+    with ProcessPoolExecutor(2, initializer=gc.disable) as pool:
         list(pool.map(compiled, range(len(COMPILING))))
