@@ -16,7 +16,7 @@ from raccoon.estimate.start_light import (
 from raccoon.estimate.start_light.bulb import SlowBulb
 
 RATE = 200
-LAMP_ON = 3.0  # s, in the tests with a lamp over steady ambient light
+LAMP_ON = 1.5  # s, in the tests with a lamp over steady ambient light
 LEVELS = ((3000.0, 150.0), (3000.0, 500.0), (3000.0, 1500.0), (3500.0, 1800.0), (800.0, 500.0))
 
 
