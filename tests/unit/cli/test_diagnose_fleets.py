@@ -63,8 +63,8 @@ def test_a_copy_of_a_recording_counts_once(tmp_path: Path, capsys: pytest.Captur
     """Also in another form: a folder with run.jsonl.gz and the run.csv that was made of it had two recordings
     with the same cause, which was common therefore."""
     for seed, name in enumerate(("a.csv", "b.csv")):
-        written(tmp_path / name, motor(5 + seed, 0.008))
-    copy = motor(5, 0.008)
+        written(tmp_path / name, tophat(5 + seed, factor=0.9, seconds=4.0))
+    copy = tophat(5, factor=0.9, seconds=4.0)
     write_mcap(Recording({name: copy[name] for name in reversed(copy)}), tmp_path / "c.mcap")
     assert main(["diagnose", str(tmp_path), "--json", str(tmp_path / "out.json")]) == 0
     table = json.loads((tmp_path / "out.json").read_text())
