@@ -324,6 +324,8 @@ CASES = [
     Case("gyro wanders at rest", "degraded", Fault.IMU_IMPLAUSIBLE, prepare=_set(gyro_sweep=True)),
     Case("fuse of the left motor", "given up", Fault.MOTOR_FAULT, _set(blown_fuse={0})),
     Case("right motor stalls", "given up", Fault.MOTOR_FAULT, _set(stalled={1})),
+    Case("converters of both motors stop", "given up", Fault.BEMF_FROZEN, _set(stopped_converters={0, 1})),
+    Case("converter of the right motor stops", "given up", Fault.BEMF_FROZEN, _set(stopped_converters={1})),
     Case("watched analog port saturates", "degraded", Fault.ANALOG_SATURATED, _set(saturated={1: 4095})),
     Case("analog port floats", "unaffected", None, _set(floating={0})),
     Case(

@@ -68,10 +68,18 @@ class Fault(StrEnum):
     """A driven motor gives no back-EMF: stalled, unplugged or its fuse tripped."""
     BEMF_INVALID = "bemf_invalid"
     """A back-EMF reading cannot be right: an offset at rest, or beyond what the controller measures."""
+    BEMF_FROZEN = "bemf_frozen"
+    """The back-EMF of a motor that turns has been the same for `BEMF_FROZEN_SECONDS`, and so has come from no
+    motor: its converter has stopped. The words of that motor are left out."""
     ANALOG_SATURATED = "analog_saturated"
     """A watched analog port is at the end of its range."""
     SENSOR_LOST = "sensor_lost"
     """An added sensor (I2C, USB) does not answer; its words are missing."""
+
+
+BEMF_FROZEN_SECONDS = 0.3
+"""S. The quietest converter, of 3 counts of noise, repeats a word for up to 0.2 s behind the filters of the
+firmwares, once in an hour of driving; real motors are louder by far."""
 
 
 @dataclass(frozen=True, slots=True)

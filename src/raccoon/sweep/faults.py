@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from raccoon.core.port import Port
-from raccoon.core.readings import Inputs, Outputs, Vector
+from raccoon.core.readings import Fault, Inputs, Outputs, Vector
+from raccoon.hal.wombat.checks.repeating import RepeatWatch
 
 KINDS: Mapping[str, str] = {
     "fault.imu_silent": "the IMU says nothing any more",
@@ -37,6 +38,7 @@ class FaultyPort:
         self._broken = broken
         self._time = 0.0
         self._last: Inputs | None = None
+        self._repeats = RepeatWatch()
 
     def read(self) -> Inputs:
         inputs = self._port.read()
@@ -66,11 +68,22 @@ class FaultyPort:
         if self._has("fault.imu_silent"):
             inputs = replace(inputs, gyro=None, accel=None)
         if self._has("fault.bemf_frozen"):
-            inputs = replace(inputs, bemf=last.bemf, position=last.position)
+            inputs = self._frozen(inputs, last)
         if self._has("fault.tophats_unplugged"):
             full = inputs.device.analog_full_scale
             inputs = replace(inputs, analog=tuple(None if each is None else full for each in inputs.analog))
         return inputs
+
+    def _frozen(self, inputs: Inputs, last: Inputs) -> Inputs:
+        """Motors that repeat themselves, and what a Wombat's port says of it once it is sure."""
+        self._repeats.update([each or 0.0 for each in last.bemf], inputs.time)
+        dead = self._repeats.frozen
+        faults = (*inputs.faults, Fault.BEMF_FROZEN) if any(dead) else inputs.faults
+        bemf, position = (
+            tuple(None if gone else word for gone, word in zip(dead, words, strict=True))
+            for words in (last.bemf, last.position)
+        )
+        return replace(inputs, bemf=bemf, position=position, faults=faults)
 
 
 def _with_imu_of(inputs: Inputs, last: Inputs | None) -> Inputs:

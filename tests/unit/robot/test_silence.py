@@ -11,6 +11,7 @@ import pytest
 from raccoon import (
     Action,
     MotionTimeout,
+    Robot,
     RobotConfig,
     align_on_wall,
     drive,
@@ -119,6 +120,27 @@ def test_where_wheels_turned_unread_is_known_when_they_are_read_again(
     assert truth is not None
     assert math.hypot(truth.x - here.x, truth.y - here.y) < 0.004
     assert min(port.duties(BEGIN, BEGIN + seconds + 0.3)) > 0.3  # and it is not torn back
+
+
+@pytest.mark.parametrize("silence", [dead, wheels])
+def test_while_no_wheel_is_read_the_place_is_as_unsure_as_they_may_have_gone_on(
+    silence: Callable[[Inputs], Inputs],
+) -> None:
+    port = Silent(silence, 0.45)
+    off = []
+
+    def watched(robot: Robot) -> bool:
+        here, inputs = robot.estimate, robot.inputs
+        assert inputs is not None
+        assert inputs.truth is not None
+        apart = math.hypot(inputs.truth.x - here.x, inputs.truth.y - here.y)
+        off.append(apart / math.hypot(here.x_std, here.y_std))
+        return False
+
+    with open_robot(ARM, port=port) as robot:
+        robot.run(wait(0.5))
+        robot.run(straight(0.5).until(when(watched)))
+    assert max(off) < 3.0
 
 
 @pytest.mark.parametrize("into", [0.02, 0.1])

@@ -13,7 +13,7 @@ import pytest
 
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
 from raccoon.core.errors import ConfigError, HardwareError
-from raccoon.core.readings import SIMULATOR, Inputs, Outputs
+from raccoon.core.readings import SIMULATOR, Fault, Inputs, Outputs
 from raccoon.model.bemf import counts_scale
 from raccoon.robot.opening import open_robot
 from raccoon.sim.effects.chain import Chain
@@ -357,7 +357,10 @@ def test_a_frozen_imu_repeats_its_last_reading_in_whichever_cycle_it_freezes(beg
 def test_what_faults_do() -> None:
     assert all(each.gyro is None for each in faulty("fault.imu_silent")[102:])
     assert len({each.gyro for each in faulty("fault.imu_frozen")[102:]}) == 1
-    assert len({each.position for each in faulty("fault.bemf_frozen")[102:]}) == 1
+    frozen = faulty("fault.bemf_frozen")[102:]
+    assert len({each.position for each in frozen[:50]}) == 1
+    assert {each.position[:2] for each in frozen[70:]} == {(None, None)}
+    assert frozen[-1].faults == (Fault.BEMF_FROZEN,)  # as a Wombat's port says
     assert {each.analog[2] for each in faulty("fault.tophats_unplugged")[102:]} == {4095}
     assert faulty("fault.motors_off")[200].truth != faulty("fault.imu_silent")[200].truth
     times = [each.time for each in faulty("fault.lost_cycles")]

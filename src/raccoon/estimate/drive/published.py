@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from raccoon.core.readings import Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.fusion import Fusion
+from raccoon.estimate.drive.noise import SILENT_WHEEL
 from raccoon.estimate.drive.readings import DriveReadings
 from raccoon.estimate.drive.timing import wheels_lead
+from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.ekf.filter import covariance_index, covariance_of, variance_index
 from raccoon.estimate.ekf.generated import Flat
 from raccoon.estimate.ekf.state import OdometrySettings, State, wheel_scales
@@ -49,7 +51,10 @@ def published(fusion: Fusion, readings: DriveReadings, settings: OdometrySetting
         distance += travel
     lead, late = wheels_lead(flat, settings.timing)
     x, y, heading = arc_end(x, y, heading, -lead * velocity, (flat[State.GYRO_DELAY] - lead) * turn_rate)
-    along, across = late * velocity * math.cos(heading), late * velocity * math.sin(heading)
+    apart = late * velocity
+    if min(readings.left.silent, readings.right.silent) > HOLD:  # the step that is waited for adds it
+        apart = math.hypot(apart, math.sqrt(0.5 * SILENT_WHEEL * span) * geometry.wheel_radius)
+    along, across = apart * math.cos(heading), apart * math.sin(heading)
     turned = late * turn_rate
     # Of way times what the wheels read: both are uncertain, and together.
     of_velocity = way * way * flat[_VV] + 2.0 * way * read * flat[_WITH_WAY] + read * read * flat[_VWAY]

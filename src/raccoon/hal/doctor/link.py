@@ -34,6 +34,7 @@ REMEDIES = {
     Fault.COMMAND_LOST: "stop other programs that command the motors; flash the matching firmware",
     Fault.OVERRUN: "stop other programs; see docs/hardware.md on real-time priority",
     Fault.MOTOR_FAULT: "check the motor's plug and that it turns freely; let a tripped fuse cool",
+    Fault.BEMF_FROZEN: "restart the controller; if it stays, its converter is broken: use another motor port",
     Fault.SENSOR_LOST: "check the plug and the supply of the added sensor",
 }
 # They happen now and then on a healthy robot, are repaired by the port, and matter only when they pile up.

@@ -17,6 +17,7 @@ from raccoon.hal.wombat.checks.health import (
     MotorWatch,
     RestWatch,
 )
+from raccoon.hal.wombat.checks.repeating import RepeatWatch
 from raccoon.hal.wombat.firmware.counters import Bemf
 from raccoon.hal.wombat.firmware.dialect import Dialect, Reading
 
@@ -65,7 +66,7 @@ class Monitor:
         self._life = LifeWatch()
         self._imu = Liveness(IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE)
         self._imu_watch = ImuWatch()
-        self._motors = MotorWatch()
+        self._motors, self._repeats = MotorWatch(), RepeatWatch()
         self._rest = RestWatch(resting_bemf)
         self._resting_bemf = tuple(resting_bemf)
         self._battery = BatteryWatch()
@@ -111,7 +112,7 @@ class Monitor:
         if self._stale(reading, time, duties, faults):
             position, bemf = NOTHING, None
         else:
-            self._look_at_counters(faults)
+            self._look_at_counters(bemf, time, faults)
         if bemf is not None:
             # 0 is rest all the same: a dead zone hides an offset.
             self._bemf = [each and each - rest for each, rest in zip(bemf, self._resting_bemf, strict=True)]
@@ -157,18 +158,32 @@ class Monitor:
             return words
         return tuple(None if still else word for still, word in zip(stuck, words, strict=True))
 
-    def _look_at_counters(self, faults: list[Fault]) -> None:
-        """See which counters do not count; once one does again, the way in between is missing from it."""
+    def _look_at_counters(self, bemf: Bemf | None, time: float, faults: list[Fault]) -> None:
+        """See which counters do not count, or count what no motor turns; once one does again, the way in
+        between is missing from it.
+        """
         before, self._stuck = self._stuck, self._dialect.stuck_counters
         if any(self._stuck):
             faults.append(Fault.BEMF_INVALID)
+        if bemf is not None:
+            self._repeats.update(bemf, time)
+        frozen = self._repeats.frozen
+        if any(frozen):
+            faults.append(Fault.BEMF_FROZEN)
+            self._stuck = tuple(a or b for a, b in zip(self._stuck, frozen, strict=True))
         if any(was and not still for was, still in zip(before, self._stuck, strict=True)):
             faults.append(Fault.POSITION_JUMP)
 
     def _watch_motors(self, bemf: Bemf, time: float, duties: Sequence[float], faults: list[Fault]) -> None:
-        if self._motors.update(duties, bemf, time):
+        words: Sequence[float] = bemf
+        frozen = self._repeats.frozen
+        if any(frozen):  # of such a motor nothing is known, neither that it stands nor that it moves at rest
+            duties = [0.0 if dead else duty for dead, duty in zip(frozen, duties, strict=True)]
+            resting = self._resting_bemf
+            words = [r if dead else each for dead, each, r in zip(frozen, bemf, resting, strict=True)]
+        if self._motors.update(duties, words, time):
             faults.append(Fault.MOTOR_FAULT)
-        if self._rest.update(duties, bemf, time):
+        if self._rest.update(duties, words, time):
             faults.append(Fault.BEMF_INVALID)
 
     def _watch_board(self, reading: Reading, time: float, faults: list[Fault]) -> None:

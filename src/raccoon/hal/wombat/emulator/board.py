@@ -43,6 +43,7 @@ class Board:
         self._noise = 1.0 if noise else 0.0
         self._floating = 1800.0
         self._sweep = 0.0
+        self._converted = [0] * MOTOR_PORTS
         self.drives: tuple[Drive, ...] = COAST
         self.state: PlantState = plant.advance(0.0, COAST)
         self._gyro = _LowPass(self.state.gyro)
@@ -74,10 +75,13 @@ class Board:
 
         The sense resistors sit at the driver: behind a blown fuse they see nothing of the motor.
         """
+        if port in self._faults.stopped_converters:
+            return self._converted[port]
         lost = port in self._faults.blown_fuse or port in self._faults.stalled
         volts = 0.0 if lost else self.state.bemf_volts[port]
         counts = volts / BEMF_VOLTS_PER_COUNT + self._gauss(BEMF_NOISE)
-        return max(-ADC_MAX, min(ADC_MAX, round(counts)))
+        self._converted[port] = max(-ADC_MAX, min(ADC_MAX, round(counts)))
+        return self._converted[port]
 
     def bemf_all(self) -> tuple[float, ...]:
         """`bemf` of the four motors."""

@@ -15,8 +15,9 @@ class Faults:
     half new. lost_writes: so many frames do not get through to the registers. latency: seconds that every
     transfer takes longer. imu_frozen: repeats itself; imu_missing: reads this on every axis; gyro_sweep: an
     old board's wandering gyro. floating, saturated: analog ports. stalled: motors held still by force,
-    blown_fuse: without current. bemf_offset: counts that the back-EMF of each motor reads at standstill, in
-    the wire's own sign. brown_out_voltage: the controller restarts while the battery is below it.
+    blown_fuse: without current. stopped_converters: those whose back-EMF stays as it was converted last.
+    bemf_offset: counts that the back-EMF of each motor reads at standstill, in the wire's own sign.
+    brown_out_voltage: the controller restarts while the battery is below it.
     """
 
     silent: int | None = None
@@ -33,5 +34,6 @@ class Faults:
     saturated: dict[int, int] = field(default_factory=dict)
     stalled: set[int] = field(default_factory=set)
     blown_fuse: set[int] = field(default_factory=set)
+    stopped_converters: set[int] = field(default_factory=set)
     bemf_offset: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     brown_out_voltage: float = 0.0
