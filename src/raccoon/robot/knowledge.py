@@ -160,6 +160,11 @@ class Knowledge:
         self._digital = digital if None not in digital else _newest(self._digital, digital)
 
     @property
+    def blind(self) -> tuple[str, ...]:
+        """Sentences that name the tophats that see nothing, and why."""
+        return tuple(each.complaint for each in self.tophats.values() if each.complaint)
+
+    @property
     def outputs(self) -> Outputs:
         """The last command."""
         return self._outputs

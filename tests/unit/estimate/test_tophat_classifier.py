@@ -67,7 +67,7 @@ def test_edge_is_found_between_readings_where_half_the_spot_is_black() -> None:
 
 def test_darkness_is_a_probability() -> None:
     found = calibration()
-    readings = [Tophat(found).update(0.0, value) for value in (0.0, 180.0, found.threshold, 2930.0, 4095.0)]
+    readings = [Tophat(found).update(0.0, value) for value in (5.0, 180.0, found.threshold, 2930.0, 4082.0)]
     darkness = [reading.darkness for reading in readings]
     assert darkness[0] < 1e-6
     assert darkness[1] < 1e-3
@@ -85,6 +85,22 @@ def test_missing_reading_is_not_a_reading() -> None:
     gap = tophat.update(0.010, None)
     assert gap.black is True
     assert gap.status is Status.UNCERTAIN
+
+
+@pytest.mark.parametrize("floor", [180.0, 2930.0])
+@pytest.mark.parametrize("ends", [(0.0,), (4095.0,), (4095.0, 0.0), (4086.0, 4095.0, 0.0, 4.0, 0.0)])
+def test_a_loose_wire_at_the_ends_of_the_range_is_no_floor(floor: float, ends: tuple[float, ...]) -> None:
+    tophat = Tophat(calibration())
+    run(tophat, [floor] * 20)
+    rattles = [ends[n % len(ends)] if n % 7 > 1 else floor for n in range(100)]
+    for reading in run(tophat, rattles):
+        assert reading.black is (floor > 1000.0)
+        assert reading.edge is None
+    assert tophat.update(1.0, ends[0]).status is Status.UNCERTAIN
+
+
+def test_a_surface_at_the_end_of_the_range_is_one() -> None:
+    assert Tophat(calibration(3300.0, 4070.0)).update(0.0, 4095.0).black is True
 
 
 def test_needs_a_threshold() -> None:

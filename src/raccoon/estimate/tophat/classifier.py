@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from raccoon.core.errors import ConfigError
-from raccoon.core.readings import Status
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Status
 from raccoon.estimate.tophat.calibration import TophatCalibration
 from raccoon.estimate.tophat.flicker import FlickerWatch
 from raccoon.estimate.tophat.tracker import GATE, LightTracker
@@ -114,11 +114,12 @@ class Tophat:
     ) -> TophatReading:
         """Take the reading of this tick and say what is below the sensor.
 
-        time: s. counts: None where there is nothing new. others_lost: see `TophatGroup`, which gives it.
+        time: s. counts: None where there is nothing new, and taken for that at an end of the range at which
+        neither surface is. others_lost: see `TophatGroup`, which gives it.
         way: m that the sensor went over the floor since the last tick (None: not known, 0.24 m/s is assumed);
         how long an edge takes tells it from a change of light.
         """
-        if counts is None:
+        if counts is None or self._at_an_end(counts):
             if self._state is None:
                 return UNKNOWN
             return TophatReading(self._state, 0.5, self._last_coverage, Status.UNCERTAIN, None)
@@ -156,6 +157,17 @@ class Tophat:
         self._last_time, self._last_coverage = time, coverage
         edge = self._decide(counts)
         return TophatReading(self._state, self._probability(counts), coverage, levels.status, edge)
+
+    def _at_an_end(self, counts: float) -> bool:
+        """Whether the converter is at an end of its range, and neither surface is: a wire is loose, or two of
+        them touch. No floor reads that, and no abyss.
+        """
+        if ANALOG_BOTTOM < counts < ANALOG_TOP:
+            return False
+        levels = self.levels
+        if counts >= ANALOG_TOP:
+            return levels.black + 2.0 * levels.sd_black < ANALOG_TOP
+        return levels.white - 2.0 * levels.sd_white > ANALOG_BOTTOM
 
     @property
     def lost(self) -> bool:

@@ -86,7 +86,8 @@ class Action(Generic[T_co]):
                 nonlocal why
                 if robot.time - start <= seconds:
                     return True
-                why = "; ".join((robot.drive.complaint(), *robot.attachments.moving))  # before it is stopped
+                # Before it is stopped.
+                why = "; ".join((robot.drive.complaint(), *robot.attachments.moving, *robot.blind))
                 return False
 
             done = yield from _while(self.start(robot), in_time)

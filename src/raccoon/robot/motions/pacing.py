@@ -213,7 +213,7 @@ def reason(robot: Robot) -> str:
     wiring = miswired(robot)
     if robot.odometry.wiring.turned:  # the rest follows from it
         return wiring
-    said = (wiring or robot.drive.complaint(), *robot.estimate.reasons, *tell(robot))
+    said = (wiring or robot.drive.complaint(), *robot.estimate.reasons, *tell(robot), *robot.blind)
     return "; ".join(said)
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 PROVING = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
 CHECKED_EVERY = 40  # ticks
+SILENT = 0.5  # s without a word; a controller that restarts gives none for 0.1 s
 MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
 
 
@@ -38,6 +39,9 @@ class TophatSensor:
         self._reading: TophatReading | None = None
         self._edge: Edge | None = None
         self._since: float | None = None
+        self._heard: float | None = None  # s, of its last word, or since when there was none
+        self.silent = False
+        """Whether it has not been read for a while."""
 
     def calibrate(self, calibration: TophatCalibration) -> None:
         """Use a calibration from now on. Raises CalibrationError where it has no threshold."""
@@ -55,8 +59,9 @@ class TophatSensor:
         """Take the reading of this cycle. way, others_lost: see `raccoon.estimate.tophat.Tophat.update`."""
         counts = inputs.analog[self.config.analog]
         if counts is None:
+            self._heard = inputs.time if self._heard is None else self._heard
             return
-        self.counts = counts
+        self.counts, self._heard = counts, inputs.time
         classifier, watch = self._classifier, self._watch
         if classifier is None or watch is None:
             return
@@ -74,12 +79,22 @@ class TophatSensor:
         """Judge `fit` anew; a few times a second is enough. time: s, of now."""
         from raccoon.estimate.tophat.watch import Fit
 
+        self.silent = self._heard is not None and time - self._heard > SILENT
         if self._watch is not None:
             fit = self._watch.fit
             proved = self._since is not None and time - self._since > PROVING
             began_well = proved and self.fit is not Fit.CHANGED
             self.fit = Fit.FITS if fit is Fit.CHANGED and began_well else fit
         return self.fit
+
+    @property
+    def complaint(self) -> str:
+        """Why it sees nothing, "" where it does."""
+        if self.silent:
+            return f"tophat {self.name} {UNREAD}"
+        if self.fit in ("unplugged", "saturated"):
+            return f"tophat {self.name} {WORDS[self.fit]}"
+        return ""
 
     @property
     def recent(self) -> tuple[float, ...]:
@@ -139,7 +154,7 @@ class TophatSensor:
     @property
     def status(self) -> Status:
         """How far `black` and `darkness` can be trusted; invalid where nothing sensible comes in."""
-        if self._reading is None or self.fit in ("unplugged", "saturated"):
+        if self._reading is None or self.silent or self.fit in ("unplugged", "saturated"):
             return Status.INVALID
         if self.fit == "changed":
             return Status.UNCERTAIN
@@ -176,7 +191,9 @@ class Floor:
 
     def _check(self, robot: Robot, sensor: TophatSensor) -> None:
         now = sensor.check(robot.time)
-        if now is not None and now in WORDS:
+        if sensor.silent:
+            say(robot, sensor.complaint)
+        elif now is not None and now in WORDS:
             say(robot, f"tophat {sensor.name} {self._swapped(sensor) or WORDS[now]}")
 
     def _swapped(self, sensor: TophatSensor) -> str | None:
@@ -191,6 +208,7 @@ class Floor:
         return f"reads what {other} should, and the other way round: are their plugs swapped?"
 
 
+UNREAD = "is not read: its port gives no words"
 WORDS = {
     "changed": (
         "does not read what its calibration says: other light, another floor, another height. "

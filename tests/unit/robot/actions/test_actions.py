@@ -33,6 +33,7 @@ class Bench:
         self.background: list[Steps[Any]] = []
         self.drive = SimpleNamespace(complaint=lambda: "the wheels follow")
         self.attachments = SimpleNamespace(moving=())
+        self.blind = ()
 
     @property
     def time(self) -> float:

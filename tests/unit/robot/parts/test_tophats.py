@@ -11,15 +11,18 @@ from raccoon import (
     Action,
     CalibrationError,
     ConfigError,
+    MotionTimeout,
     Robot,
     after_distance,
     calibrate_tophats,
     drive,
     load_tophats,
+    on_black,
     open_robot,
     wait,
 )
 from raccoon.core.readings import Inputs, Status
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.store import TophatStore
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
@@ -202,6 +205,10 @@ def unplug(counts: list[float | None]) -> None:
     counts[0] = 4095.0
 
 
+def silence(counts: list[float | None]) -> None:
+    counts[0] = None
+
+
 def flood(counts: list[float | None]) -> None:
     counts[0] = 1.0
 
@@ -214,6 +221,7 @@ def swap(counts: list[float | None]) -> None:
     ("change", "said", "status"),
     [
         (unplug, "tophat left reads the top of the scale", Status.INVALID),
+        (silence, "tophat left is not read", Status.INVALID),
         (flood, "tophat left reads the bottom of the scale", Status.INVALID),
         (swap, "tophat left reads what right should", Status.UNCERTAIN),
     ],
@@ -228,6 +236,25 @@ def test_what_is_wrong_with_a_sensor_is_said(
         robot.run(drive(0.24).until(after_distance(0.9)))
         assert any(each.startswith(said) for each in robot.drive.remarks.values())
         assert robot.tophat("left").status is status
+
+
+@pytest.mark.parametrize(
+    ("change", "said"), [(silence, "is not read"), (unplug, "reads the top of the scale")]
+)
+def test_who_waits_for_a_line_in_vain_is_told_that_the_sensor_sees_nothing(
+    change: Callable[[list[float | None]], None], said: str
+) -> None:
+    def rewire(inputs: Inputs) -> Inputs:
+        counts = list(inputs.analog)
+        change(counts)
+        return replace(inputs, analog=tuple(counts))
+
+    surfaces = Surface(1270.0, 10.0, 300), Surface(3800.0, 10.0, 100)
+    known = TophatCalibration(Verdict.OK, "", *surfaces, threshold=1900.0, low=1850.0, high=2000.0)
+    with open_robot(CONFIG, port=Between(simulated(world=World.empty()), seen=rewire)) as robot:
+        robot.tophat("left").calibrate(known)
+        with pytest.raises(MotionTimeout, match=f"the wheels follow; tophat left {said}"):
+            robot.run(drive(0.1).until(on_black("left")).timeout(1.5))
 
 
 def test_a_sensor_that_was_moved_is_said_at_the_next_calibration(tmp_path: Path) -> None:
