@@ -15,13 +15,21 @@ GYRO_MARGIN = 0.015
 CREEP_TIME, CREEP = 0.5, 0.03
 """s for which wheels that nothing drives keep a speed, and rad/s by which it changes at the most: none rolls
 on like that."""
-LARGEST_OFFSET, LARGEST_BIAS = 0.35, 0.035
-"""rad/s that a wheel (115 counts) and the gyro read at the most on a robot that stands."""
+LARGEST_OFFSET, LARGEST_BIAS = 0.35, 0.1
+"""rad/s that a wheel (115 counts) and the gyro read at the most on a robot that stands: the data sheets of
+such gyros allow 5 degrees a second (0.087)."""
+STEADY_TURN = 0.01
+"""rad/s by which the gyro changes meanwhile at the most: no hand turns a robot as evenly."""
 
 
 def explained(speed: float, sigma: float) -> bool:
     """Whether an offset with this deviation explains a wheel's speed beyond it, rad/s."""
     return abs(speed) <= WHEEL_MARGIN + 4.0 * sigma
+
+
+def unbiased(rate: float, sigma: float) -> bool:
+    """Whether a bias with this deviation explains a turn rate beyond it, rad/s."""
+    return abs(rate) <= GYRO_MARGIN + 4.0 * sigma
 
 
 class Standstill:
@@ -45,21 +53,21 @@ class Standstill:
         gyro: (rate beyond the bias, sigma of that bias), rad/s, None where there is no gyro.
         """
         quiet = not driven and explained(*wheel)
-        if gyro is not None and abs(gyro[0]) > GYRO_MARGIN + 4.0 * gyro[1]:
+        if gyro is not None and not unbiased(*gyro):
             quiet = False
         self._quiet = self._quiet + dt if quiet else 0.0
         return self._quiet >= HOLD_TIME
 
 
 class Creeping:
-    """Do wheels that nothing drives seem to creep on at one speed, and the robot does not turn? Then that is
-    an offset, whatever robot.toml says: of another controller, or learnt from a robot that was pushed.
+    """Do wheels and gyro of a robot that nothing drives seem to creep on at one speed? Then that is an offset
+    or a bias, whatever robot.toml says: of another controller, or learnt from a robot that was pushed.
     """
 
-    __slots__ = ("_seconds", "_speeds")
+    __slots__ = ("_rate", "_seconds", "_speeds")
 
     def __init__(self) -> None:
-        self._seconds = 0.0
+        self._seconds = self._rate = 0.0
         self._speeds = (0.0, 0.0)
 
     def update(self, dt: float, driven: bool, left: float, right: float, rate: float | None) -> bool:
@@ -69,8 +77,12 @@ class Creeping:
         """
         kept = max(abs(left - self._speeds[0]), abs(right - self._speeds[1])) < CREEP
         slow = max(left, right, -left, -right) < LARGEST_OFFSET
-        if driven or rate is None or abs(rate) > LARGEST_BIAS or not (kept and slow):
-            self._seconds, self._speeds = 0.0, (left, right)
+        if driven or rate is None:
+            self._seconds = 0.0
+            return False
+        even = abs(rate - self._rate) < STEADY_TURN and abs(rate) < LARGEST_BIAS
+        if not (kept and slow and even):
+            self._seconds, self._speeds, self._rate = 0.0, (left, right), rate
             return False
         self._seconds += dt
         found = self._seconds > CREEP_TIME

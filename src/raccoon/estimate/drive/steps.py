@@ -11,7 +11,7 @@ from raccoon.estimate.drive.health import GYRO_TIMEOUT, REPEATED
 from raccoon.estimate.drive.noise import WheelNoise
 from raccoon.estimate.drive.prior import prior, process_noise
 from raccoon.estimate.drive.readings import DriveReadings, Pending
-from raccoon.estimate.drive.standstill import CREEP_TIME, Creeping, Standstill, explained
+from raccoon.estimate.drive.standstill import CREEP_TIME, Creeping, Standstill, explained, unbiased
 from raccoon.estimate.drive.timing import GYRO_SHAKEN, Shaking, Swing
 from raccoon.estimate.drive.touch import Touch
 from raccoon.estimate.drive.turn_share import TurnShare
@@ -24,6 +24,8 @@ from raccoon.model.drive import DriveGeometry
 DATED = 1.2
 """Of the time between two gyro readings, deviation of when the rate jumped by more than `readings.SHARP`. The
 gyro's turn stays what counts: wheels that slip in that moment are worse."""
+DATED_REST = 0.05
+"""s by which it is in doubt since when a robot has stood that seems to creep."""
 OTHERWISE = "the robot turns otherwise than its wheels say"
 _VB = variance_index(State.GYRO_BIAS)
 _VOL, _VOR = variance_index(State.LEFT_OFFSET), variance_index(State.RIGHT_OFFSET)
@@ -153,15 +155,18 @@ class Steps:
         still = self._standstill.update(span, driven, (off, sigma), gyro)
         rate = None if gyro is None else self._readings.rate
         creeps = self._creeping.update(span, driven, self._left.settled, self._right.settled, rate)
-        if creeps and not explained(off, sigma) and sigma > 0.0 and gyro is not None:
-            self._doubt_offsets(off, abs(gyro[0]))
+        if creeps and gyro is not None and not (explained(off, sigma) and unbiased(*gyro)):
+            self._doubt_offsets(off, sigma, abs(gyro[0]))
         return still
 
-    def _doubt_offsets(self, wheel: float, gyro: float) -> None:
-        """The robot stands, and its wheels and gyro read so much, rad/s, beyond their offsets: what is known
-        of these is wrong, and so was the motion that it has been taken for."""
+    def _doubt_offsets(self, wheel: float, sigma: float, gyro: float) -> None:
+        """The robot stands, and its wheels and gyro read so much, rad/s, beyond their offsets, known to
+        `sigma`: what is known of these is wrong, and so was the motion that it has been taken for."""
         drive, flat = self.fusion.drive, self.fusion.drive.flat
-        drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), wheel)
-        drive.widen((State.GYRO_BIAS,), max(gyro, self._settings.gyro_bias))
-        drive.widen((State.HEADING,), CREEP_TIME * flat[State.TURN_RATE])
+        turned = gyro / self._geometry.body_motion(-1.0, 1.0)[1]  # by wheels whose offsets hide it
+        if sigma > 0.0:
+            drive.widen((State.LEFT_OFFSET, State.RIGHT_OFFSET), max(wheel, turned))
+        drive.doubt_bias(max(gyro, self._settings.gyro_bias), CREEP_TIME)
+        phantom = DATED_REST * gyro if explained(wheel, sigma) else CREEP_TIME * flat[State.TURN_RATE]
+        drive.widen((State.HEADING,), phantom)
         drive.widen((State.X, State.Y), CREEP_TIME * flat[State.VELOCITY])

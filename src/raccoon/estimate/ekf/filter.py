@@ -223,6 +223,15 @@ class DriveFilter:
         flat[covariance_index(State.X, State.Y)] += variance * cosine * sine
         self.flat = tuple(flat)
 
+    def doubt_bias(self, std: float, seconds: float) -> None:
+        """Add this deviation, rad/s, to what is not known of the gyro's bias, and what that has turned in so
+        many s to what is not known of the heading."""
+        flat, turned = list(self.flat), -std * seconds
+        flat[variance_index(State.GYRO_BIAS)] += std * std
+        flat[variance_index(State.HEADING)] += turned * turned
+        flat[covariance_index(State.HEADING, State.GYRO_BIAS)] += std * turned
+        self.flat = tuple(flat)
+
     def doubt_scales(self, std: float) -> None:
         """Add this relative deviation to what is not known of either wheel's scale."""
         flat, each = list(self.flat), 0.5 * std**2
