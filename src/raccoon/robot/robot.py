@@ -174,8 +174,8 @@ class Robot(Knowledge):
     def _sense(self) -> None:
         inputs = self.port.read()
         elapsed = 0.0 if self.inputs is None else inputs.time - self.inputs.time
-        self.paused = elapsed > self._pause
-        self.dt = self._cycle if self.paused else elapsed
+        self.paused = not 0.0 <= elapsed <= self._pause  # how long it was is not known where time ran back
+        self.dt, elapsed = self._cycle if self.paused else elapsed, max(elapsed, 0.0)
         self.inputs = inputs
         self._keep_words(inputs)
         self.ticks += 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -32,7 +33,7 @@ from raccoon import (
 )
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import MechanismConfig, ServoConfig
-from raccoon.core.readings import STOP
+from raccoon.core.readings import STOP, Inputs
 from raccoon.estimate.tophat import calibrate
 from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.port import WombatPort
@@ -217,3 +218,18 @@ def test_a_program_that_is_slow_in_every_cycle_is_told_once(cycles: int, said: i
         told = [each for each in robot.drive.remarks.values() if each.startswith("cycles take")]
         assert len(told) == said
         assert all("30 ms" in each and "asks for 5" in each for each in told)
+
+
+def test_time_that_runs_back_makes_no_jerk() -> None:
+    """No port of ours does that; a recording or another's may. Wheels got full power, or an overflow."""
+
+    def jump(inputs: Inputs) -> Inputs:
+        return replace(inputs, time=inputs.time - 3.0) if inputs.time > 1.5 else inputs
+
+    port = Between(simulated(config=CONFIG), seen=jump)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.5))
+        before = len(port.written)
+        robot.run(drive(0.15).until(when(lambda _: len(port.written) > before + 400)))
+    duties = [each.duty[0] for each in port.written[before + 100 : before + 390]]
+    assert 0.4 < min(duties) < max(duties) < 0.8
