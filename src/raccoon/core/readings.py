@@ -57,7 +57,7 @@ class Fault(StrEnum):
     IMU_FROZEN = "imu_frozen"
     """The IMU repeats itself or is missing; its words are left out."""
     IMU_IMPLAUSIBLE = "imu_implausible"
-    """The IMU reports what cannot be; its words are left out."""
+    """The IMU reports what cannot be, or lies on its side; its words are left out."""
     COMMAND_LOST = "command_lost"
     """A command did not arrive; it was sent again."""
     OVERRUN = "overrun"

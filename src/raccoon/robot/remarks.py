@@ -22,7 +22,8 @@ FAULTS = {
     Fault.RESET: "the controller restarted: charge the battery, look for a loose battery plug",
     Fault.BROWN_OUT: "the battery is so low that the controller may restart: charge it",
     Fault.IMU_FROZEN: "the IMU repeats itself or is missing: headings are those of the wheels alone",
-    Fault.IMU_IMPLAUSIBLE: "the IMU says what cannot be: headings are those of the wheels alone",
+    Fault.IMU_IMPLAUSIBLE: "the IMU says what cannot be, or the controller stands on edge: headings are "
+    "those of the wheels alone",
     Fault.BEMF_FROZEN: "a motor turns and its back-EMF repeats itself, so its wheel is not read, which ends "
     "motions: switch the controller off and on",
     Fault.SENSOR_LOST: "an added sensor does not answer: look at its plug and its supply",

@@ -105,7 +105,8 @@ class LifeWatch:
 
 
 class ImuWatch:
-    """Whether the IMU's words can be true: a plausible turn rate, and gravity about 1 g.
+    """Whether the IMU's words can be true: a plausible turn rate, and gravity about 1 g. And whether they can
+    be used: where the controller stands on edge, its vertical axis does not tell how the robot turns.
 
     Rates are rad/s, forces m/s2. A robot whose motors are off may turn all the same, where
     somebody puts it right or knocks against it; but not as fast as a gyro that wanders.
@@ -114,12 +115,14 @@ class ImuWatch:
     FASTEST = 10.0
     FASTEST_AT_REST = 6.0
     GRAVITY_RANGE = (4.9, 14.7)
+    LEAST_UPRIGHT = 4.9
     SMOOTHING = 0.05
     PENALTY_SECONDS = 1.0
     OFFENCES, FORGIVEN = 3.0, 0.2
 
     def __init__(self) -> None:
         self._gravity = GRAVITY
+        self._upright: float | None = None
         self._until = -math.inf
         self._rest_failed = False
         self._wrong = False
@@ -133,9 +136,12 @@ class ImuWatch:
         """Judge new words."""
         norm = math.sqrt(accel[0] * accel[0] + accel[1] * accel[1] + accel[2] * accel[2])
         self._gravity += self.SMOOTHING * (norm - self._gravity)
+        before = accel[2] if self._upright is None else self._upright
+        self._upright = before + self.SMOOTHING * (accel[2] - before)
         low, high = self.GRAVITY_RANGE
         fastest = self.FASTEST_AT_REST if at_rest else self.FASTEST
         self._wrong = max(gyro) > fastest or min(gyro) < -fastest or not low <= self._gravity <= high
+        self._wrong = self._wrong or abs(self._upright) < self.LEAST_UPRIGHT
         if not self._wrong:
             self._score = max(self._score - self.FORGIVEN, 0.0)
             if at_rest and time >= self._until:

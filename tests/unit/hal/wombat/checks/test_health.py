@@ -20,6 +20,19 @@ def test_an_imu_that_is_wrong_now_and_then_is_found_out_and_a_damaged_frame_is_n
     assert not judged([WRONG, *[RIGHT] * 5] * 4)
 
 
+def test_an_imu_on_edge_tells_no_turn_and_one_on_a_ramp_or_on_its_back_does() -> None:
+    def judged(force: tuple[float, float, float]) -> bool:
+        watch = ImuWatch()
+        for number in range(100):
+            watch.update(RIGHT, force, at_rest=True, time=0.02 * number)
+        return watch.distrusted(2.0)
+
+    assert judged((GRAVITY, 0.0, 0.0))
+    assert judged((0.0, -0.9 * GRAVITY, 0.4 * GRAVITY))
+    assert not judged((0.5 * GRAVITY, 0.0, 0.86 * GRAVITY))
+    assert not judged((0.0, 0.0, -GRAVITY))  # how the robot turns tells that
+
+
 def test_a_motor_that_is_to_turn_faster_at_once_is_given_its_time() -> None:
     watch, time = MotorWatch(), 0.0
     counts = 0.27 * 6.6 / BEMF_VOLTS_PER_COUNT
