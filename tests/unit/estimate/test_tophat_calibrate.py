@@ -133,3 +133,15 @@ def test_one_that_is_plugged_in_is_calm_while_the_robot_stands(flicker: float) -
     wandering = np.cumsum(random.normal(0.0, 15.0, 80))
     assert restless(1500.0 + wandering)
     assert not restless(1500.0 + wandering[:20])
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5])
+def test_a_second_surface_at_the_top_of_the_converter_may_be_a_loose_wire(share: float) -> None:
+    rng = np.random.default_rng(4)
+    floor = rng.normal(1270.0, 4.0, 600)
+    loose = np.where(np.arange(600) < 600 * (1.0 - share), floor, 4095.0)
+    for counts in (loose, rng.permutation(loose)):
+        found = calibrate(counts)
+        assert found.verdict is Verdict.WEAK
+        assert "wire is loose" in found.reason
+    assert calibrate(np.where(loose == 4095.0, 4060.0, loose)).verdict is Verdict.OK

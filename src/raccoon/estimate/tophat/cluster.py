@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from raccoon.core.readings import ANALOG_BOTTOM
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP
 from raccoon.estimate.tophat.calibration import LEAST_SD, Surface, TophatCalibration, Verdict, believed
 from raccoon.estimate.tophat.flicker import alternates, demodulated
 from raccoon.estimate.tophat.mixture import best_mixture, single_surface_bic
@@ -211,6 +211,9 @@ def _judged(white: Surface, black: Surface) -> TophatCalibration:
         verdict, reason = Verdict.WEAK, f"only {rarer} readings of the rarer surface, and close to the other"
     elif white.mean <= ANALOG_BOTTOM:
         reason = f"white reads {white.mean:.0f}, the converter's bottom: a change of the light is seen late"
+        verdict = Verdict.WEAK
+    elif black.mean >= ANALOG_TOP:
+        reason = f"black reads {black.mean:.0f}, the converter's top, as an input does whose wire is loose"
         verdict = Verdict.WEAK
     return believed(verdict, reason, _shrunk(white, black), _shrunk(black, white), share)
 

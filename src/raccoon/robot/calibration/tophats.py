@@ -165,10 +165,13 @@ def _checked(store: Path, set_name: str) -> dict[str, TophatCalibration]:
 def _compare(
     robot: Robot, before: dict[str, TophatCalibration | None], found: dict[str, TophatCalibration]
 ) -> None:
-    """Say which sensors sit higher or lower than they did at the calibration before."""
+    """Say which sensors to use with care, and which sit higher or lower than at the calibration before."""
+    from raccoon.estimate.tophat.calibration import Verdict
     from raccoon.estimate.tophat.watch import height_changed
 
     for name, now in found.items():
+        if now.verdict is Verdict.WEAK:
+            say(robot, f"tophat {name} is to be used with care: {now.reason}")
         last = before[name]
         if last is not None and height_changed(last, now):
             say(robot, f"tophat {name} sits higher or lower than at its last calibration")

@@ -257,6 +257,20 @@ def test_who_waits_for_a_line_in_vain_is_told_that_the_sensor_sees_nothing(
             robot.run(drive(0.1).until(on_black("left")).timeout(1.5))
 
 
+def test_a_sensor_that_comes_loose_while_it_is_calibrated_is_said(tmp_path: Path) -> None:
+    def rewire(inputs: Inputs) -> Inputs:
+        counts = list(inputs.analog)
+        if inputs.time > 2.0:
+            unplug(counts)
+        return replace(inputs, analog=tuple(counts))
+
+    with open_robot(CONFIG, port=Between(simulated(world=table(tmp_path)), seen=rewire)) as robot:
+        calibrate_tophats(robot, 0.5)
+        said = [each for each in robot.drive.remarks.values() if "with care" in each]
+    assert [each[:11] for each in said] == ["tophat left"]
+    assert "wire is loose" in said[0]
+
+
 def test_a_sensor_that_was_moved_is_said_at_the_next_calibration(tmp_path: Path) -> None:
     store = tmp_path / "tophats.json"
     for effects in ({}, {"tophat.height@0": {"height": 0.023}}):
