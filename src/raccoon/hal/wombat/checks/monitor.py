@@ -66,7 +66,7 @@ class Monitor:
         self._life = LifeWatch()
         self._imu = Liveness(IMU_SHORTEST, IMU_LONGEST, IMU_PATIENCE)
         self._imu_watch = ImuWatch()
-        self._motors, self._repeats = MotorWatch(), RepeatWatch()
+        self._motors, self._repeats = MotorWatch(), RepeatWatch(dialect.device.bemf_range)
         self._rest = RestWatch(resting_bemf)
         self._resting_bemf = tuple(resting_bemf)
         self._battery = BatteryWatch()

@@ -35,6 +35,13 @@ def test_a_slow_wheel_and_one_that_was_not_looked_at_may_repeat_themselves() -> 
     assert not any(watch.frozen)
 
 
+def test_what_a_firmware_holds_because_it_measures_no_more_is_no_converter_that_stopped() -> None:
+    watch = RepeatWatch(2000.0)
+    for cycle in range(200):
+        watch.update((1990.0, -1950.0, 1400.0, 0.0), 0.005 * cycle)
+    assert watch.frozen == (False, False, True, False)
+
+
 @pytest.mark.parametrize("firmware", ["stock", 17, 21])
 def test_of_a_converter_that_stopped_no_word_is_handed_over_and_the_counter_has_jumped_after_it(
     firmware: Firmware,
