@@ -73,6 +73,18 @@ def test_wheels_that_spin_at_a_wall_are_held(volts: float, share: float) -> None
     assert held - begun < 0.25
 
 
+@pytest.mark.parametrize(("torque", "held"), [(0.85 * GRIP, True), (MODEL.friction.coulomb.value, False)])
+def test_a_voltage_that_swings_hides_a_wall_for_a_moment_alone(torque: float, held: bool) -> None:
+    """A speed loop at work raises the limit all the time; 56 mm were driven so at a wall, and called ok."""
+    wheels = Wheels()
+    assert wheels.run(2.0, (4.0, 4.0), (0.0, 0.0)) is None
+    begun, found = wheels.time, None
+    while found is None and wheels.time < begun + 0.4:
+        for volts in (4.15, 3.85):
+            found = found or wheels.run(0.02, (volts, volts), (torque, torque))
+    assert (found is not None) is held
+
+
 def test_all_that_turns_at_a_wall_is_in_doubt() -> None:
     wheels = Wheels()
     wheels.run(2.0, (4.0, 4.0), (0.0, 0.0))

@@ -31,6 +31,9 @@ SMOOTHING = 0.04
 """s of the loads that are compared."""
 HELD_AFTER = 0.06
 """s of it before the robot is said to be held."""
+LASTS, EVEN = 0.15, 0.4
+"""s of more than LEAST_LOAD, and V for a change of speed and voltage up to which that says it, too: no
+inertia that is half wrong makes as much of so little."""
 LEARN_TIME, LEARN_TIME_HELD = 1.0, 10.0
 """s in which what it rolls with is learnt; far slower while it seems to be held, so that a floor that is only
 heavy is forgiven."""
@@ -78,6 +81,7 @@ class LoadWatch:
         "_given",
         "_known",
         "_last",
+        "_lasted",
         "_left",
         "_radius",
         "_right",
@@ -120,7 +124,8 @@ class LoadWatch:
         """
         if self.held:
             self._rolls = self._free
-        self._excess = self._change = self._suspicious = self._way = self._counted = self.doubt = 0.0
+        self._excess = self._change = self._suspicious = self._lasted = 0.0
+        self._way = self._counted = self.doubt = 0.0
         self.held = False
 
     def drive(self, inputs: Inputs, command: Outputs | None) -> None:
@@ -178,9 +183,12 @@ class LoadWatch:
         excess = min(left - rolls_left, right - rolls_right)
         self._excess += smooth * (excess - self._excess)
         limit = LEAST_LOAD + JERKED * self._change
-        if self._excess > limit:
+        lasts = self._excess > LEAST_LOAD and self._change < EVEN
+        self._lasted = self._lasted + span if lasts else 0.0
+        if self._excess > limit or self._lasted > LASTS:
             self._suspicious += span
-            if not self.held and self._suspicious > HELD_AFTER and self._known > KNOWN_AFTER:
+            long = self._suspicious > HELD_AFTER or self._lasted > LASTS
+            if not self.held and long and self._known > KNOWN_AFTER:
                 self.held, self._free = True, self._rolls
         elif self._excess < 0.5 * LEAST_LOAD or not self.held:
             self._suspicious = 0.0
