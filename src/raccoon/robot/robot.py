@@ -30,8 +30,7 @@ T = TypeVar("T")
 
 # S between two readings that are a pause: longer than anything that delays a tick, and two cycles at least.
 PAUSE = 0.1
-LATE = 5.0  # cycles that one takes, from which on the wheels' loop rings
-LATE_TICKS = 20  # in a row, before it is said
+LATE, LATE_TICKS = 5.0, 20  # cycles that one takes, from which on the wheels' loop rings; said after so many
 
 
 class Robot(Knowledge):
@@ -59,7 +58,7 @@ class Robot(Knowledge):
         self.steps: list[StepTime] = []
         """Every timed step so far."""
         self._background: list[Steps[Any]] = []
-        self._closed = False
+        self._closed = ""  # or what is said to who runs something all the same
         self._match_over = False
         self._cycle = 1.0 / self.config.controller.rate_hz
         self._pause = max(PAUSE, 2.0 * self._cycle)
@@ -235,14 +234,14 @@ class Robot(Knowledge):
                 return
             # A thread that looks on cannot know that the program is between two cycles just now.
             self._stopping = self._thread not in (0, get_ident())
-            if not self._closed:
-                self.switch_off()
+            self.switch_off()
 
     def switch_off(self) -> None:
         """Command every motor off, now; servos hold. In a cycle it is for who ends that: see `stop`."""
-        self.drive.stop()
-        self._outputs = self.attachments.stopped()
-        self.port.write(self._outputs)
+        if not self._closed:
+            self.drive.stop()
+            self._outputs = self.attachments.stopped()
+            self.port.write(self._outputs)
 
     def _halt(self, error: BaseException) -> None:
         """Motors off on the way out of an error, which must not be hidden by a second one."""
@@ -253,14 +252,15 @@ class Robot(Knowledge):
             self._stopping = False  # by what cleaned up, or besides
             try:
                 self.switch_off()
-            except (OSError, ValueError, AssertionError):
+            except (OSError, ValueError, AssertionError) as lost:
                 self.close()
+                self._closed = str(lost) or self._closed
 
     def close(self) -> None:
         """Motors and servos off, port released. May be called twice."""
         if self._closed:
             return
-        self._closed = True
+        self._closed = "open it again to run something"
         try:
             self.end_background()
         finally:
@@ -285,7 +285,7 @@ class Robot(Knowledge):
     def require(self, asked: str = "", instead: str = "call it between two runs, where nothing runs") -> None:
         """Raise HardwareError where it is closed; RuntimeError where its match is over, `asked` in a run."""
         if self._closed:
-            raise HardwareError("the robot is closed: open it again to run something")
+            raise HardwareError(f"the robot is closed: {self._closed}")
         if self._match_over:
             raise RuntimeError("the match of this robot is over: open the robot again to run something")
         if asked and self._running is not None:

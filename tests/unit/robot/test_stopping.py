@@ -124,6 +124,21 @@ def test_a_port_that_dies_is_closed_and_its_own_error_is_seen() -> None:
     assert port.closed
 
 
+@pytest.mark.parametrize("in_a_match", [False, True], ids=["run", "match"])
+def test_what_cleans_up_after_a_lost_port_says_why_it_was_lost(in_a_match: bool) -> None:
+    def program(robot: Robot) -> None:
+        try:
+            robot.run(drive(0.1))
+        finally:
+            robot.run(drive(-0.1))
+
+    with (
+        open_robot(RobotConfig(), port=Bench(dies_at=10)) as robot,
+        pytest.raises(HardwareError, match=r"^the robot is closed: the cable fell out$"),
+    ):
+        run_match(robot, program) if in_a_match else program(robot)
+
+
 def test_an_action_that_is_forgotten_does_not_keep_the_motors_running() -> None:
     def once(robot: Robot) -> Steps[None]:
         robot.drive.velocity(0.1)
