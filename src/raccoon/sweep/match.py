@@ -6,14 +6,15 @@ import io
 import math
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.errors import ConfigError, RaccoonError
+from raccoon.core.errors import ConfigError, HardwareError, RaccoonError
 from raccoon.core.port import Port
 from raccoon.robot.opening import no_robot_opened, open_robot
+from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world.table import World
 from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_twice, robot_with
@@ -232,7 +233,6 @@ def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:
 
 def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path | None, seed: int) -> str:
     """Run the mission and let the robot come to rest; why it failed, empty where it did not."""
-    from raccoon.robot.actions.actions import wait
     from raccoon.robot.actions.functions import NOTHING_RUN, perform
 
     with open_robot(match.robot, port=port, record=record, seed=seed) as robot:
@@ -242,10 +242,18 @@ def _drive(match: Match, mission: Mission, port: WatchedPort, record: str | Path
         finally:
             port.limit = math.inf
             robot.stop()
-            robot.run(wait(SETTLE))
+            _come_to_rest(robot)
     if done is False:
         return "mission returned False"
     return "" if ran else NOTHING_RUN
+
+
+def _come_to_rest(robot: Robot) -> None:
+    """Let SETTLE s pass with the motors off: at the port, as a robot runs nothing more after its match."""
+    with suppress(HardwareError):
+        end = robot.port.read().time + SETTLE
+        while robot.port.read().time < end:
+            robot.port.write(robot.outputs)
 
 
 def _row(match: Match, port: WatchedPort, reason: str) -> Row:

@@ -244,6 +244,19 @@ def test_an_action_that_a_mission_gives_back_is_done() -> None:
     assert row["x"] == pytest.approx(0.05, abs=0.005)
 
 
+def test_a_program_may_play_its_whole_match_in_its_mission() -> None:
+    match = "run_match(robot, straight(0.01), start=wait(0.1))"
+    row = played(f"from raccoon import *\ndef mission(robot): {match}\n")
+    assert (row["status"], row["reason"]) == ("ok", "")
+    assert row["x"] == pytest.approx(0.01, abs=0.002)
+
+
+def test_what_cleans_up_in_vain_after_the_robot_was_closed_hides_no_error() -> None:
+    body = "robot.run(straight(0.01))\n    robot.close()\n    raise ValueError('so')"
+    row = played(f"from raccoon import *\ndef mission(robot):\n    {body}\n")
+    assert (row["status"], row["reason"]) == ("failed", "ValueError: so (line 5)")
+
+
 def test_a_program_that_fails_on_the_nominal_robot_is_not_swept() -> None:
     with pytest.raises(
         ConfigError, match=r"p\.py fails on the nominal robot already: mission returned False"
