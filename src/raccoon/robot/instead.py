@@ -17,6 +17,15 @@ ACTIONS = (
     "parts.servos",
 )
 """Modules whose public functions make actions."""
+ELSEWHERE = {
+    **{name: f"robot.pose.{name}" for name in ("x", "y", "heading")},
+    "distance": "robot.estimate.distance",
+    "velocity": "robot.estimate.velocity",
+    "gyro": "robot.estimate.turn_rate",
+    "motor": "robot.run(motors(left, right).until(...))",
+    "sleep": "robot.run(wait(seconds))",
+}
+"""What other libraries, and habit, call something that has another place here."""
 
 
 def instead(name: str) -> str:
@@ -25,4 +34,4 @@ def instead(name: str) -> str:
         found = getattr(import_module(f"{__package__}.{module}"), name, None)
         if inspect.isfunction(found) and found.__module__.endswith(module):
             return f": write robot.run({name}(...))"
-    return f": write robot.pose.{name}" if name in ("x", "y", "heading") else ""
+    return f": write {ELSEWHERE[name]}" if name in ELSEWHERE else ""

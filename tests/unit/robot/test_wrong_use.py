@@ -192,7 +192,7 @@ def test_more_than_a_turn_is_turned_where_it_is_asked_for() -> None:
         (lambda: parallel(wait(1.0), loose(None)), r"parallel\(\) takes an Action, not None"),
         (
             lambda: race(wait(1.0), loose(after_time(1.0))),
-            r"race\(\) takes an Action, not <Condition after 1 s>",
+            r"race\(\) takes an Action, not <Condition after 1 s>: an action waits for it, wait_for\(",
         ),
         (lambda: repeat(ANY), r"repeat\(\) takes an Action"),
         (lambda: background(ANY), r"background\(\) takes an Action"),
@@ -570,6 +570,8 @@ def test_what_beginners_write_is_answered_with_what_they_meant() -> None:
         for name, said in (
             ("straight", r"write robot\.run\(straight\("),
             ("heading", r"write robot\.pose\.heading"),
+            ("gyro", r"write robot\.estimate\.turn_rate"),
+            ("sleep", r"write robot\.run\(wait\("),
         ):
             with pytest.raises(AttributeError, match=said):
                 getattr(robot, name)

@@ -175,6 +175,8 @@ def check_kind(value: Any, kind: type, where: str, hint: str = "") -> None:
             "the result of one",
             f"{hint}: run() did it already; give the action itself, without run()",
         )
+    elif kind.__name__ == "Action" and type(value).__name__ == "Condition":
+        hint = f"{hint}: an action waits for it, wait_for(...), or is ended by it, .until(...)"
     called = f": call it, {name}(...)" if callable(value) and name and name != "<lambda>" else ""
     article = "an" if kind.__name__[0] in "AEIOU" else "a"
     raise TypeError(f"{where} takes {article} {kind.__name__}, not {what}{called}{hint}")
