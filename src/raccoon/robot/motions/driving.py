@@ -70,7 +70,8 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
         velocity = robot.estimate.velocity
         rate = robot.estimate.turn_rate
         miswired = 0.0
-        top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration)
+        counted = turn_rate == 0.0  # otherwise it would be another circle
+        top, acceleration = robot.drive.speeds.planned(abs(speed), motion.acceleration, counted=counted)
         top = math.copysign(top, speed)
         endless = _Endless(robot, label)
         try:

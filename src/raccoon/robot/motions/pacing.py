@@ -45,7 +45,8 @@ class MotionResult:
     duration: s. std: m, of the position as the odometry sees it (more where the wheels turn out to be off
     their calibration). saturated: the battery could not give all.
     heading_std: rad. missing_speed: m/s that a saturated wheel was short of, at the worst moment.
-    planned: share of the speed that was asked for which the weakest battery of the match allows (1: all).
+    planned: share of the speed that was asked for which the weakest battery of the match allows (1: all;
+    more: the controller would not have counted all of the way).
     remarks: what was strange, in words: doubts of the odometry on the way, motors that are not what
     robot.toml says. held: m of the way that it may not have gone, because both wheels carried there what
     tyres do that spin at a wall: so far it may stand before its goal.

@@ -9,7 +9,7 @@ from raccoon.core.readings import Device, Fault, Inputs
 from raccoon.estimate.drive.wheel_track import HOLD
 from raccoon.estimate.drive.wheels import lag_seconds
 from raccoon.model.bemf import radians_per_count
-from raccoon.robot.parts.speeds import READ_SHARE
+from raccoon.robot.parts.speeds import READ_SHARE, surely_counted
 
 REST_COUNTS = 12.0
 """Back-EMF counts beyond its offset below which an unpowered motor stands still: motions are larger."""
@@ -95,6 +95,11 @@ class CountedAngle:
         """Rad/s up to which its back-EMF is surely read; a counter whose motor is faster stands still."""
         reach = None if self._device is None else self._device.bemf_range
         return math.inf if reach is None else READ_SHARE * reach * abs(self._scale)
+
+    @property
+    def countable(self) -> float:
+        """Rad/s from which on it is surely counted: a slower motor turns further than its counter says."""
+        return 0.0 if self._device is None else surely_counted(self._device, abs(self._scale))
 
     @property
     def unread(self) -> bool:

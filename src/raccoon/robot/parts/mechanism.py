@@ -58,9 +58,14 @@ class Mechanism:
         """Rad/s, as measured."""
         return self._counted.rate
 
+    @property
+    def place(self) -> float:
+        """Rad, where it is held: the next move makes good what it is off there. Else where it is."""
+        return self.angle if self.goal is None else float(self.goal.position)
+
     def planned_speed(self, wanted: float) -> float:
-        """Rad/s, at most `wanted`, at which its angle is still read."""
-        return min(wanted, self._counted.readable)
+        """Rad/s, as near `wanted` as its angle is still read."""
+        return min(max(wanted, self._counted.countable), self._counted.readable)
 
     @property
     def stalled(self) -> bool:

@@ -45,7 +45,7 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
 
     def steps(robot: Robot) -> Steps[float]:
         with held(robot.mechanism(name), label):
-            return (yield from _move(robot, name, lambda here: to - here, speed, timeout))
+            return (yield from _move(robot, name, lambda _: to, speed, timeout))
 
     return Action(label, steps, lambda robot: _check_turns(robot, name, to=to))
 
@@ -53,7 +53,10 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
 def move_by(
     name: str, angle: float, speed: float | None = None, *, timeout: float | None = None
 ) -> Action[float]:
-    """Turn the mechanism `name` by `angle` rad from where it is, and hold it there. See `move`."""
+    """Turn the mechanism `name` by `angle` rad and hold it there. See `move`.
+
+    From where it is held; from where it is after `release`, `zero`, `spin` and a timeout.
+    """
     check_finite(angle=angle)
     check_rate(speed=speed)
     check_limits("the sign belongs to the angle", speed=speed)
@@ -63,7 +66,7 @@ def move_by(
 
     def steps(robot: Robot) -> Steps[float]:
         with held(robot.mechanism(name), label):
-            return (yield from _move(robot, name, lambda _: angle, speed, timeout))
+            return (yield from _move(robot, name, lambda moved: moved.place + angle, speed, timeout))
 
     return Action(label, steps, lambda robot: _check_turns(robot, name, angle=angle))
 
@@ -129,12 +132,12 @@ def _check_turns(robot: Robot, name: str, **angles: float) -> None:
 
 
 def _move(
-    robot: Robot, name: str, way: Callable[[float], float], speed: float | None, timeout: float | None
+    robot: Robot, name: str, to: Callable[[Mechanism], float], speed: float | None, timeout: float | None
 ) -> Steps[float]:
     moved = robot.mechanism(name)
     start, config = moved.angle, moved.config
     top = _planned(robot, moved, config.speed if speed is None else speed)
-    walk = profile(way(start), top, config.acceleration, 0.0)
+    walk = profile(to(moved) - start, top, config.acceleration, 0.0)
     goal, sign = start + walk.distance, math.copysign(1.0, walk.distance)
     allowed = 2.0 * walk.duration + MARGIN_TIME if timeout is None else timeout
     begin = walked = robot.time
@@ -163,6 +166,12 @@ def _move(
 def _planned(robot: Robot, moved: Mechanism, wanted: float) -> float:
     """Rad/s to turn it with; where its angle would not be read at those that are `wanted`, that is said."""
     top = moved.planned_speed(wanted)
+    if top > wanted:
+        say(
+            robot,
+            f"{moved.name} is turned at {top:.2f} rad/s at least: the controller counts no slower motors, "
+            "and nobody would know its angle",
+        )
     if top < wanted:
         say(
             robot,

@@ -21,6 +21,8 @@ LEAST_SHARE = 0.3
 READ_SHARE = 0.95
 """Of the back-EMF that a controller reads, what wheels under control are driven to: its noise and the loop's
 overshoot stay within the rest."""
+COUNT_SHARE = 1.5
+"""Of a controller's dead zone, what a motor that is to be counted is driven at: it does not turn evenly."""
 USUAL = MotionConfig()
 """Accelerations that a robot.toml without any has."""
 
@@ -45,6 +47,10 @@ class Speeds:
         self.limited = False
         """Whether a program wished for more than that."""
         self._said = False
+        self._countable = 0.0  # rad/s of a wheel from which on all of its way is counted
+        self._slower = (
+            False  # whether a program wished for less than that, and nobody has asked for the remark
+        )
 
     def know(self, device: Device, models: tuple[WheelModel, WheelModel]) -> None:
         """Take what this device reads, and the wheels' models by what its words mean."""
@@ -53,6 +59,9 @@ class Speeds:
         if device.bemf_range is not None:
             slower = min(counts_scale(self._config, side, device) for side in ("left", "right"))
             self.readable = READ_SHARE * device.bemf_range * slower
+        self._countable = max(
+            surely_counted(device, counts_scale(self._config, side, device)) for side in ("left", "right")
+        )
 
     def readable_share(self, left: float, right: float) -> float:
         """How much of both speeds (rad/s) may be driven, so that they are read and their ratio is kept."""
@@ -62,10 +71,16 @@ class Speeds:
     @property
     def unsaid(self) -> bool:
         """Whether a wish was limited and nobody has asked for the remark about it."""
-        return self.limited and not self._said
+        return self._slower or (self.limited and not self._said)
 
     def remark(self) -> str:
         """What limits the wheels, for people."""
+        if self._slower:
+            self._slower = False
+            return (
+                f"wheels are driven at {self._countable * self._radius:.3f} m/s at least: {self._device} "
+                "counts no slower ones, and nobody would know where the robot is"
+            )
         self._said = True
         return (
             f"wheels are driven at {self.readable * self._radius:.3f} m/s at most: {self._device} reads no "
@@ -92,13 +107,20 @@ class Speeds:
             top = most
         return min(wanted, top * self._radius / outer)
 
-    def planned(self, wanted: float, acceleration: float, outer: float = 1.0) -> tuple[float, float]:
+    def planned(
+        self, wanted: float, acceleration: float, outer: float = 1.0, *, counted: bool = True
+    ) -> tuple[float, float]:
         """Speed (m/s, see `planned_speed`) and acceleration (m/s2) to plan with, at most these.
 
+        counted: a speed so low that the controller does not count all of the way is raised to one of which it
+        does: the robot would go on until it believes to be there.
         Speeding up hard takes voltage that the speed is then short of. So of an acceleration above the
         default only as much is planned as leaves the speed of the default: more never makes a robot slower.
         The default is that of the faster wheel: in a sharp bend the robot itself speeds up by less.
         """
+        least = self._countable * self._radius / outer
+        if counted and 0.0 < wanted < least:
+            wanted, self._slower = least, True
         usual = USUAL.acceleration / outer
         return _eased(lambda gain: self.planned_speed(wanted, gain, outer), acceleration, usual)
 
@@ -142,6 +164,11 @@ class Unread:
             share * target.left_acceleration,
             share * target.right_acceleration,
         )
+
+
+def surely_counted(device: Device, radians_per_count: float) -> float:
+    """Rad/s from which on all of a motor's way is counted. radians_per_count: rad/s of a back-EMF count."""
+    return COUNT_SHARE * device.bemf_dead_zone * radians_per_count
 
 
 def _eased(speed_at: Callable[[float], float], wished: float, usual: float) -> tuple[float, float]:

@@ -5,7 +5,20 @@ from dataclasses import replace
 
 import pytest
 
-from raccoon import RobotConfig, after_time, deg, move, open_robot, parallel, spin, straight, wait
+from raccoon import (
+    RobotConfig,
+    after_time,
+    deg,
+    move,
+    move_by,
+    open_robot,
+    parallel,
+    repeat,
+    spin,
+    straight,
+    wait,
+    zero,
+)
 from raccoon.core.clock import SteppedClock
 from raccoon.core.config import Measured, MechanismConfig, MotorConfig
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
@@ -91,6 +104,31 @@ def test_an_arm_that_comes_fast_stands_where_it_arrives(firmware: Firmware) -> N
         robot.run(wait(1.0))
         assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(arrived, abs=2.0)
         assert arrived == pytest.approx(120.0, abs=3.0)
+
+
+@pytest.mark.parametrize("firmware", ["stock", 21])
+def test_an_arm_is_no_slower_than_it_is_counted(firmware: Firmware) -> None:
+    """In the dead zone it would turn on until something is counted."""
+    port = Emulated(firmware)
+    with open_robot(CONFIG, port=port) as robot:
+        robot.run(wait(0.1))
+        robot.run(move("arm", deg(20.0), 0.02))
+        assert math.degrees(port.plant.free_motors[3].angle) == pytest.approx(20.0, abs=2.5)
+        (said,) = robot.drive.remarks.values()
+        assert "arm is turned at 0.1" in said
+        assert "rad/s at least: the controller counts no slower" in said
+
+
+def test_steps_one_after_the_other_do_not_add_up_what_each_is_off() -> None:
+    """As of a wheel with a pocket every 60 degrees."""
+    with open_robot(CONFIG, port=Emulated("stock")) as robot:
+        arm, near = robot.mechanism("arm"), 2.0 * CONFIG.mechanisms["arm"].tolerance
+        robot.run(wait(0.1))
+        robot.run(repeat(move_by("arm", deg(60.0)), 5))
+        assert arm.angle == pytest.approx(deg(300.0), abs=near)
+        robot.run(zero("arm", deg(20.0)))
+        robot.run(move_by("arm", deg(-60.0)))
+        assert arm.angle == pytest.approx(deg(-40.0), abs=near)
 
 
 @pytest.mark.parametrize("firmware", [17, 21])

@@ -20,12 +20,14 @@ from raccoon import (
     turn,
     wait,
 )
+from raccoon.core.clock import SteppedClock
 from raccoon.core.config import BatteryConfig, Measured, MotorConfig
 from raccoon.core.readings import SIMULATOR, Fault, Inputs
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.hal.wombat.emulator import Firmware
+from raccoon.hal.wombat.emulator import Emulator, Firmware
 from raccoon.hal.wombat.firmware.devices import RACCOON_21, STOCK
-from raccoon.robot.emulated import open_emulated
+from raccoon.hal.wombat.port import WombatPort
+from raccoon.robot.emulated import SimulatedPlant, open_emulated
 from raccoon.robot.parts.drive import Drive
 from raccoon.robot.parts.speeds import READ_SHARE
 from raccoon.sim.effects.parameters import Parameters
@@ -79,6 +81,31 @@ def test_motions_are_planned_below_it_and_end_on_their_mark(motion: Action[Motio
     assert result.planned < 0.9
     assert math.hypot(result.along, result.across) < 0.004
     assert abs(result.heading) < 0.01
+
+
+@pytest.mark.parametrize("firmware", ["stock", 21])
+def test_a_motion_is_no_slower_than_its_way_is_counted(firmware: Firmware) -> None:
+    """In the dead zone the robot would go on until it believes to be there: 7 cm instead of 3."""
+    plant = SimulatedPlant(Parameters.from_robot(FRESH))
+    clock = SteppedClock()
+    port = WombatPort(Emulator(plant, firmware, clock=clock), clock=clock)
+    with open_robot(FRESH, port=port) as robot:
+        result = robot.run(seq(wait(0.5), straight(0.03, 0.001)))[1]
+        assert plant.pose[0] == pytest.approx(0.03, abs=0.0015)
+        assert result.planned > 3.0
+        (said,) = robot.drive.remarks.values()
+        assert "m/s at least: wombat-" in said
+
+
+def test_slow_circles_and_turns_stay_what_they_are() -> None:
+    """There the faster wheel is counted, or the gyro tells."""
+    speeds = Drive(FRESH).speeds
+    speeds.know(STOCK, Drive(FRESH).wheels.models)
+    assert speeds.planned(0.001, 0.4)[0] > 0.004
+    assert speeds.planned(0.001, 0.4, outer=10.0)[0] == 0.001
+    assert speeds.planned(0.001, 0.4, counted=False)[0] == 0.001
+    assert speeds.planned(0.0, 0.4)[0] == 0.0
+    assert speeds.planned_turn(0.01, 6.0)[0] == 0.01
 
 
 def test_a_controller_that_reads_any_speed_limits_none() -> None:
