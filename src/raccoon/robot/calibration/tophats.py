@@ -14,7 +14,7 @@ from raccoon.core.files import near_program
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import seq, wait
 from raccoon.robot.actions.limits import check_robot, check_way
-from raccoon.robot.calibration.drives import driven, watched
+from raccoon.robot.calibration.drives import at_a_wall, driven, watched
 from raccoon.robot.motions.driving import search
 from raccoon.robot.remarks import say
 
@@ -69,14 +69,14 @@ def calibrate_tophats(
     stands = seq(
         watched(standing, begin), watched(searching, readings), wait(SETTLING), watched(standing, end)
     )
-    driven(robot, stands)
+    held = driven(robot, stands)[1]
     found = {
         name: calibrate(_counts(readings, sensor.config.analog)) for name, sensor in robot.tophats.items()
     }
     useless = _useless(robot, found, (begin, end))
     if useless:
         reasons = "; ".join(f"{name}: {why}" for name, why in useless.items())
-        raise CalibrationError(f"after {distance:g} m: {reasons}")
+        raise CalibrationError(f"after {distance:g} m: {reasons}{at_a_wall(held)}")
     for name, each in found.items():
         robot.tophat(name).calibrate(each)
     _compare(robot, before, found)

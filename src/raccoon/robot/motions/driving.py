@@ -18,7 +18,7 @@ from raccoon.robot.actions.limits import (
     check_rate,
     check_speed,
 )
-from raccoon.robot.motions.pacing import STALL_PATIENCE, check_wiring, reason
+from raccoon.robot.motions.pacing import STALL_PATIENCE, HeldWay, check_wiring, reason
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -100,18 +100,20 @@ def drive(speed: float, turn_rate: float = 0.0) -> Action[None]:
     return Action(label, steps)
 
 
-def search(speed: float, reach: float) -> Action[None]:
+def search(speed: float, reach: float) -> Action[float]:
     """Drive at `speed` m/s, negative backwards, until `reach` m are driven or somebody ends it.
 
-    Raises ValueError for a speed of 0, MotionTimeout where a wheel has not turned for 0.4 s, or the way takes
-    more than twice its time and 2 s.
+    The result is how many m of the reach it may not have driven because of a wall. Raises ValueError for a
+    speed of 0, MotionTimeout where a wheel has not turned for 0.4 s, or the way takes more than twice its
+    time and 2 s.
     """
     check_speed(speed=speed)
     if speed == 0.0:
         raise ValueError("speed is 0: allowed are numbers above or below it")
 
-    def steps(robot: Robot) -> Steps[None]:
+    def steps(robot: Robot) -> Steps[float]:
         begin, start, silent = robot.time, robot.estimate.distance, 0.0
+        held = HeldWay(robot)
         acceleration = robot.config.motion.acceleration
         top, acceleration = robot.drive.speeds.planned(abs(speed), acceleration)
         allowed = 2.0 * (reach / top + top / acceleration) + 2.0
@@ -124,8 +126,10 @@ def search(speed: float, reach: float) -> Action[None]:
                     raise MotionTimeout(
                         f"drive not done after {seconds:.1f} s: {way:.3f} of {reach:g} m; {reason(robot)}"
                     )
+                held.update()
                 next(body)
                 yield
+            return held.tell("drive")
         finally:
             body.close()
 

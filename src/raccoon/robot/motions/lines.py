@@ -111,8 +111,8 @@ def _edges(
                     return places[0], places[1]
             try:
                 next(body)
-            except StopIteration:
-                raise MotionTimeout(_no_line(robot, left, right, met.values(), reach)) from None
+            except StopIteration as end:
+                raise MotionTimeout(_no_line(robot, left, right, met.values(), reach, end.value)) from None
             yield
     finally:
         body.close()
@@ -124,11 +124,13 @@ def _no_line(
     right: str,
     met: Iterable[list[tuple[float, float] | None]],
     reach: float,
+    held: float,
 ) -> str:
     """Which sensors lack the edge that they were nearest to having both met, and why that may be."""
     places = max(met, key=lambda each: sum(place is not None for place in each))
     names = [name for name, place in zip((left, right), places, strict=True) if place is None]
-    return f"no line at {' and '.join(names)} within {reach:g} m; {reason(robot)}"
+    wall = f"; it may have stood at a wall for {held:.2f} m of it" if held > 0.0 else ""
+    return f"no line at {' and '.join(names)} within {reach:g} m; {reason(robot)}{wall}"
 
 
 def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:

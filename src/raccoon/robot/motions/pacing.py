@@ -82,6 +82,31 @@ class MotionResult:
         return "; ".join((f"{off}, {turned}", *slow, *wall, *self.remarks))
 
 
+class HeldWay:
+    """Adds up the way of a motion that the robot may not have gone because of a wall."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.metres = 0.0
+        self._robot = robot
+        self._before = robot.odometry.held_way  # of the motion before, which may have ended at a wall
+
+    def update(self) -> None:
+        """Take a cycle."""
+        held = self._robot.odometry.held_way
+        self.metres += max(0.0, held - self._before)
+        self._before = held
+
+    def tell(self, what: str, seen: str = "") -> float:
+        """Say it of the motion `what` that came to its goal, and where its program sees it; give the m."""
+        if self.metres > 0.0:
+            say(
+                self._robot,
+                f"{what} may have ended {self.metres:.3f} m before its goal: the wheels turned, and carried "
+                f"what tyres do that spin at a wall{seen}",
+            )
+        return self.metres
+
+
 class Pace:
     """Walks a profile in time, waiting for a robot that cannot keep up.
 
@@ -113,8 +138,7 @@ class Pace:
         self._start = robot.estimate.distance
         self.saturated = False
         self.missing_speed = 0.0
-        self.held = 0.0
-        self._held_before = robot.odometry.held_way  # of the motion before, which may have ended at a wall
+        self.held = HeldWay(robot)
         self.doubts: dict[str, None] = {}
         """What the odometry complained of on the way, each once, in order."""
         self.finished = False
@@ -195,9 +219,7 @@ class Pace:
         self.missing_speed = max(self.missing_speed, robot.drive.missing_speed)
         if robot.estimate.reasons:
             self.doubts.update(dict.fromkeys(robot.estimate.reasons))
-        held = robot.odometry.held_way
-        self.held += max(0.0, held - self._held_before)
-        self._held_before = held
+        self.held.update()
         lost = wheels.stalled or robot.odometry.wiring.suspects
         self._stalled = self._stalled + robot.dt if lost else 0.0
 
@@ -237,12 +259,7 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
     robot.plan = goal
     here = robot.estimate
     along, across = goal.offset_of(here.x, here.y)
-    if pace.held > 0.0:
-        say(
-            robot,
-            f"{pace.what} may have ended {pace.held:.3f} m before its goal: the wheels turned, and carried "
-            "what tyres do that spin at a wall (result.arrived is False)",
-        )
+    held = pace.held.tell(pace.what, " (result.arrived is False)")
     return MotionResult(
         along,
         across,
@@ -254,7 +271,7 @@ def finish(robot: Robot, goal: Pose, pace: Pace) -> MotionResult:
         pace.missing_speed,
         pace.planned,
         (*pace.doubts, *tell(robot)),
-        pace.held,
+        held,
     )
 
 

@@ -18,6 +18,7 @@ from raccoon import (
     arc,
     bumped,
     calibrate_drive,
+    calibrate_tophats,
     drive,
     drive_to,
     follow_path,
@@ -28,7 +29,7 @@ from raccoon import (
     wait,
 )
 from raccoon.cli.main import main
-from raccoon.core.config import RobotConfig
+from raccoon.core.config import RobotConfig, TophatConfig
 from raccoon.core.errors import CalibrationError, MotionTimeout
 from raccoon.core.port import Port
 from raccoon.core.readings import Device, Status
@@ -169,6 +170,17 @@ def test_a_path_whose_corner_lies_behind_a_wall_is_given_up_at_the_wall() -> Non
         with pytest.raises(MotionTimeout, match="path not done"):
             robot.run(follow_path([(0.3, 0.0), (0.3, 0.6), (0.0, 0.6), (0.0, 1.2)]))
         assert robot.time - begin < 6.0
+
+
+@pytest.mark.parametrize("firmware", [None, 21])
+def test_a_drive_over_lines_that_a_wall_holds_says_so(firmware: Firmware | None) -> None:
+    """The pose is 23 cm off by it, and that there is no line is no wonder."""
+    config = RobotConfig(tophats={"left": TophatConfig(0, 0.1, 0.03), "right": TophatConfig(1, 0.1, -0.03)})
+    with open_robot(config, port=opened(config, firmware, ahead(0.25))) as robot:
+        robot.run(wait(0.5))
+        with pytest.raises(CalibrationError, match=r"stood at a wall for 0\.2[2-4] m of it$"):
+            calibrate_tophats(robot, 0.4)
+        assert any("drive may have ended 0.2" in each for each in robot.drive.remarks.values())
 
 
 @pytest.mark.parametrize("firmware", [*KINDS, None])
