@@ -129,7 +129,8 @@ class WheelWatch:
         """A cycle of dt s under `voltage` V; `speed` rad/s at its end, None where there is no reading.
 
         sagged: by which share the battery's voltage fell or rose in this cycle. A driven wheel that does not
-        say that it turns counts as stalled after as long as one that stands.
+        say that it turns, or says that it turns against its voltage, counts as stalled after as long as one
+        that stands: a reading that is frozen would have it driven further and further.
         """
         self._sagged += sagged * voltage
         if speed is None:
@@ -138,7 +139,7 @@ class WheelWatch:
             self.stalled = self._silent > STALL_TIME
             return
         spare = abs(voltage) - self._static
-        moves = abs(speed) >= self._least_slope * spare
+        moves = math.copysign(speed, speed * voltage) >= self._least_slope * spare
         self._silent = 0.0 if moves or spare <= STALL_OVERDRIVE else self._silent + dt
         self.stalled = self._silent > STALL_TIME
         self._loose = max(0.0, self._loose - dt)

@@ -172,6 +172,16 @@ def test_a_driven_wheel_that_stands_is_stalled_and_forgets_at_rest() -> None:
     assert not watch.stalled
 
 
+def test_a_wheel_that_reads_all_the_time_that_it_turns_against_its_voltage_is_stalled() -> None:
+    """Its reading is frozen: it would be driven the faster the longer it lasts."""
+    watch, told = WheelWatch(NOMINAL), []
+    for voltage in (*(-3.0,) * 100, 3.0):
+        watch.update(voltage, 4.0, 0.005)
+        told.append(watch.stalled)
+    assert not any(told[:60])  # as long as a robot takes that is braked from full speed
+    assert told[99:] == [True, False]
+
+
 def test_too_little_voltage_to_move_is_no_stall() -> None:
     watch = WheelWatch(NOMINAL)
     for _ in range(1000):

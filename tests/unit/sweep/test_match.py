@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from raccoon import seq, straight, wait
 from raccoon.core.config import Measured, MotorConfig, RobotConfig, TophatConfig
-from raccoon.core.errors import ConfigError, HardwareError
+from raccoon.core.errors import ConfigError, HardwareError, MotionTimeout
 from raccoon.core.readings import SIMULATOR, Fault, Inputs, Outputs
 from raccoon.model.bemf import counts_scale
 from raccoon.robot.opening import open_robot
@@ -242,6 +243,18 @@ def test_an_action_that_a_mission_gives_back_is_done() -> None:
     row = played("from raccoon import *\ndef mission(robot): return straight(0.05)")
     assert row["status"] == "ok"
     assert row["x"] == pytest.approx(0.05, abs=0.005)
+
+
+def test_a_robot_whose_counters_freeze_does_not_run_away() -> None:
+    """They say that it goes on for ever, so it was driven back at full power until its time was over."""
+    simulated = SimPort(Parameters.from_robot(RobotConfig()), World.empty())
+    port = FaultyPort(simulated, Broken(("fault.bemf_frozen",), 1.5))
+    with open_robot(RobotConfig(), port=port) as robot:
+        with pytest.raises(MotionTimeout, match=r"power and no motion at left .* and right"):
+            robot.run(seq(wait(0.5), straight(0.3)))
+        truth = port.read().truth
+        assert truth is not None
+        assert 0.0 < truth.x < 0.3
 
 
 def test_a_program_may_play_its_whole_match_in_its_mission() -> None:
