@@ -93,7 +93,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                 other_light = sensor.other_light or not answers
                 if line.lost or other_light:
                     if line.searches() > MOST_SEARCHES:
-                        raise MotionTimeout(_lost(tophat))
+                        raise MotionTimeout(_lost(sensor))
                     search = _Search(robot, sensor, sign, line, velocity)
                     yield from search.in_other_light() if other_light else search.beside()
                     line.found()
@@ -176,7 +176,7 @@ class _Search:
     def _learn_and_return(self, way: float) -> Steps[None]:
         learnt = self._sensor.relearn(self._white, self._black)
         if not learnt or not (yield from self._turn(way)):
-            raise MotionTimeout(_lost(self._sensor.name))
+            raise MotionTimeout(_lost(self._sensor))
 
     def _stop(self) -> Steps[None]:
         robot = self._robot
@@ -197,7 +197,7 @@ class _Search:
         while (left := robot.estimate.distance - line.place) > NEAR and not self._sensor.black:
             silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
             if silent > STALL_PATIENCE or robot.time > self._end:
-                raise MotionTimeout(f"{_lost(self._sensor.name)}; {reason(robot)}")
+                raise MotionTimeout(f"{_lost(self._sensor)}; {reason(robot)}")
             speed = min(BACK_SPEED, math.sqrt(acceleration * left))
             self._velocity = slewed(self._velocity, -speed, acceleration * robot.dt)
             off = line.pointing + bend * left / way - robot.estimate.heading
@@ -231,7 +231,7 @@ class _Search:
             wrong = robot.drive.wheels.stalled or robot.odometry.wiring.suspects
             silent = silent + robot.dt if wrong else 0.0
             if silent > STALL_PATIENCE or robot.time > self._end:
-                raise MotionTimeout(f"{_lost(sensor.name)}; {reason(robot)}")
+                raise MotionTimeout(f"{_lost(sensor)}; {reason(robot)}")
             if robot.paused:
                 rate = robot.estimate.turn_rate
             rate = slewed(rate, way * top, acceleration * robot.dt)
@@ -249,8 +249,8 @@ class _Search:
             self._white, self._black = min(self._white, mean), max(self._black, mean)
 
 
-def _lost(tophat: str) -> str:
+def _lost(sensor: TophatSensor) -> str:
     return (
-        f"{tophat} lost the line: no edge for {LOST_TIME:g} s or {LOST_WAY:g} m, and none found "
-        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side"
+        f"{sensor.name} lost the line: no edge for {LOST_TIME:g} s or {LOST_WAY:g} m, and none found "
+        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side{sensor.trouble}"
     )

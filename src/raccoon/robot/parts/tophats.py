@@ -160,6 +160,11 @@ class TophatSensor:
             return Status.UNCERTAIN
         return self._reading.status
 
+    @property
+    def trouble(self) -> str:
+        """What to add to an error that it may be the cause of, "" where it reads as it should."""
+        return f"; tophat {self.name} {WORDS[self.fit]}" if self.fit in WORDS else ""
+
 
 class Floor:
     """All tophats of a robot at once: they move with it and share its light."""

@@ -93,6 +93,18 @@ def test_no_line_within_reach_is_said() -> None:
         on_table(World.empty(), (0.0, 0.0, 0.0), align_on_line("left", "right", reach=0.1))
 
 
+@pytest.mark.parametrize("motion", [align_on_line("left", "right", reach=0.2), follow_line("left", "left")])
+def test_a_tophat_that_was_unplugged_is_named_where_no_line_is_found(motion: Action[Any]) -> None:
+    full = Between(simulated(), seen=lambda inputs: replace(inputs, analog=(4095,) * 6))
+    with open_robot(CONFIG, port=full) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(CALIBRATION)
+        with pytest.raises(
+            MotionTimeout, match=r"line.*; tophat left reads the top of the scale .* plugged in"
+        ):
+            robot.run(seq(wait(0.5), motion))
+
+
 def test_a_tophat_without_calibration_is_said() -> None:
     with (
         open_robot(CONFIG, port=simulated()) as robot,
