@@ -28,8 +28,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-# S between two readings that are a pause: longer than anything that delays a tick, and two cycles at least.
-PAUSE = 0.1
+PAUSE = 0.1  # s from a reading to the next, longer than anything that delays a tick; two cycles at least
 LATE, LATE_TICKS = 5.0, 20  # cycles that one takes, from which on the wheels' loop rings; said after so many
 
 
@@ -178,11 +177,12 @@ class Robot(Knowledge):
         self.inputs = inputs
         self._keep_words(inputs)
         self.ticks += 1
-        self._late = self._late + 1 if self.dt > (LATE - 0.5) * self._cycle else 0
+        slow = elapsed > (LATE - 0.5) * self._cycle and (any(self._outputs.duty) or not self.paused)
+        self._late = self._late + 1 if slow else 0
         if self._late == LATE_TICKS:
             say(
                 self,
-                f"cycles take {1e3 * self.dt:.0f} ms, rate_hz asks for {1e3 * self._cycle:.0f}: the wheels "
+                f"cycles take {1e3 * elapsed:.0f} ms, rate_hz asks for {1e3 * self._cycle:.0f}: the wheels "
                 "cannot be controlled well; a condition, a background action or other code is slow",
             )
         if self.deadline is not None and inputs.time >= self.deadline:

@@ -233,3 +233,15 @@ def test_time_that_runs_back_makes_no_jerk() -> None:
         robot.run(drive(0.15).until(when(lambda _: len(port.written) > before + 400)))
     duties = [each.duty[0] for each in port.written[before + 100 : before + 390]]
     assert 0.4 < min(duties) < max(duties) < 0.8
+
+
+@pytest.mark.parametrize(("speed", "said"), [(0.1, 1), (0.0, 0)], ids=["drives", "stands"])
+def test_a_loop_that_sleeps_in_every_cycle_is_told_where_it_drives(speed: float, said: int) -> None:
+    port = Pausing()
+    with open_robot(RobotConfig(), port=port) as robot:
+        for _ in range(25):
+            port.pause(0.15)
+            robot.drive.velocity(speed)
+            robot.tick()
+        told = [each for each in robot.drive.remarks.values() if each.startswith("cycles take 155 ms")]
+        assert len(told) == said
