@@ -55,18 +55,18 @@ class BusLock:
                 return
             except BlockingIOError:
                 if time.monotonic() > give_up:
-                    owner = self._owner()
-                    raise HardwareError(
-                        f"{device} is in use by another robot program (process {owner}): stop it first"
-                    ) from None
+                    raise HardwareError(f"{device} is in use by {self._owner()}") from None
                 time.sleep(0.02)
             except OSError as error:
                 raise HardwareError(f"the lock of {device} cannot be taken: {error}") from error
 
     def _owner(self) -> str:
-        """What the file says of its owner, where there is such a process."""
+        """What the file says of its owner, where there is such a process, and what to do."""
         owner = os.pread(self.descriptor, 32, 0).decode("ascii", "replace").strip()
-        return owner if owner.isdigit() and Path("/proc", owner).exists() else "unknown"
+        if owner == str(os.getpid()):
+            return "this program itself: leave its first `with open_robot(...)` before the next"
+        known = owner.isdigit() and Path("/proc", owner).exists()
+        return f"another robot program (process {owner if known else 'unknown'}): stop it first"
 
     def release(self) -> None:
         """Let others use the device. May be called twice."""

@@ -17,7 +17,10 @@ from raccoon.hal.wombat.link.lock import BusLock, refuse_other_owners
 def test_one_program_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lock, "WAIT_SECONDS", 0.0)
     first = BusLock("/dev/spidev7.0", folder=tmp_path)
-    with pytest.raises(HardwareError, match=rf"in use by another robot program \(process {os.getpid()}\)"):
+    with pytest.raises(HardwareError, match=r"in use by this program itself: leave its first `with"):
+        BusLock("/dev/spidev7.0", folder=tmp_path)
+    (tmp_path / "raccoon-spidev7.0.lock").write_text(f"{os.getppid()}\n")  # as if that one had it
+    with pytest.raises(HardwareError, match=rf"in use by another robot program \(process {os.getppid()}\)"):
         BusLock("/dev/spidev7.0", folder=tmp_path)
     first.release()
     first.release()
