@@ -221,7 +221,8 @@ class Pace:
             self.doubts.update(dict.fromkeys(robot.estimate.reasons))
         self.held.update()
         lost = wheels.stalled or robot.odometry.wiring.suspects
-        self._stalled = self._stalled + robot.dt if lost else 0.0
+        # Recorded readings say nothing of wheels under other commands.
+        self._stalled = self._stalled + robot.dt if lost and robot.drive.followed else 0.0
 
     def _explain(self, progress: float) -> str:
         seconds = self._robot.time - self.begin
