@@ -49,10 +49,11 @@ def test_a_run_is_recorded_where_asked(tmp_path: Path) -> None:
 
 
 def test_a_program_that_runs_nothing_is_told(caplog: pytest.LogCaptureFixture) -> None:
-    """An action that was made and not run did nothing, without a word."""
+    """Actions that were made and not run did nothing, without a word."""
     config = RobotConfig(controller=ControllerConfig(port="sim"))
     with open_robot(config):
-        wait(0.05)
+        kept = [wait(0.05)]
+    assert kept
     assert [each.message for each in caplog.records] == [
         "the program ran nothing on the robot: an action is done with robot.run(...)"
     ]

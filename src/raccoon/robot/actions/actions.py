@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.condition import JOIN, Check, Condition, each_of
 from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_positive, check_wait
+from raccoon.robot.actions.undone import Undone
 
 if TYPE_CHECKING:
     from raccoon.robot.robot import Robot
@@ -40,7 +41,7 @@ def close(steps: Steps[Any]) -> None:
         logging.getLogger("raccoon").warning(said)
 
 
-class Action(Generic[T_co]):
+class Action(Undone, Generic[T_co]):
     """Something to run on a robot: `robot.run(action)`.
 
     name: for messages and the trace. start: makes the generator that does it. check: raises what is known to
@@ -49,9 +50,9 @@ class Action(Generic[T_co]):
     """
 
     def __init__(self, name: str, start: Callable[[Robot], Steps[T_co]], check: Check | None = None) -> None:
+        super().__init__()
         self.name = name
-        self._start = start
-        self._check = check
+        self._start, self._check = start, check
 
     def check(self, robot: Robot) -> None:
         """Raise what is wrong with this action, and with all that it is made of, on `robot` (ConfigError,
@@ -61,6 +62,7 @@ class Action(Generic[T_co]):
 
     def start(self, robot: Robot) -> Steps[T_co]:
         """A generator that does the action on `robot`, one tick a step. Raises what `check` does."""
+        self.begun()
         self.check(robot)
         return self._start(robot)
 
