@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from types import FrameType
 
 Place = tuple[str, int]
 _settled: set[Place] = set()
@@ -11,14 +12,14 @@ _settled: set[Place] = set()
 
 
 class Undone:
-    """What is made to be done. Where it is dropped on the very line that made it, before it was begun, the
-    log says so once a line; what is kept, or is a part of something else, may never come to its turn.
+    """What is made to be done. Where it is the whole of a statement, dropped before it was begun, the log
+    says so once a line; what is kept, chosen from, or a part of something else may never come to its turn.
     """
 
     name: str
 
     def __init__(self) -> None:
-        self._made = _line()
+        self._made = _place(_program())
 
     def begun(self) -> None:
         """It is done now."""
@@ -29,7 +30,10 @@ class Undone:
         if over():  # then the names of this module are gone, too
             return
         made: Place | None = getattr(self, "_made", None)
-        if made is None or made in _settled or made != _line():
+        if made is None or made in _settled:
+            return
+        program = _program()
+        if made != _place(program) or not _ends_a_statement(program):
             return
         _settled.add(made)
         import logging
@@ -39,11 +43,20 @@ class Undone:
         )
 
 
-def _line() -> Place | None:
-    """The line of the program that is at work, behind all of the library's own; None where there is none."""
-    frame = sys._getframe(1)
+def _program() -> FrameType | None:
+    """The frame of the program that is at work, behind all of the library's own."""
+    frame: FrameType | None = sys._getframe(1)
     while frame is not None and frame.f_globals.get("__name__", "").startswith("raccoon."):
-        if frame.f_back is None:
-            return None
         frame = frame.f_back
-    return frame.f_code.co_filename, frame.f_lineno
+    return frame
+
+
+def _place(frame: FrameType | None) -> Place | None:
+    return None if frame is None else (frame.f_code.co_filename, frame.f_lineno)
+
+
+def _ends_a_statement(frame: FrameType | None) -> bool:
+    """Whether it drops the value of an expression that is a statement just now."""
+    from opcode import opmap
+
+    return frame is not None and frame.f_code.co_code[frame.f_lasti] == opmap["POP_TOP"]

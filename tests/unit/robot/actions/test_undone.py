@@ -34,6 +34,9 @@ def test_what_is_done_or_kept_or_never_comes_to_its_turn_is_not(caplog: pytest.L
         robot.run(kept["there"])
         robot.run(race(wait(0.02), seq(wait(1.0), turn(1.0))))
         robot.run(wait(0.01).timeout_or(1.0, turn(1.0)))
+        chosen = {"left": turn(0.1), "right": turn(-0.1)}["left"]
+        robot.run({"left": turn(0.1), "right": turn(-0.1)}["left"])
+        robot.run(chosen)
         robot.run(
             seq(
                 repeat(straight(0.02)).until(after_time(0.02)),
