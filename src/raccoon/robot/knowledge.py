@@ -162,7 +162,7 @@ class Knowledge:
     @property
     def blind(self) -> tuple[str, ...]:
         """Sentences that name the tophats that see nothing, and why."""
-        return tuple(each.complaint for each in self.tophats.values() if each.complaint)
+        return tuple(each.complaint for each in self.tophats.values() if each.blind)
 
     @property
     def outputs(self) -> Outputs:

@@ -73,6 +73,8 @@ class Tophat:
         self._beyond = 0  # readings in a row that are lighter than white or darker than black
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
+        self.missed = True
+        """Whether the last reading was none, or was taken for none."""
 
     @property
     def adapt(self) -> bool:
@@ -119,7 +121,8 @@ class Tophat:
         way: m that the sensor went over the floor since the last tick (None: not known, 0.24 m/s is assumed);
         how long an edge takes tells it from a change of light.
         """
-        if counts is None or self._at_an_end(counts):
+        self.missed = counts is None or self._at_an_end(counts)
+        if counts is None or self.missed:
             if self._state is None:
                 return UNKNOWN
             return TophatReading(self._state, 0.5, self._last_coverage, Status.UNCERTAIN, None)

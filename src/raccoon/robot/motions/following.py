@@ -79,8 +79,9 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
         sensor.follow_light(False)
         try:
             while True:
-                coverage = 0.5 if sensor.coverage is None else sensor.coverage
-                if line.see(coverage) and line.kept:
+                # Who sees nothing goes straight on, and is on no edge.
+                coverage = sensor.coverage if sensor.sees and sensor.coverage is not None else 0.5
+                if sensor.sees and line.see(coverage) and line.kept:
                     limit = top
                 turn_rate = sign * gain * (coverage - 0.5)
                 answers = True
@@ -93,7 +94,7 @@ def follow_line(tophat: str, side: str = "left", speed: float | None = None) -> 
                 other_light = sensor.other_light or not answers
                 if line.lost or other_light:
                     if line.searches() > MOST_SEARCHES:
-                        raise MotionTimeout(_lost(sensor))
+                        raise MotionTimeout(_lost(robot, sensor))
                     search = _Search(robot, sensor, sign, line, velocity)
                     yield from search.in_other_light() if other_light else search.beside()
                     line.found()
@@ -176,7 +177,7 @@ class _Search:
     def _learn_and_return(self, way: float) -> Steps[None]:
         learnt = self._sensor.relearn(self._white, self._black)
         if not learnt or not (yield from self._turn(way)):
-            raise MotionTimeout(_lost(self._sensor))
+            raise MotionTimeout(_lost(self._robot, self._sensor))
 
     def _stop(self) -> Steps[None]:
         robot = self._robot
@@ -197,7 +198,7 @@ class _Search:
         while (left := robot.estimate.distance - line.place) > NEAR and not self._sensor.black:
             silent = silent + robot.dt if robot.drive.wheels.stalled else 0.0
             if silent > STALL_PATIENCE or robot.time > self._end:
-                raise MotionTimeout(f"{_lost(self._sensor)}; {reason(robot)}")
+                raise MotionTimeout(_lost(robot, self._sensor))
             speed = min(BACK_SPEED, math.sqrt(acceleration * left))
             self._velocity = slewed(self._velocity, -speed, acceleration * robot.dt)
             off = line.pointing + bend * left / way - robot.estimate.heading
@@ -231,7 +232,7 @@ class _Search:
             wrong = robot.drive.wheels.stalled or robot.odometry.wiring.suspects
             silent = silent + robot.dt if wrong else 0.0
             if silent > STALL_PATIENCE or robot.time > self._end:
-                raise MotionTimeout(f"{_lost(sensor)}; {reason(robot)}")
+                raise MotionTimeout(_lost(robot, sensor))
             if robot.paused:
                 rate = robot.estimate.turn_rate
             rate = slewed(rate, way * top, acceleration * robot.dt)
@@ -242,15 +243,15 @@ class _Search:
     def _read(self) -> None:
         """Keep the lowest and the highest mean: what floor and line read."""
         last, counts = self._last, self._sensor.counts
-        if counts is not None:
+        if counts is not None and self._sensor.sees:
             last.append(counts)
         if len(last) == SURFACE_READINGS:
             mean = sum(last) / SURFACE_READINGS
             self._white, self._black = min(self._white, mean), max(self._black, mean)
 
 
-def _lost(sensor: TophatSensor) -> str:
+def _lost(robot: Robot, sensor: TophatSensor) -> str:
     return (
         f"{sensor.name} lost the line: no edge for {LOST_TIME:g} s or {LOST_WAY:g} m, and none found "
-        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side{sensor.trouble}"
+        f"{math.degrees(SEARCH_ANGLE):.0f} degrees to either side; {reason(robot, sensor)}"
     )

@@ -129,9 +129,9 @@ def _no_line(
     """Which sensors lack the edge that they were nearest to having both met, and why that may be."""
     places = max(met, key=lambda each: sum(place is not None for place in each))
     names = [name for name, place in zip((left, right), places, strict=True) if place is None]
-    troubles = "".join(robot.tophat(name).trouble for name in names)
+    why = reason(robot, *map(robot.tophat, names))
     wall = f"; it may have stood at a wall for {held:.2f} m of it" if held > 0.0 else ""
-    return f"no line at {' and '.join(names)} within {reach:g} m; {reason(robot)}{wall}{troubles}"
+    return f"no line at {' and '.join(names)} within {reach:g} m; {why}{wall}"
 
 
 def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:

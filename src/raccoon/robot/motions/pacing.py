@@ -14,6 +14,7 @@ from raccoon.model.pose import Pose
 from raccoon.robot.remarks import mismatch, miswired, say, tell
 
 if TYPE_CHECKING:
+    from raccoon.robot.parts.tophats import TophatSensor
     from raccoon.robot.robot import Robot
 
 # The profile waits for a robot that falls this far behind it, instead of running away.
@@ -232,13 +233,15 @@ class Pace:
         return f"{self.what} not done after {seconds:.1f} s: {way}; {reason(self._robot)}"
 
 
-def reason(robot: Robot) -> str:
-    """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says."""
+def reason(robot: Robot, *asked: TophatSensor) -> str:
+    """Why a motion may not have come to its end: stalled, saturated, slipping, what the odometry says, and
+    what is wrong with tophats that see nothing or that it asked."""
     wiring = miswired(robot)
     if robot.odometry.wiring.turned:  # the rest follows from it
         return wiring
-    said = (wiring or robot.drive.complaint(), *robot.estimate.reasons, *tell(robot), *robot.blind)
-    return "; ".join(said)
+    said = [wiring or robot.drive.complaint(), *robot.estimate.reasons, *tell(robot)]
+    said.extend(each.complaint for each in robot.tophats.values() if each.blind or each in asked)
+    return "; ".join(filter(None, said))
 
 
 def check_wiring(robot: Robot, lasted: float, name: str) -> float:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 PROVING = 5.0  # s after which a calibration counts as proved; what changes then is light, and followed
 CHECKED_EVERY = 40  # ticks
+BLIND = 0.1  # s without a floor; a flash of the sun takes less
 SILENT = 0.5  # s without a word; a controller that restarts gives none for 0.1 s
 MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
 
@@ -42,6 +43,9 @@ class TophatSensor:
         self._heard: float | None = None  # s, of its last word, or since when there was none
         self.silent = False
         """Whether it has not been read for a while."""
+        self.sees = False
+        """Whether it has read a floor just now, and no end of its range where none is."""
+        self._seen = -math.inf  # s, when it did so last
 
     def calibrate(self, calibration: TophatCalibration) -> None:
         """Use a calibration from now on. Raises CalibrationError where it has no threshold."""
@@ -60,12 +64,15 @@ class TophatSensor:
         counts = inputs.analog[self.config.analog]
         if counts is None:
             self._heard = inputs.time if self._heard is None else self._heard
+            self.sees = inputs.time - self._seen < BLIND
             return
         self.counts, self._heard = counts, inputs.time
         classifier, watch = self._classifier, self._watch
         if classifier is None or watch is None:
             return
         reading = self._reading = classifier.update(inputs.time, counts, others_lost, way)
+        self._seen = self._seen if classifier.missed else inputs.time
+        self.sees = inputs.time - self._seen < BLIND
         if reading.edge is not None:
             self._edge = reading.edge
         if self._since is None:
@@ -89,12 +96,15 @@ class TophatSensor:
 
     @property
     def complaint(self) -> str:
-        """Why it sees nothing, "" where it does."""
+        """What is wrong with what it reads, "" where it reads as it should."""
         if self.silent:
             return f"tophat {self.name} {UNREAD}"
-        if self.fit in ("unplugged", "saturated"):
-            return f"tophat {self.name} {WORDS[self.fit]}"
-        return ""
+        return f"tophat {self.name} {WORDS[self.fit]}" if self.fit in WORDS else ""
+
+    @property
+    def blind(self) -> bool:
+        """Whether nothing sensible comes in."""
+        return self.silent or self.fit in ("unplugged", "saturated")
 
     @property
     def recent(self) -> tuple[float, ...]:
@@ -154,16 +164,11 @@ class TophatSensor:
     @property
     def status(self) -> Status:
         """How far `black` and `darkness` can be trusted; invalid where nothing sensible comes in."""
-        if self._reading is None or self.silent or self.fit in ("unplugged", "saturated"):
+        if self._reading is None or self.blind:
             return Status.INVALID
         if self.fit == "changed":
             return Status.UNCERTAIN
         return self._reading.status
-
-    @property
-    def trouble(self) -> str:
-        """What to add to an error that it may be the cause of, "" where it reads as it should."""
-        return f"; tophat {self.name} {WORDS[self.fit]}" if self.fit in WORDS else ""
 
 
 class Floor:
