@@ -18,12 +18,18 @@ from raccoon.diagnose.drives.features import Features, answered
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.stops import brakes
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
-from raccoon.diagnose.habits.chains import USUAL_CHAINS, reads_back_emf, slowed_by_pauses
+from raccoon.diagnose.habits.chains import (
+    FREE_RUNNING,
+    USUAL_CHAINS,
+    reads_back_emf,
+    slowed_by_pauses,
+)
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels, base_coordinates
 from raccoon.diagnose.hypotheses.runs import run_coordinates, run_settings
+from raccoon.diagnose.rollout.ages import age_coordinates, age_settings
 from raccoon.diagnose.rollout.encoders import encoder_coordinates, encoder_settings
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.joined import rollout_of
@@ -71,6 +77,8 @@ def drive_problem(
     battery = robot.model.battery.internal_resistance.value if log.own_batteries else 0.0
     settings = starting_settings(robot, model) | encoder_settings(log)
     settings |= run_settings(len(log.runs), battery)
+    free = habits.chain.free_running and habits.firmware is None  # of a firmware counters tell, or a mean
+    settings |= age_settings() if free else {}
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
@@ -87,6 +95,7 @@ def drive_problem(
                 wombat=habits.wombat,
             ),
             *encoder_coordinates(log),
+            *(age_coordinates() if free else ()),
             *run_coordinates(len(log.runs), battery),
         ),
         by_name,
@@ -141,7 +150,8 @@ def controller_of(
     wheels = replace(log, channels=tuple(each for each in log.channels if each.role != "gyro"))
     # Whoever reads no back-EMF need not let motors coast for it: with encoders a sound robot had a resistance
     # that was 10 % low.
-    usual, other = USUAL_CHAINS if reads_back_emf(each.role for each in log.channels) else USUAL_CHAINS[::-1]
+    reads = reads_back_emf(each.role for each in log.channels)
+    usual, other = USUAL_CHAINS if reads else USUAL_CHAINS[::-1]
     first = Habits(usual, False)
     if firmware is not None:
         first = Habits(firmware.chain, False, low_pass=firmware.smooths, firmware=firmware)
@@ -174,16 +184,25 @@ def controller_of(
     if log.brake is None and brakes(log):
         found = fit_of(replace(found.habits, brake=True)).instead_of(found, CLEARLY)
     if firmware is None:
+        by_row = cycle_by_row(log)
+        if reads and not found.as_told and by_row == Chain().cycle:
+            found = fit_of(_of_any_moment(found.habits)).instead_of(found, USUAL)
         plain = replace(found.habits, chain=other)
         found = likelier(plain if slow is None else with_battery(plain, slow), found)
-    by_row = with_cycle(found.habits, cycle_by_row(log))
-    if firmware is None and by_row != found.habits:
-        found = better(by_row, found, USUAL)
+        if (once_a_row := with_cycle(found.habits, by_row)) != found.habits:
+            found = better(once_a_row, found, USUAL)
     found = better(replace(found.habits, wheels=Wheels.RIGID), found, STIFF)
     slowed = slowed_by_pauses(found.habits.chain)
-    if firmware is None and slowed is not None and reads_back_emf(each.role for each in log.channels):
+    if firmware is None and slowed is not None and reads:
         found = better(replace(found.habits, chain=slowed), found, SLOWED)
     return restored(log, lambda each: loose(each, found.habits), found.point), found.habits
+
+
+def _of_any_moment(habits: Habits) -> Habits:
+    """With samples of any moment of a row. It is asked for before another filter, which with a latency looks
+    like it."""
+    time = habits.chain.battery_time_constant
+    return replace(habits, chain=replace(FREE_RUNNING, battery_time_constant=time))
 
 
 def _slow_battery(habits: Habits, loose: Callable[[Habits], Problem], point: Point) -> float | None:

@@ -18,6 +18,7 @@ from raccoon.diagnose.fit.problem import Point, Problem, carried, carried_rows
 from raccoon.diagnose.fit.whitener import Whitener
 from raccoon.diagnose.hypotheses.coordinates import added, multiplied
 from raccoon.diagnose.hypotheses.open_numbers import INSIDE, Wheels, base_coordinates
+from raccoon.diagnose.rollout.ages import AGE
 from raccoon.diagnose.rollout.encoders import WINDOW
 from raccoon.diagnose.rollout.variants import Habits
 
@@ -86,7 +87,8 @@ def loosened(problem: Problem, wheels: Wheels) -> Problem:
         for each in base_coordinates(problem.robot, inside=FAR, wheels=wheels)
         if each.settings[0][0] not in (FILTER, LATENCY)
     ]
-    base.extend(each for each in problem.base if each.settings == (WINDOW,))
+    kept = {WINDOW, *AGE.values()}
+    base.extend(each for each in problem.base if each.settings[0] in kept)
     std = problem.robot.model.bemf.filter_time_constant.std
     if std > 0.0:
         base.append(added(FILTER, None, "time_constant", std, low=-FAR, high=FAR))

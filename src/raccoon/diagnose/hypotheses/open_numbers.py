@@ -207,7 +207,8 @@ def _delays(model: NominalModel, inside: float, free_running: bool, wombat: bool
     lag, delay = model.bemf.filter_time_constant, WOMBAT_LATENCY if wombat else LOOP_LATENCY
     if free_running:
         delay = math.hypot(delay, UNKNOWN_PHASE)
-        lag = replace(lag, std=math.hypot(lag.std, UNKNOWN_PHASE)) if lag.std > 0.0 else lag
+        if wombat and lag.std > 0.0:
+            lag = replace(lag, std=math.hypot(lag.std, UNKNOWN_PHASE))
     for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
         yield from _plus("bemf.filter_lag", side, "time_constant", lag, inside)
     yield added("actuation.latency", None, "seconds", delay, low=0.0, high=INSIDE)

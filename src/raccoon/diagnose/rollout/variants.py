@@ -15,6 +15,7 @@ from raccoon.diagnose.drives.sample_clock import in_force
 from raccoon.diagnose.hypotheses.coordinates import Settings
 from raccoon.diagnose.hypotheses.open_numbers import Wheels
 from raccoon.diagnose.own import OwnEffect, Simulated
+from raccoon.diagnose.rollout.ages import AGE, aged
 from raccoon.diagnose.rollout.encoders import WINDOW, counted
 from raccoon.diagnose.rollout.firmware import Firmware
 from raccoon.diagnose.rollout.heard import LEAST_ZONE, flickering, heard
@@ -151,6 +152,9 @@ class PlantRollout:
         for index, role in enumerate(self._roles):
             if role.startswith("speed_") and windows.any():
                 samples[:, index] = counted(self._time, samples[:, index], windows)
+            if role.startswith("bemf_"):
+                ages = np.array([each.get(AGE[role.removeprefix("bemf_")], 0.0) for each in variants])
+                samples[:, index] = aged(self._time, samples[:, index], ages)
         for index, (side, measured, flickers) in self._heard.items():
             zones = np.array([each[("bemf.dead_zone", side, "counts")] for each in variants])
             deaf = np.flatnonzero(zones >= LEAST_ZONE)
