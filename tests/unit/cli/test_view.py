@@ -5,16 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.path import Path as Path2D
 
 from raccoon import open_robot, straight, wait
 from raccoon.cli.main import main
-from raccoon.cli.view.drawing import _extent, _outline
+from raccoon.cli.view.drawing import _extent, _outline, _strip
 from raccoon.cli.view.drive import drive_of
 from raccoon.core.config import BodyConfig, ControllerConfig, RobotConfig
 from raccoon.core.errors import TraceError
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
-from raccoon.sim.world.table import World
+from raccoon.sim.world.table import Line, World
 from raccoon.trace.record import RecordingPort
 
 TABLES = Path(__file__).resolve().parents[3] / "examples" / "tables"
@@ -178,3 +179,40 @@ def test_an_interruption_leaves_no_part_of_a_picture(
         monkeypatch.setattr(name, interrupted)
     assert main(["view", str(recording), "-o", str(tmp_path / f"drive.{ending}")]) == 130
     assert [each.name for each in tmp_path.iterdir()] == ["drive.csv"]
+
+
+def test_a_line_is_drawn_where_the_tophats_see_it() -> None:
+    corner = Line(((0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.2, 0.5), (0.5, 0.5)), width=0.06)
+    drawn = _strip(corner).get_path()
+    table = World(lines=(corner,))
+    for x, y in np.random.default_rng(1).uniform(-0.1, 0.6, (300, 2)):
+        if abs(table.line_distance(x, y)) > 1e-3:
+            black = table.line_distance(x, y) < 0.0
+            # Any part that holds it: overlaps are filled as well.
+            parts = [Path2D(each) for each in drawn.to_polygons()]
+            assert any(part.contains_point((x, y)) for part in parts) == black, (x, y)
+
+
+def test_light_and_ramps_that_reach_everywhere_are_drawn(recording: Path, tmp_path: Path) -> None:
+    table = tmp_path / "table.toml"
+    everywhere = "low = [-inf, -inf]\nhigh = [inf, inf]\n"
+    table.write_text(f"[[light]]\n{everywhere}ambient = 0.5\n[[ramp]]\n{everywhere}along_x = 0.1\n")
+    target = tmp_path / "drive.png"
+    assert main(["view", str(recording), "-o", str(target), "--table", str(table)]) == 0
+    from PIL import Image
+
+    red, _, blue = np.asarray(Image.open(target).convert("RGB")).astype(int).T
+    assert np.mean(red - blue > 20) > 0.3  # yellow, between the ramp's stripes
+
+
+def test_what_the_robot_believed_meets_the_truth_where_both_begin(tmp_path: Path) -> None:
+    path = tmp_path / "cut.csv"
+    path.write_text(
+        "t,truth.x,truth.y,truth.heading,estimate.drive.0,estimate.drive.1,estimate.drive.2\n"
+        f"0,,,,0.5,0.2,0\n1,1,0,{np.pi / 2},0.6,0.2,0\n2,1,0.4,{np.pi / 2},1.1,0.2,0\n"
+    )
+    estimate = drive_of(path).estimate
+    assert estimate is not None
+    assert np.column_stack([estimate.x, estimate.y]) == pytest.approx(
+        np.array([[1.0, -0.1], [1.0, 0.0], [1.0, 0.5]])
+    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from io import BytesIO
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from raccoon.cli.outputs import save_figure
 from raccoon.cli.view.drive import Drive, Path2
 from raccoon.core.config import BodyConfig
 from raccoon.core.files import write_atomically
-from raccoon.sim.world.table import Box, World
+from raccoon.sim.world.table import Box, Line, World
 
 FRAMES_A_SECOND = 10
 MOST_FRAMES = 600
@@ -99,13 +100,16 @@ def _furniture(axes: Any, world: World) -> None:
     from matplotlib.patches import Circle
 
     for light in world.lights:
-        axes.add_patch(_rectangle(light.region, color="#f9e79f", alpha=0.5 * min(light.ambient, 1.0) + 0.2))
+        axes.add_patch(
+            _rectangle(axes, light.region, color="#f9e79f", alpha=0.5 * min(light.ambient, 1.0) + 0.2)
+        )
     for ramp in world.ramps:
-        axes.add_patch(_rectangle(ramp.region, color="0.85", hatch="//", fill=False, linewidth=0.0))
+        axes.add_patch(_rectangle(axes, ramp.region, color="0.85", hatch="//", fill=False, linewidth=0.0))
     if world.start_box is not None:
-        axes.add_patch(_rectangle(world.start_box, fill=False, edgecolor="0.5", linestyle=":"))
+        axes.add_patch(_rectangle(axes, world.start_box, fill=False, edgecolor="0.5", linestyle=":"))
+    table = None if world.area is None else _rectangle(axes, world.area, transform=axes.transData)
     for line in world.lines:
-        axes.add_patch(_strip(line.points, line.width))
+        axes.add_patch(_strip(line)).set_clip_path(table)  # the round ends are outside it
     for wall in world.walls:
         axes.plot(
             *zip(wall.start, wall.end, strict=True), color="#8d6e63", linewidth=3.0, solid_capstyle="round"
@@ -114,21 +118,32 @@ def _furniture(axes: Any, world: World) -> None:
         axes.add_patch(Circle(thing.centre, thing.radius, color="#2e7d32"))
 
 
-def _strip(points: Any, width: float) -> Any:
-    """A line of a width in m: an outline offset to both sides."""
-    from matplotlib.patches import Polygon
+def _strip(line: Line) -> Any:
+    """A line as the simulated tophats see it: all that is within half a width of its points' way."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
 
-    way = np.array(points)
-    along = np.gradient(way, axis=0)
-    along /= np.hypot(*along.T)[:, None]
-    across = 0.5 * width * np.stack([-along[:, 1], along[:, 0]], axis=1)
-    return Polygon(np.concatenate([way + across, (way - across)[::-1]]), closed=True, color="black")
+    parts, half = [], 0.5 * line.width
+    for start, end in pairwise(np.array(line.points)):
+        along = (end - start) / np.hypot(*(end - start))
+        across = half * np.array([-along[1], along[0]])
+        corners = (start + across, start - across, end - across, end + across)
+        parts.append(Outline([*corners, corners[0]], closed=True))
+    parts += [Outline.circle(point, half) for point in line.points]
+    return PathPatch(Outline.make_compound_path(*parts), color="black", linewidth=0.0)
 
 
-def _rectangle(box: Box, **style: Any) -> Any:
+def _rectangle(axes: Any, box: Box, **style: Any) -> Any:
+    """What is to be seen of a box: light and ramps may reach everywhere."""
     from matplotlib.patches import Rectangle
 
-    return Rectangle(box.low, box.high[0] - box.low[0], box.high[1] - box.low[1], **style)
+    (left, right), (low, high) = (
+        np.clip(ends, *limits).tolist()
+        for ends, limits in zip(
+            zip(box.low, box.high, strict=True), (axes.get_xlim(), axes.get_ylim()), strict=True
+        )
+    )
+    return Rectangle((left, low), right - left, high - low, **style)
 
 
 def _robot(axes: Any, drive: Drive, row: int, *, filled: bool) -> tuple[Any, Any]:

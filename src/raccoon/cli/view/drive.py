@@ -29,6 +29,14 @@ class Path2:
     y: Floats
     heading: Floats
 
+    def pose(self, row: int) -> tuple[float, float, float]:
+        """x, y and heading of a row."""
+        return float(self.x[row]), float(self.y[row]), float(self.heading[row])
+
+    def row_at(self, time: float) -> int:
+        """The first row from a moment on; the last one where there is none."""
+        return min(int(np.searchsorted(self.time, time)), len(self.time) - 1)
+
     def placed(self, x: float, y: float, heading: float) -> Path2:
         """The same path from another start pose."""
         cosine, sine = math.cos(heading), math.sin(heading)
@@ -75,18 +83,19 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     """
     run = load_run(path)
     truth, estimate = _truth(run), _estimate(run)
+    placed = None if start is None else (start[0], start[1], math.radians(start[2]))
     if len(run.recording) == 0:
         raise TraceError(f"{path}: the recording is empty: it was ended before its first cycle")
     if truth is None and estimate is None:
         raise TraceError(f"{path}: it has neither truth.x, truth.y, truth.heading nor estimates to draw")
-    if truth is not None and start is not None:
-        truth = _home(truth).placed(start[0], start[1], math.radians(start[2]))
-    if estimate is not None:
-        if truth is not None:
-            begin = (float(truth.x[0]), float(truth.y[0]), float(truth.heading[0]))
-        else:
-            begin = (start[0], start[1], math.radians(start[2])) if start else (0.0, 0.0, 0.0)
-        estimate = estimate.placed(*begin)
+    if truth is not None and placed is not None:
+        truth = _home(truth).placed(*placed)
+    if truth is not None and estimate is not None:
+        # Either may begin later, or may have been cut off before: they meet at the first moment of both.
+        first = max(truth.time[0], estimate.time[0])
+        estimate = _home(estimate, estimate.row_at(first)).placed(*truth.pose(truth.row_at(first)))
+    elif estimate is not None and placed is not None:
+        estimate = _home(estimate).placed(*placed)
     return Drive(truth, estimate, BodyConfig() if run.robot is None else run.robot.body)
 
 
@@ -106,8 +115,8 @@ def _path(run: Run, pose: tuple[str, str, str]) -> Path2 | None:
     return Path2(*(column[known] for column in columns)) if known.sum() > 1 else None
 
 
-def _home(path: Path2) -> Path2:
-    """The path seen from its own start pose."""
-    heading = float(path.heading[0])
-    moved = Path2(path.time, path.x - path.x[0], path.y - path.y[0], path.heading)
+def _home(path: Path2, row: int = 0) -> Path2:
+    """The path seen from its pose at a row."""
+    x, y, heading = path.pose(row)
+    moved = Path2(path.time, path.x - x, path.y - y, path.heading)
     return moved.placed(0.0, 0.0, -heading)

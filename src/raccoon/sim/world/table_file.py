@@ -153,7 +153,10 @@ def _box(entry: object, where: str) -> Box:
     if not isinstance(entry, Mapping):
         raise ConfigError(f"{where} = {entry!r}: write {{ low = [x, y], high = [x, y] }}")
     refuse_unknown(entry, ("low", "high"), where)
-    return _corners(entry, where)
+    box = _corners(entry, where)
+    if not all(map(math.isfinite, (*box.low, *box.high))):
+        raise ConfigError(f"{where}: low {box.low}, high {box.high}: allowed are finite numbers")
+    return box
 
 
 def _corners(entry: Mapping[str, Any], where: str) -> Box:

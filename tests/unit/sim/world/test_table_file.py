@@ -49,6 +49,7 @@ def test_a_table_can_be_sent_to_other_processes() -> None:
         ("[[light]]\nlow = [0, 0]\nhigh = [1, 1]\nambient = 7", r"ambient is 7"),
         ("area = { low = [1, 0], high = [0, 1] }", "must be below high"),
         ("[[object]]\ncentre = [0]\nradius = 1", r"centre = \[0\]"),
+        ("area = { low = [-inf, 0], high = [1, 1] }", r"area: low \(-inf, 0.0\), .*: allowed are finite"),
         (f"[[object]]\ncentre = [0, 0]\nradius = 1{'0' * 400}", r"radius = 10+\.\.\.: it must be a finite"),
         (f"[[object]]\ncentre = [0, 1{'0' * 400}]\nradius = 1", r"centre = \[0, 10+\.\.\.: it must be \[x"),
         ("[[hole]]\n", "hole"),
