@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
@@ -180,12 +181,17 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """What a program prints is lost; other threads share the standard output, so there it is left alone."""
+    """What a program prints is lost, and nobody answers it: `input` raises EOFError, in a worker as at a
+    terminal. Other threads share the standard streams, so there they are left alone."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-        yield
+    before, sys.stdin = sys.stdin, io.StringIO()
+    try:
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+            yield
+    finally:
+        sys.stdin = before
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """One match: all of it follows from its seed, and no program gets out of it."""
 
+import io
 import os
 import random
 import sys
@@ -196,6 +197,14 @@ def test_a_limit_that_is_not_reached_leaves_nothing_behind() -> None:
 def test_what_a_program_prints_does_not_show(capsys: pytest.CaptureFixture[str]) -> None:
     assert played("def mission(robot): print('hello', robot.tick())")["status"] == "ok"
     assert capsys.readouterr().out == ""
+
+
+def test_nobody_answers_what_a_program_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = io.StringIO("yes\n")
+    monkeypatch.setattr("sys.stdin", terminal)
+    assert played("def mission(robot):\n    input('go on? ')\n")["reason"].startswith("EOFError: ")
+    assert sys.stdin is terminal
+    assert terminal.read() == "yes\n"
 
 
 def test_a_program_may_import_what_lies_beside_it(tmp_path: Path) -> None:
