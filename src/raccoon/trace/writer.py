@@ -35,8 +35,8 @@ class TraceWriter:
 
     def __init__(self, plain: Path, packed: Path, header: str, *, overwrite: bool = False) -> None:
         self.failure: str | None = None
-        self._plain = plain
-        self._packed = packed
+        # A program may be in another folder by the end.
+        self._plain, self._packed = plain.absolute(), packed.absolute()
         # Exclusive: another program may have taken the name since somebody looked.
         self._file = plain.open("wb" if overwrite else "xb", buffering=0)
         try:

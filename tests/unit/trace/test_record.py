@@ -150,6 +150,18 @@ def test_plain_file_grows_and_the_packed_one_replaces_it(tmp_path: Path) -> None
     assert packed == port.path
 
 
+def test_it_ends_where_it_began_though_the_program_changed_the_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    port = RecordingPort(ScriptedPort([FULL]), "run")
+    port.read()
+    monkeypatch.chdir("/")
+    port.close()
+    assert port.failure is None
+    assert [each.name for each in tmp_path.iterdir()] == ["run.jsonl.gz"]
+
+
 def test_equal_runs_give_equal_bytes(tmp_path: Path) -> None:
     assert record(tmp_path / "a").read_bytes() == record(tmp_path / "b").read_bytes()
 
