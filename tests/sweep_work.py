@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -53,6 +54,12 @@ def sleeps_for_long(mark: str) -> None:
     """Longer than anybody waits; `mark` is there once it has begun."""
     Path(mark).touch()
     time.sleep(60.0)
+
+
+def leaves_a_thread(number: int) -> int:
+    """The number; what it began goes on for longer than anybody waits."""
+    threading.Thread(target=time.sleep, args=(60.0,)).start()
+    return number
 
 
 def main() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import os
 import sys
 import threading
 from collections.abc import Iterator, Sequence
@@ -166,7 +167,7 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     port = WatchedPort(_simulated(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), _quiet(), _chance_of(seed), no_robot_opened():
+        with wall_limit(match.real_seconds), _quiet(), _surroundings(), _chance_of(seed), no_robot_opened():
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:
@@ -192,6 +193,23 @@ def _quiet() -> Iterator[None]:
             yield
     finally:
         sys.stdin = before
+
+
+@contextmanager
+def _surroundings() -> Iterator[None]:
+    """Each match finds the folder and the environment that the first one found. Other threads share both, so
+    there they are left alone."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    folder, environment = Path.cwd(), dict(os.environ)
+    try:
+        yield
+    finally:
+        os.chdir(folder)
+        for name in os.environ.keys() - environment.keys():
+            del os.environ[name]
+        os.environ.update(environment)
 
 
 @contextmanager

@@ -52,7 +52,8 @@ def _deaf() -> Iterator[None]:
 def process_crew(workers: int | None = None) -> Iterator[Crew]:
     """Processes of this computer, by default one for each core. Raises ConfigError.
 
-    Where the block is left by an error or Ctrl-C they end at once, whatever they are doing.
+    At the end of the block they end at once, whatever they are doing: a call that is under way may take
+    minutes, and a thread that a program left behind goes on for ever.
     """
     count = _checked(workers, cores())
     spawn = multiprocessing.get_context("spawn")
@@ -65,12 +66,9 @@ def process_crew(workers: int | None = None) -> Iterator[Crew]:
     try:
         with _one_thread_each() if count > 1 else nullcontext():
             yield crew
-    except BaseException:
-        held.close()  # nobody waits for what is under way: a call may take minutes
-        raise
     finally:
-        crew.close()
         held.close()
+        crew.close()
         ends.close()
 
 

@@ -14,7 +14,13 @@ import pytest
 from raccoon.core.errors import ConfigError
 from raccoon.sweep.execute import Crew, run_all
 from raccoon.sweep.workers import process_crew
-from sweep_work import always_kills_its_worker, kills_its_worker_once, sleeps_for_long, squared
+from sweep_work import (
+    always_kills_its_worker,
+    kills_its_worker_once,
+    leaves_a_thread,
+    sleeps_for_long,
+    squared,
+)
 
 
 def nothing(number: int) -> int:
@@ -92,6 +98,13 @@ def test_what_is_under_way_ends_with_an_interruption(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert time.time() - begun.stat().st_mtime < 20.0  # of 60
+
+
+def test_what_a_program_left_running_holds_nobody_up() -> None:
+    with process_crew(1) as crew:
+        assert sorted(run_all(leaves_a_thread, range(2), crew, nothing)) == [(0, 0), (1, 1)]
+        begun = time.monotonic()
+    assert time.monotonic() - begun < 20.0  # of 60
 
 
 def test_numbers_of_workers_are_checked() -> None:

@@ -207,6 +207,24 @@ def test_nobody_answers_what_a_program_asks(monkeypatch: pytest.MonkeyPatch) -> 
     assert terminal.read() == "yes\n"
 
 
+def test_what_a_program_does_to_its_surroundings_ends_with_the_match(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HALL", "ours")
+    monkeypatch.delenv("ROUND", raising=False)
+    text = (
+        "import os\n"
+        "def mission(robot):\n"
+        "    seen = os.getcwd(), os.environ.pop('HALL'), os.environ.get('ROUND')\n"
+        "    os.environ['ROUND'] = '2'\n"
+        "    os.chdir('/')\n"
+        "    raise ValueError(*seen)\n"
+    )
+    reasons = [played(text)["reason"] for _ in range(2)]
+    assert reasons == [f"ValueError: {(str(tmp_path), 'ours', None)} (line 6)"] * 2
+
+
 def test_a_program_may_import_what_lies_beside_it(tmp_path: Path) -> None:
     (tmp_path / "beside_the_program.py").write_text("RESULT = False\n", encoding="utf-8")
     path = tmp_path / "program.py"
