@@ -44,8 +44,9 @@ class Tophat:
         if math.hypot(at_x - self._x, at_y - self._y) < self._slack:
             dark = 1.0 if self._black else 0.0
         else:
-            distance = world.line_distance(at_x, at_y)
-            dark = darkness(distance, self._spot)
+            distance, width = world.nearest_line(at_x, at_y)
+            # Beyond its near edge, but not beyond the far one, where a line is thinner than the spot.
+            dark = darkness(distance, self._spot) - darkness(distance + width, self._spot)
             self._x, self._y = at_x, at_y
             self._slack, self._black = abs(distance) - self._spot, distance < 0.0
         if not world.lights and dark in (0.0, 1.0):

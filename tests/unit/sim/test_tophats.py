@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from raccoon.core.config import RobotConfig, TophatConfig
+from raccoon.model.reflectance import fit, spot_radius
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.tophats import Tophat, darkness
-from raccoon.sim.world.table import World
+from raccoon.sim.world.table import Line, World
 
 
 def test_it_looks_ahead_of_the_axis_and_to_the_left() -> None:
@@ -19,11 +20,11 @@ def test_it_looks_ahead_of_the_axis_and_to_the_left() -> None:
     tophat = Tophat(front, Parameters.from_robot(RobotConfig(tophats={"front": front})))
     looked: list[tuple[float, float]] = []
 
-    def line_distance(x: float, y: float) -> float:
+    def nearest_line(x: float, y: float) -> tuple[float, float]:
         looked.append((x, y))
-        return 1.0
+        return 1.0, 0.05
 
-    world: Any = SimpleNamespace(line_distance=line_distance, lights=())
+    world: Any = SimpleNamespace(nearest_line=nearest_line, lights=())
     for heading, wanted in ((0.0, (1.11, 2.03)), (0.5 * math.pi, (0.97, 2.11))):
         tophat._slack = -1.0
         tophat.read(world, 1.0, 2.0, math.cos(heading), math.sin(heading), 0.0)
@@ -58,3 +59,17 @@ def test_a_tophat_reads_the_same_whether_or_not_it_looked_before() -> None:
         heading += random.normal(0.0, 0.05) + 0.02
         pose = (x, y, math.cos(heading), math.sin(heading))
         assert walker.read(world, *pose, 0.0) == Tophat(config, parameters).read(world, *pose, 0.0)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.0008, -0.0015, 0.003])
+def test_a_line_thinner_than_the_spot_darkens_only_what_it_covers(aside: float) -> None:
+    thin = World(lines=(Line(((0.0, -1.0), (0.0, 1.0)), width=0.002),))
+    config = TophatConfig(analog=0, forward=0.0)
+    tophat = Tophat(config, Parameters.from_robot(RobotConfig(tophats={"front": config})))
+    height = 0.007
+    radius = spot_radius(height)
+    across = np.linspace(-radius, radius, 200001)
+    chords = np.sqrt(radius**2 - across**2)
+    share = float(chords[np.abs(across + aside) < 0.001].sum() / chords.sum())
+    counts, _ = tophat.read(thin, aside, 0.0, 1.0, 0.0, 0.0)
+    assert counts == pytest.approx(fit("new").at(height).counts(share, 0.0), abs=0.1)

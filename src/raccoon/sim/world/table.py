@@ -168,7 +168,11 @@ class World:
 
     def line_distance(self, x: float, y: float) -> float:
         """M to the nearest edge of a black line; negative inside one."""
-        nearest = math.inf
+        return self.nearest_line(x, y)[0]
+
+    def nearest_line(self, x: float, y: float) -> tuple[float, float]:
+        """M to the nearest edge of a black line, negative inside one, and m that this line is wide."""
+        nearest, width = math.inf, math.inf
         for start_x, start_y, along_x, along_y, half in self._strips:
             dx, dy = x - start_x, y - start_y
             length = along_x * along_x + along_y * along_y
@@ -176,8 +180,10 @@ class World:
             share = 0.0 if share < 0.0 else 1.0 if share > 1.0 else share
             dx -= share * along_x
             dy -= share * along_y
-            nearest = min(nearest, math.sqrt(dx * dx + dy * dy) - half)
-        return nearest
+            distance = math.sqrt(dx * dx + dy * dy) - half
+            if distance < nearest:
+                nearest, width = distance, 2.0 * half
+        return nearest, width
 
     def ambient(self, x: float, y: float, time: float) -> float:
         """How much light falls there: 0 indoors, 1 direct sun."""
