@@ -42,12 +42,12 @@ class SimulatedRobot:
         body: BodyConfig,
     ) -> None:
         self._rolled: State = state_at_rest(plant)
-        self._plant = plant
         self._period = period
         self._cycle = cycle
         self._slots = slots
         self._longest_step = longest_step
         self._contact = Contact(world, body, plant, period, start)
+        self._plant = self._contact.carried(plant, start[0], start[1])
         self.tilt = self._contact.tilt(start, 0.0)
         """See `Contact.tilt`: in the last step."""
         self._slipped = 0.0  # rad/s, slip as the gyro's low-pass follows it

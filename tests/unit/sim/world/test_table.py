@@ -206,6 +206,16 @@ def test_a_robot_that_turns_on_a_slope_does_not_pitch() -> None:
         assert inputs.gyro[1] == 0.0
 
 
+def test_a_robot_that_starts_on_a_ramp_rolls_from_the_first_cycle_on() -> None:
+    everywhere = Ramp(Box((-9.0, -9.0), (9.0, 9.0)), along_x=0.3)
+    plain = Parameters.from_robot(RobotConfig())
+    ramp = SimPort(plain, World(ramps=(everywhere,)))
+    slope = SimPort(plain.with_effect("drive.slope", along_x=0.3), World.empty())
+    rolled = [slope.read().truth for _ in range(5)]
+    assert [ramp.read().truth for _ in range(5)] == rolled
+    assert rolled[0] != rolled[1]
+
+
 def test_a_slope_along_a_way_counts_by_the_part_of_it_that_lies_on_the_ramp() -> None:
     world = World(
         ramps=(Ramp(Box((0.0, 0.0), (1.0, 1.0)), 0.1, -0.2), Ramp(Box((0.0, 0.6), (1.0, 2.0)), 0.3))
