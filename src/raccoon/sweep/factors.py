@@ -12,7 +12,7 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds
 from raccoon.estimate.ekf.state import OdometrySettings
 from raccoon.sim.effects.calibrated import calibrated_factor, simulated_device
-from raccoon.sim.effects.effect import effect
+from raccoon.sim.effects.effect import Place, effect
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sweep.faults import KINDS
 
@@ -240,19 +240,28 @@ def _range(text: str, given: str) -> tuple[float, float, bool]:
     return numbers[0], numbers[1], False
 
 
-def refuse_twice(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
-    """Raise ConfigError where two factors are the same, also as left and as the motor port of that side: the
-    values of the first would not be simulated."""
+def place_of(robot: RobotConfig, factor: Factor) -> tuple[object, str]:
+    """What a factor changes: alike for left and for the motor port of that side. Raises ConfigError where a
+    robot does not have it."""
+    if not factor.is_of_robot:
+        return factor.effect, ""
+    (place,) = Parameters.from_robot(robot).with_effect(factor.effect, factor.where).effects
+    return place, factor.parameter
+
+
+def refuse_idle(robot: RobotConfig, factors: tuple[Factor, ...]) -> None:
+    """Raise ConfigError for a factor whose values would not be simulated: where another one has the same
+    place, and where it is of tophats that the robot does not have."""
     known: dict[tuple[object, str], str] = {}
     for factor in factors:
-        place: object = factor.effect
-        if factor.is_of_robot:
-            (place,) = Parameters.from_robot(robot).with_effect(factor.effect, factor.where).effects
-        before = known.get((place, factor.parameter))
-        if before:
-            how = "twice" if before == factor.name else f"already, as {before}"
+        place = place_of(robot, factor)
+        if place in known:
+            how = "twice" if known[place] == factor.name else f"already, as {known[place]}"
             raise ConfigError(f"{factor.name} is varied {how}")
-        known[place, factor.parameter] = factor.name
+        known[place] = factor.name
+        seen = factor.effect == LIGHT or (factor.is_of_robot and effect(factor.effect).place is Place.TOPHAT)
+        if seen and not robot.tophats:
+            raise ConfigError(f"{factor.name}: nothing would change, as robot.toml has no tophat")
 
 
 def robot_with(robot: RobotConfig, factors: tuple[Factor, ...], values: dict[str, float]) -> Parameters:

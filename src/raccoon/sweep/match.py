@@ -19,7 +19,7 @@ from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world.table import World
-from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_twice, robot_with
+from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_idle, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
 from raccoon.sweep.results import Row
@@ -64,7 +64,7 @@ class Match:
         for name in ("within", "within_angle", "seconds", "real_seconds"):
             if not getattr(self, name) > 0.0:
                 raise ConfigError(f"{name} is {getattr(self, name)}: it must be above 0")
-        refuse_twice(self.robot, self.factors)
+        refuse_idle(self.robot, self.factors)
         robot_with(self.robot, self.factors, self.values(0))  # refuses places that the robot does not have
         _check_start(self.start, self.table, self.robot)
 

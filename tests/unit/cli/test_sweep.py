@@ -1,5 +1,6 @@
 """`raccoon sweep`: from the arguments to the words."""
 
+import argparse
 import json
 import re
 import shlex
@@ -11,8 +12,11 @@ import numpy as np
 import pytest
 
 from raccoon.cli.main import main
-from raccoon.cli.sweep import report
+from raccoon.cli.sweep import configure, report
+from raccoon.cli.sweep.play import _factors
+from raccoon.core.config import RobotConfig
 from raccoon.sweep.execute import Crew
+from raccoon.sweep.factors import parse_factor
 from raccoon.sweep.results import read_results
 from raccoon.sweep.summary import summary
 from raccoon.sweep.workers import process_crew
@@ -178,6 +182,21 @@ def test_bad_input_is_named(
 def test_each_worker_has_its_next_match_at_hand() -> None:
     with process_crew(1) as crew:
         assert crew.window == 2
+
+
+@pytest.mark.parametrize(
+    ("given", "left"),
+    [
+        ("motor.back_emf_constant@0=1~0.1", ["motor.back_emf_constant.factor@right"]),
+        ("motor.back_emf_constant=1~0.1", []),
+    ],
+)
+def test_what_is_given_takes_the_place_of_what_varies_by_default(given: str, left: list[str]) -> None:
+    parser = argparse.ArgumentParser()
+    configure(parser)
+    args = parser.parse_args(["program.py", "--vary", given])
+    names = [each.name for each in _factors(args, RobotConfig()) if each.effect == "motor.back_emf_constant"]
+    assert names == [*left, parse_factor(given).name]
 
 
 def test_a_few_matches_name_only_what_is_more_than_chance(capsys: pytest.CaptureFixture[str]) -> None:

@@ -315,6 +315,11 @@ def test_a_program_that_fails_on_the_nominal_robot_is_not_swept() -> None:
             r"bemf\.scale\.factor@0 is varied already, as bemf\.scale\.factor@left",
         ),
         ({"factors": (Factor("drive.wheel_radius", "factor", 1.0, 1.1, where="7"),)}, "where is '7'"),
+        (
+            {"factors": (parse_factor("light.ambient=0:1"),)},
+            r"light\.ambient: nothing would change, as robot\.toml has no tophat",
+        ),
+        ({"factors": (parse_factor("tophat.gain=1~0.1"),)}, r"tophat\.gain\.factor: nothing would change"),
         ({"start": (0.0, float("nan"), 0.0)}, r"start is \(0.0, nan, 0.0\): allowed are finite"),
         (
             {"start": (0.0, 0.9, 0.0)},

@@ -12,11 +12,11 @@ from raccoon.cli.numbers import check_seed, check_start
 from raccoon.cli.outputs import check_folders, check_recording
 from raccoon.cli.sweep.bar import Bar
 from raccoon.cli.sweep.report import print_report, print_row
-from raccoon.core.config import load_robot
+from raccoon.core.config import RobotConfig, load_robot
 from raccoon.core.errors import ConfigError
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world.table import World
-from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor
+from raccoon.sweep.factors import Factor, default_factors, fault_factors, parse_factor, place_of
 from raccoon.sweep.match import Match, play, seed_of
 from raccoon.sweep.program import Program
 from raccoon.sweep.runs import check_sweep, sweep, with_nominal_end
@@ -74,7 +74,7 @@ def match_of(args: argparse.Namespace) -> Match:
     match = Match(
         Program.read(args.program),
         robot,
-        _factors(args, () if args.only_varied else default_factors(robot)),
+        _factors(args, robot),
         chain=Chain() if args.plain_sensors else Chain.firmware(),
         imu_rate_hz=200.0 if args.plain_sensors else FIRMWARE_IMU_HZ,
         world=None if args.table is None else World.from_file(args.table),
@@ -107,15 +107,17 @@ def _check_numbers(args: argparse.Namespace) -> None:
         raise ConfigError(f"--faults {args.faults:g}: allowed are numbers from 0 to 1")
 
 
-def _factors(args: argparse.Namespace, usual: tuple[Factor, ...]) -> tuple[Factor, ...]:
+def _factors(args: argparse.Namespace, robot: RobotConfig) -> tuple[Factor, ...]:
+    usual = () if args.only_varied else default_factors(robot)
     given = [parse_factor(text) for text in args.vary]
     if args.faults:
         usual = (*usual, *fault_factors(args.faults))
+    own = {place_of(robot, each) for each in given}
     # One for both sides replaces those of each side.
-    own = {(each.effect, each.parameter, each.where) for each in given}
+    everywhere = {(each.effect, each.parameter) for each in given if each.where is None}
     kept = [
         each
         for each in usual
-        if not own & {(each.effect, each.parameter, each.where), (each.effect, each.parameter, None)}
+        if place_of(robot, each) not in own and (each.effect, each.parameter) not in everywhere
     ]
     return (*kept, *given)
