@@ -176,6 +176,8 @@ class _Rows:
         self._count = 0
         self._tick = 1.0
         self._beyond = DutiesBeyond()
+        self._unread: dict[str, str] = {}  # encodings of topics that are no JSON
+        self._numberless: dict[str, tuple[bytes, int]] = {}  # topics: a message without a number, how many
 
     def take(self, record: Any) -> None:
         from mcap.records import Channel, Header, Message, Metadata
@@ -187,6 +189,8 @@ class _Rows:
                 self._tick = self._worth(record.metadata)
             case Channel() if record.message_encoding == "json":
                 self._topics[record.id] = record.topic.lstrip("/")
+            case Channel():
+                self._unread[record.topic.lstrip("/")] = record.message_encoding
             case Message() if record.channel_id in self._topics:
                 self._message(self._topics[record.channel_id], record)
 
@@ -200,7 +204,8 @@ class _Rows:
         if isinstance(value, str) and topic == EVENT:
             self._texts.append((key, value))
         elif not (isinstance(value, int | float) and math.isfinite(value)):
-            self._report(f"topic {topic}: {message.data[:40]!r} has no number as value")
+            first, count = self._numberless.get(topic, (message.data[:40], 0))
+            self._numberless[topic] = first, count + 1
         else:
             self._number(topic, float(value), self._rows.setdefault(key, {}))
 
@@ -227,6 +232,13 @@ class _Rows:
         return worth
 
     def recording(self) -> Recording:
+        for topic, encoding in self._unread.items():
+            self._report(
+                f"topic {topic}: left out, its messages are {encoding or 'of no encoding'} and not json"
+            )
+        for topic, (data, count) in self._numberless.items():  # once: a topic of others may be all of that
+            others = f", and {count - 1} more of its messages" if count > 1 else ""
+            self._report(f"topic {topic}: {data!r} has no number as value{others}")
         self._beyond.check(len(self._rows))
         keys = sorted(self._rows.keys() | {key for key, _ in self._texts})
         if not keys:

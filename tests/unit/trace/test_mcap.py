@@ -134,6 +134,28 @@ def test_messages_without_a_number_are_reported(tmp_path: Path, data: bytes) -> 
     assert "topic b" in recording.problems[0]
 
 
+def test_a_topic_of_something_else_is_said_once(tmp_path: Path) -> None:
+    poses = [("pose", stamp, b'{"x": 1}') for stamp in range(300)]
+    path = foreign(
+        tmp_path / "x.mcap", [*poses, ("motor.0.duty", 400, b'{"value": 7}'), ("a", 5, b'{"value": 1}')]
+    )
+    assert read_mcap(path).problems == [
+        "topic motor.0.duty: 7: allowed are numbers from -1 to 1 and blank",
+        "topic pose: b'{\"x\": 1}' has no number as value, and 299 more of its messages",
+    ]
+
+
+def test_a_topic_that_is_no_json_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    with path.open("wb") as file:
+        writer = mcap_writer.Writer(file)
+        writer.start()
+        for topic, encoding, data in (("a", "json", b'{"value": 1}'), ("/scan", "cdr", b"\0\1")):
+            writer.add_message(writer.register_channel(topic, encoding, 0), 1, data, 1, 0)
+        writer.finish()
+    assert read_mcap(path).problems == ["topic scan: left out, its messages are cdr and not json"]
+
+
 def test_a_file_without_such_messages_is_refused(tmp_path: Path) -> None:
     with pytest.raises(TraceError, match="no JSON message"):
         read_mcap(foreign(tmp_path / "x.mcap", [("a", 1, b"\x00\x01")], "cdr"))
