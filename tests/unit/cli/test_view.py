@@ -55,6 +55,20 @@ def test_it_draws_an_animation(recording: Path, tmp_path: Path) -> None:
     assert target.read_bytes().startswith(b"GIF89a")
 
 
+@pytest.mark.parametrize(("speed", "most"), [("4", 600), ("0.5", 7)])
+def test_an_animation_is_as_fast_as_asked_for_however_many_frames_it_has(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, speed: str, most: int
+) -> None:
+    monkeypatch.setattr("raccoon.cli.view.drawing.MOST_FRAMES", most)
+    target = tmp_path / "drive.gif"
+    assert main(["view", str(recording), "-o", str(target), "--no-table", "--speed", speed]) == 0
+    from PIL import Image, ImageSequence
+
+    with Image.open(target) as animation:
+        seconds = sum(frame.info["duration"] for frame in ImageSequence.Iterator(animation)) / 1000
+    assert seconds == pytest.approx(2.0 / float(speed), rel=0.02)
+
+
 def test_how_far_and_how_long(recording: Path) -> None:
     drive = drive_of(recording)
     assert drive.seconds == 2.0

@@ -72,7 +72,8 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
     # Not matplotlib's writer: a Ctrl-C while it has no frame yet ends in an error of its own.
     first, *others = [draw(frame) for frame in range(count)]
     buffer = BytesIO()
-    duration = 1000 // FRAMES_A_SECOND
+    # In the hundredths of a second that a GIF counts in; longer where there are no more frames.
+    duration = 10 * max(2, round(100 * drive.seconds / speed / count))
     first.save(buffer, format="gif", save_all=True, append_images=others, duration=duration, loop=0)
     write_atomically(path, buffer.getvalue())
     return count
