@@ -81,13 +81,16 @@ def _play_missing(
     missing = [run for run in range(runs) if run not in kept.rows]
     if not missing:
         return
-    failed = sum(row["status"] != "ok" for row in kept.rows.values())
+    # A file may hold more matches than are wanted now.
+    played = runs - len(missing)
+    failed = sum(row["status"] != "ok" for run, row in kept.rows.items() if run < runs)
     with opened as crew:
         for _, row in run_all(partial(_one, match, seed), missing, crew, partial(_lost, match, seed)):
             kept.add(row)
+            played += 1
             failed += row["status"] != "ok"
             if progress is not None:
-                progress(len(kept.rows), runs, failed)
+                progress(played, runs, failed)
 
 
 def _crew(

@@ -86,6 +86,16 @@ def test_a_finished_sweep_is_not_played_again_and_can_be_made_longer(tmp_path: P
     assert len(read_results(out)) == 3
 
 
+def test_only_the_matches_that_are_wanted_are_counted(tmp_path: Path) -> None:
+    out = tmp_path / "r.csv"
+    sweep(tiny_match(), 4, executor=AtOnce(), out=out)
+    header, _, *others = out.read_text("utf-8").splitlines(keepends=True)
+    out.write_text("".join([header, *others]), encoding="utf-8")
+    seen: list[tuple[int, int, int]] = []
+    sweep(tiny_match(), 2, executor=AtOnce(), out=out, progress=lambda *counts: seen.append(counts))
+    assert seen == [(2, 2, 0)]
+
+
 def test_another_program_does_not_go_on_in_the_file(tmp_path: Path) -> None:
     out = tmp_path / "r.csv"
     sweep(tiny_match(), 1, executor=AtOnce(), out=out)
