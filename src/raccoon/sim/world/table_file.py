@@ -45,7 +45,10 @@ from raccoon.core.errors import ConfigError
 from raccoon.core.schema import finite, refuse_unknown, shown
 from raccoon.sim.world.table import Box, Light, Line, Point, Ramp, Thing, Wall, World, walls_around
 
-ARC_STEPS = 48  # straight pieces of a full circle
+ARC_STEPS = 48
+"""Straight pieces of a full circle, at least."""
+SAGITTA = 0.0005
+"""M by which a piece may be beside the arc."""
 _KEYS = ("name", "area", "walls", "start_box", "line", "wall", "object", "light", "ramp")
 
 
@@ -134,7 +137,8 @@ def _arc(entry: object, where: str) -> tuple[Point, ...]:
     if not 0.0 < abs(last - first) <= 360.0:
         raise ConfigError(f"{where}: from_deg {first:g} to to_deg {last:g}: allowed is up to one turn")
     begin, end = math.radians(first), math.radians(last)
-    steps = max(2, math.ceil(abs(end - begin) / (2 * math.pi) * ARC_STEPS))
+    piece = 2.0 * math.acos(max(0.0, 1.0 - SAGITTA / radius))
+    steps = max(2, math.ceil(abs(end - begin) / min(piece, math.tau / ARC_STEPS)))
     angles = [begin + (end - begin) * step / steps for step in range(steps + 1)]
     return tuple((x + radius * math.cos(angle), y + radius * math.sin(angle)) for angle in angles)
 

@@ -1,5 +1,6 @@
 """Tables on disk: the ones that ship, from any editor, and mistakes in a file are named."""
 
+import math
 import pickle
 import tomllib
 from dataclasses import replace
@@ -9,6 +10,7 @@ import pytest
 
 from raccoon.core.errors import ConfigError
 from raccoon.sim.world.table import World
+from raccoon.sim.world.table_file import parse_world
 
 TABLES = Path(__file__).resolve().parents[4] / "examples" / "tables"
 
@@ -31,6 +33,16 @@ def test_a_table_may_have_been_saved_by_a_windows_editor(tmp_path: Path) -> None
     table = next(TABLES.glob("*.toml"))
     (tmp_path / "table.toml").write_bytes("\ufeff".encode() + table.read_bytes())
     assert World.from_file(tmp_path / "table.toml") == World.from_file(table)
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.5, 2.0])
+def test_an_arc_is_round_to_half_a_millimetre(radius: float) -> None:
+    arc = {"centre": [0.3, -0.2], "radius": radius, "from_deg": 10, "to_deg": 100}
+    world = parse_world({"line": [{"arc": arc, "width": 0.02}]})
+    for degrees in range(11, 100):
+        angle = math.radians(degrees)
+        x, y = 0.3 + radius * math.cos(angle), -0.2 + radius * math.sin(angle)
+        assert world.line_distance(x, y) == pytest.approx(-0.01, abs=0.00051)
 
 
 def test_a_table_can_be_sent_to_other_processes() -> None:
