@@ -187,9 +187,9 @@ def _quiet() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before, sys.stdin = sys.stdin, io.StringIO()
+    before = sys.stdin
     try:
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        with open(os.devnull) as sys.stdin, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             yield
     finally:
         sys.stdin = before

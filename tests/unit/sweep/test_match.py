@@ -203,6 +203,8 @@ def test_nobody_answers_what_a_program_asks(monkeypatch: pytest.MonkeyPatch) -> 
     terminal = io.StringIO("yes\n")
     monkeypatch.setattr("sys.stdin", terminal)
     assert played("def mission(robot):\n    input('go on? ')\n")["reason"].startswith("EOFError: ")
+    asked = "import select, sys\nselect.select([sys.stdin], [], [], 0)\nmission = lambda robot: False\n"
+    assert played(asked)["reason"] == "mission returned False"
     assert sys.stdin is terminal
     assert terminal.read() == "yes\n"
 
