@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import math
-import os
-import sys
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -19,6 +15,7 @@ from raccoon.robot.opening import no_robot_opened, open_robot
 from raccoon.robot.robot import Robot
 from raccoon.sim.effects.chain import FIRMWARE_IMU_HZ, Chain
 from raccoon.sim.world.table import World
+from raccoon.sweep.apart import apart
 from raccoon.sweep.factors import LIGHT, Factor, nominal_values, refuse_idle, robot_with
 from raccoon.sweep.faults import KINDS, Broken, FaultyPort
 from raccoon.sweep.program import Mission, Program
@@ -167,71 +164,28 @@ def _play(match: Match, values: dict[str, float], seed: int, record: str | Path 
     port = WatchedPort(_simulated(match, values, seed), match.seconds)
     reason = ""
     try:
-        with wall_limit(match.real_seconds), _quiet(), _surroundings(), _chance_of(seed), no_robot_opened():
+        with wall_limit(match.real_seconds), apart(seed), no_robot_opened():
             mission = match.program.mission()
             reason = _drive(match, mission, port, record, seed)
     except MatchOver as over:
         reason = str(over)
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # asyncio's CancelledError and SystemExit are no Exception
         # What the library raises on purpose says what to do; a mistake of the program says hardly where.
         line = None if isinstance(error, RaccoonError) else match.program.line_of(error)
-        reason = f"{type(error).__name__}: {error}" + ("" if line is None else f" (line {line})")
+        reason = _said(error) + ("" if line is None else f" (line {line})")
     reason = reason if len(reason) <= MAX_REASON else f"{reason[: MAX_REASON - 3]}..."
     return _row(match, port, reason)
 
 
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """What a program prints is lost, and nobody answers it: `input` raises EOFError, in a worker as at a
-    terminal. Other threads share the standard streams, so there they are left alone."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = sys.stdin
+def _said(error: BaseException) -> str:
+    """Kind and text of an error; a program's own may fail to say its text."""
+    kind = type(error).__name__
     try:
-        with open(os.devnull) as sys.stdin, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-            yield
-    finally:
-        sys.stdin = before
-
-
-@contextmanager
-def _surroundings() -> Iterator[None]:
-    """Each match finds the folder and the environment that the first one found. Other threads share both, so
-    there they are left alone."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    folder, environment = Path.cwd(), dict(os.environ)
-    try:
-        yield
-    finally:
-        os.chdir(folder)
-        for name in os.environ.keys() - environment.keys():
-            del os.environ[name]
-        os.environ.update(environment)
-
-
-@contextmanager
-def _chance_of(seed: int) -> Iterator[None]:
-    """What a program draws from `random` and `numpy.random` follows from the match's seed, and a caller's
-    draws go on as if there had been no match. Other threads share both, so there they are left alone.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    import random
-
-    import numpy as np
-
-    before, before_numpy = random.getstate(), np.random.get_state()
-    random.seed(seed)
-    np.random.seed(seed % 2**32)
-    try:
-        yield
-    finally:
-        random.setstate(before)
-        np.random.set_state(before_numpy)
+        return f"{kind}: {error}".rstrip()
+    except Exception as failed:
+        return f"{kind}: its own text ended in {type(failed).__name__}"
 
 
 def _simulated(match: Match, values: dict[str, float], seed: int) -> Port:

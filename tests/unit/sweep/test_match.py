@@ -126,6 +126,11 @@ def test_a_program_of_no_known_encoding_is_named(tmp_path: Path) -> None:
         ("return False", "mission returned False"),
         ("raise SystemExit(3)", "SystemExit: 3 (line 4)"),
         ("raise RuntimeError('no ' * 100)", f"RuntimeError: {'no ' * 61}..."),
+        ("import asyncio; raise asyncio.CancelledError", "CancelledError: (line 4)"),
+        (
+            "raise type('Odd', (Exception,), {'__str__': lambda self: 1 / 0})",
+            "Odd: its own text ended in ZeroDivisionError (line 4)",
+        ),
         ("robot.run(wait(60))", "not done after 3 s"),
         (
             "\n    while True:\n        try: robot.run(wait(1))\n        except Exception: pass",
