@@ -88,8 +88,7 @@ class Action(Undone, Generic[T_co]):
                 nonlocal why
                 if robot.time - start <= seconds:
                     return True
-                # Before it is stopped.
-                why = "; ".join((robot.drive.complaint(), *robot.attachments.moving, *robot.blind))
+                why = "; ".join((robot.drive.complaint(), *robot.attachments.moving, *robot.blind))  # of now
                 return False
 
             done = yield from _while(self.start(robot), in_time)
