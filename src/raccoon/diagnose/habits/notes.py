@@ -60,9 +60,7 @@ def _less_sure(cause: CauseResult, share: float) -> CauseResult:
 def _of_the_firmware(firmware: Firmware) -> str:
     """What was taken as known."""
     if not firmware.wombat:
-        return (
-            f"the recording is of {firmware.name}: its filter is taken as it is, and that rows are its cycles"
-        )
+        return f"the recording is of {firmware.name}, whose filter is known; a row is taken for a cycle"
     zone = f", its dead zone of {firmware.dead_zone:g} counts" if firmware.dead_zone else ""
     return (
         f"the recording is of a Wombat with {firmware.name}: its filters, its clock, its pauses of "

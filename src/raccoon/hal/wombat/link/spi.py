@@ -23,11 +23,11 @@ class SpiLink:
     def __init__(self, device: str = SPI_DEVICE, speed_hz: int = SPEED_HZ) -> None:
         try:
             import spidev
-        except ImportError as error:
+        except ImportError:
             raise HardwareError(
                 f"the package spidev is missing: {install('wombat')}, or apt install python3-spidev;"
                 f" {NO_WOMBAT}"
-            ) from error
+            ) from None  # a laptop's traceback ends with what to write
         from raccoon.hal.wombat.link.lock import BusLock  # Linux alone; the emulator runs anywhere
 
         self._device = device
@@ -49,10 +49,10 @@ class SpiLink:
             self._spi.mode = 0
             self._spi.bits_per_word = 8
             self._spi.max_speed_hz = speed_hz
-        except FileNotFoundError as error:
+        except FileNotFoundError:
             raise HardwareError(
                 f"{device} does not exist: enable SPI (dtparam=spi=on in config.txt); {NO_WOMBAT}"
-            ) from error
+            ) from None
         except PermissionError as error:
             raise HardwareError(f"{device} is not permitted: add your user to the group spi") from error
         except OSError as error:
