@@ -77,8 +77,7 @@ def drive_problem(
     battery = robot.model.battery.internal_resistance.value if log.own_batteries else 0.0
     settings = starting_settings(robot, model) | encoder_settings(log)
     settings |= run_settings(len(log.runs), battery)
-    free = habits.chain.free_running and habits.firmware is None  # of a firmware counters tell, or a mean
-    settings |= age_settings() if free else {}
+    settings |= age_settings() if habits.any_moment else {}
     for each in own:
         settings |= {(each.id, None, name): value for name, value in each.neutral().items()}
     return Problem(
@@ -93,9 +92,10 @@ def drive_problem(
                 low_pass=habits.low_pass,
                 free_running=habits.chain.free_running,
                 wombat=habits.wombat,
+                any_moment=habits.any_moment,
             ),
             *encoder_coordinates(log),
-            *(age_coordinates() if free else ()),
+            *(age_coordinates() if habits.any_moment else ()),
             *run_coordinates(len(log.runs), battery),
         ),
         by_name,
@@ -187,7 +187,7 @@ def controller_of(
         by_row = cycle_by_row(log)
         if reads and not found.as_told and by_row == Chain().cycle:
             found = fit_of(_of_any_moment(found.habits)).instead_of(found, USUAL)
-        plain = replace(found.habits, chain=other)
+        plain = replace(found.habits, chain=other, any_moment=False)
         found = likelier(plain if slow is None else with_battery(plain, slow), found)
         if (once_a_row := with_cycle(found.habits, by_row)) != found.habits:
             found = better(once_a_row, found, USUAL)
@@ -202,7 +202,7 @@ def _of_any_moment(habits: Habits) -> Habits:
     """With samples of any moment of a row. It is asked for before another filter, which with a latency looks
     like it."""
     time = habits.chain.battery_time_constant
-    return replace(habits, chain=replace(FREE_RUNNING, battery_time_constant=time))
+    return replace(habits, chain=replace(FREE_RUNNING, battery_time_constant=time), any_moment=True)
 
 
 def _slow_battery(habits: Habits, loose: Callable[[Habits], Problem], point: Point) -> float | None:

@@ -89,8 +89,8 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
     wrong than when these were taken, lags of the catalogue explain about as much, and one of the gyro has the
     evidence that it needs.
 
-    Instead of a clock they must explain more: on robots with one they lack up to 8, and lead by 7 to 145
-    where there is none. (By 7 where samples that may be of any moment are the firmware's.)
+    Instead of a clock they must explain more: on robots with one they lack up to 8, and lead by 30 to 145
+    where there is none; by 7 where samples that may be of any moment are the firmware's.
     """
     active, clock = search.fit.point.active.keys(), habits.chain.free_running
     others = active - (_late(search) if clock else _of_the_gyro(search))  # a chip makes no command late
@@ -102,9 +102,11 @@ def as_lags_of_the_robot(search: Search, habits: Habits, under: Under) -> tuple[
         other = with_battery(
             replace(other, chain=with_driver_of(usual, habits.chain)), habits.chain.battery_time_constant
         )
+        other = replace(other, any_moment=False)
+    wanted = CLEARLY if not clock else -SMOOTH if habits.any_moment else -DOUBT
     problem = under(other)  # asked for in vain or not: without lags, the usual filter is far behind a clock
     fit = best_of(search, problem, _with_lags_instead(search, problem))
-    if lead(problem, search.fit, fit) < (-SMOOTH if clock else CLEARLY):
+    if lead(problem, search.fit, fit) < wanted:
         tell("going on with lags of the robot instead of its gyro's filter or its controller's clock")
         found = gone_on(_seen_from(search, problem, fit.point))
         if any(each.startswith(OF_THE_GYRO) for each in found.fit.point.active) or clock:

@@ -114,13 +114,14 @@ def base_coordinates(
     low_pass: bool = False,
     free_running: bool = False,
     wombat: bool = False,
+    any_moment: bool = False,
 ) -> tuple[Coordinate, ...]:
     """What robot.toml leaves open: one coordinate for each number with a standard deviation above 0.
 
     inside: standard deviations that a number may move. wheels: how they slide, of which it
     says nothing. low_pass: whether the gyro has one. free_running: whether the controller's cycle has a clock
     of its own. wombat: whether controller and gyro are known to be a Wombat's, whose own delays are likelier
-    than any fault.
+    than any fault. any_moment: whether when each motor is sampled is a number of its own.
     """
     model = robot.model
     return (
@@ -128,7 +129,7 @@ def base_coordinates(
         *_motors(robot, inside),
         *_friction(model, inside),
         *_sliding(wheels, inside),
-        *_delays(model, inside, free_running, wombat),
+        *_delays(model, inside, free_running, wombat, any_moment),
         *_gyro(robot, inside, low_pass, wombat),
         *_drive(model, inside),
     )
@@ -203,11 +204,13 @@ def _sliding(wheels: Wheels, inside: float) -> Iterator[Coordinate]:
         yield added(id_, None, "creep_tail", CREEP_TAIL, 0.0, 1.0 / CREEP_TAIL)
 
 
-def _delays(model: NominalModel, inside: float, free_running: bool, wombat: bool) -> Iterator[Coordinate]:
+def _delays(
+    model: NominalModel, inside: float, free_running: bool, wombat: bool, any_moment: bool
+) -> Iterator[Coordinate]:
     lag, delay = model.bemf.filter_time_constant, WOMBAT_LATENCY if wombat else LOOP_LATENCY
     if free_running:
         delay = math.hypot(delay, UNKNOWN_PHASE)
-        if wombat and lag.std > 0.0:
+        if lag.std > 0.0 and not any_moment:
             lag = replace(lag, std=math.hypot(lag.std, UNKNOWN_PHASE))
     for side in SIDES:  # one filter, and a sample whose moment in the cycle no document says to a millisecond
         yield from _plus("bemf.filter_lag", side, "time_constant", lag, inside)

@@ -70,7 +70,8 @@ class Habits:
     it does say, its rows decide), whether the command of a row was in force until then (past) instead of from
     then on, how wheels slide, and whether the gyro's chip smooths the turn rate (low_pass). swing: s in which
     commands swing, 0 where they do not; see `quality.swing`. firmware: the controller's, where the recording
-    names it; nothing of it is asked for then."""
+    names it; nothing of it is asked for then. any_moment: whether it may sample each motor at any moment of a
+    row, with which it is in step; a clock of its own is at any on average."""
 
     chain: Chain
     brake: bool
@@ -79,6 +80,7 @@ class Habits:
     low_pass: bool = False
     swing: float = 0.0
     firmware: Firmware | None = None
+    any_moment: bool = False
 
     @property
     def wombat(self) -> bool:

@@ -64,8 +64,7 @@ def test_a_clock_of_the_controllers_own_makes_commands_and_readings_as_late_as_a
         assert widths["actuation.latency", None] == pytest.approx(np.hypot(own, late), rel=1e-4)
         lag = ROBOT.model.bemf.filter_time_constant.std
         for side in SIDES:
-            beside = late if wombat else 0.0  # else when each motor is sampled is a number of its own
-            assert widths["bemf.filter_lag", side] == pytest.approx(np.hypot(lag, beside), rel=1e-4)
+            assert widths["bemf.filter_lag", side] == pytest.approx(np.hypot(lag, late), rel=1e-4)
 
 
 def test_friction_by_direction_does_not_change_with_the_friction(problem: Problem) -> None:
