@@ -18,6 +18,9 @@ from raccoon.estimate.drive.wiring import Wiring
 
 COARSE_GYRO = 0.008
 """s between gyro readings above which a turn may begin or end unseen between them."""
+KINKED = 0.15
+"""Of how far the rate bends from one reading to the next, deviation of its mean between them where they are
+coarse: where it peaks in between, its top is cut off. While it rises evenly nothing is."""
 SHARP = 30.0
 """rad/s2; what turns a robot more suddenly, as a wall does, begins or ends between two readings. When it did
 is known no better than they are apart (`DATED` in odometry)."""
@@ -64,7 +67,7 @@ class DriveReadings:
         lag = robot.model.bemf.filter_time_constant.value
         self.left, self.right = WheelTrack(lag), WheelTrack(lag)
         self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
-        self.rate = 0.0
+        self.rate = self._swing = 0.0  # rad/s, and rad/s2 since the reading before
         self.time = 0.0
         self._decoder = WheelDecoder(robot)
         self._latency = imu_latency
@@ -161,7 +164,7 @@ class DriveReadings:
         before = rate if watch.age > GYRO_TIMEOUT else self.rate
         age = min(watch.age, pending.span)
         if age > GYRO_TIMEOUT:  # what it reads now is no word about a time in which nobody looked
-            self.rate = rate
+            self.rate, self._swing = rate, 0.0
             watch.age = 0.0
             return True
         pending.turn += 0.5 * (before + rate) * age
@@ -169,9 +172,10 @@ class DriveReadings:
         pending.gyro_count += 1
         change = abs(rate - before)
         if age > COARSE_GYRO:
-            pending.gyro_kinks += (0.15 * change) ** 2
+            pending.gyro_kinks += (KINKED * abs(rate - before - self._swing * age)) ** 2
         elif change > SHARP * age:
             pending.gyro_sharp += (change - SHARP * age) * age
+        self._swing = (rate - before) / age if age > 0.0 else 0.0
         self.rate = rate
         watch.age = 0.0
         return True

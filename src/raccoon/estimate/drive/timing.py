@@ -20,7 +20,10 @@ SHAKEN = 0.15
 GYRO_SHAKEN = 0.02
 """Share of it by which the gyro's mean over a step may be off: readings lie a few ms beside their time."""
 LEAST_SHAKING = 0.5
-"""rad/s of half the wheels' difference, to and fro; in turns of the motions it is less."""
+"""rad/s of half the wheels' difference, to and fro; in turns of the motions, but of those that
+end as soon as they have begun, it is less."""
+REVERSAL = 0.2
+"""rad/s of it the other way, beyond noise, that count as one."""
 
 _DELAY = variance_index(State.GYRO_DELAY)
 
@@ -49,23 +52,38 @@ class Shaking:
     20 to 60 ms. Feed it every step of the filter.
 
     Gyro and wheels smooth and sample such a turn in their own ways. The one then reads a share less of it
-    than the other, step after step: to the filter that looks like a scale, and not like noise.
+    than the other, step after step: to the filter that looks like a scale, and not like noise. A turn that
+    ends as soon as it has begun goes up and down as well, but once: what its end tells is as good as what its
+    beginning told, and without it the delay between wheels and gyro would be taken for a scale.
     """
 
-    __slots__ = ("_down", "_half", "_up")
+    __slots__ = ("_down", "_end", "_half", "_quiet", "_reversals", "_up", "_way")
 
     def __init__(self) -> None:
         self._half = self._up = self._down = 0.0
+        self._end = self._way = self._quiet = 0.0
+        self._reversals = 0
 
     def update(self, span: float, left: float, right: float) -> float:
         """How much half the difference of the wheels' speeds (rad/s) has lately gone both up and down, beyond
-        what a turn does that begins and ends.
+        what a turn does that begins and ends; 0 where it did so once.
         """
         half, keep = 0.5 * (right - left), exp(-span / SHAKEN)
         change, self._half = half - self._half, half
         self._up = self._up * keep + max(change, 0.0)
         self._down = self._down * keep + max(-change, 0.0)
-        return max(0.0, min(self._up, self._down) - LEAST_SHAKING)
+        self._count(span, half)
+        return max(0.0, min(self._up, self._down) - LEAST_SHAKING) if self._reversals > 1 else 0.0
+
+    def _count(self, span: float, half: float) -> None:
+        """Count how often it went the other way since it was last steady."""
+        gone = half - self._end
+        self._quiet += span
+        if gone * self._way > 0.0 or abs(gone) > REVERSAL:
+            self._reversals += gone * self._way < 0.0
+            self._end, self._way, self._quiet = half, gone, 0.0
+        elif self._quiet > SHAKEN:
+            self._end, self._way, self._reversals = half, 0.0, 0
 
 
 def wheels_lead(flat: Flat, timing: float) -> tuple[float, float]:
