@@ -11,6 +11,9 @@ counter: no cycle that was missed is lost, and no tick's step is seen.
 
 from __future__ import annotations
 
+from raccoon.core.readings import BEMF_FROZEN_SECONDS
+from raccoon.estimate.drive.slip import RESTING_SPEED
+
 SHORTEST = 0.002
 """s between two readings; closer ones are the same reading twice."""
 COUNTER_PULL = 0.25
@@ -45,6 +48,8 @@ class WheelTrack:
         "_behind",
         "_filtered",
         "_moved",
+        "_repeated",
+        "_said",
         "_turned",
         "_went",
         "blind",
@@ -74,12 +79,15 @@ class WheelTrack:
         self.fine = False
         self.stuck = ""
         self._turned = self._moved = 0.0
+        self._said, self._repeated = 0.0, 0.0  # the last back-EMF, rad/s, and s for which it has been so
 
     def update(self, dt: float, speed: float | None, angle: float | None, unseen: float = 0.0) -> None:
         """Take one cycle of dt s: the filtered speed and the counter's increment, either may be absent.
 
         unseen: s of cycles before it in which nothing at all was read.
         """
+        if speed is not None and self._is_frozen(dt, speed):
+            speed = angle = None
         if (dt > GAP or max(unseen, self.silent) > HOLD) and not (speed is None and angle is None):
             self._bridge(dt, speed, angle)
             return
@@ -106,6 +114,17 @@ class WheelTrack:
             self._hold(dt)
             return
         self.silent = 0.0
+
+    def _is_frozen(self, dt: float, speed: float) -> bool:
+        """Whether the back-EMF is as dead as the counter: it says that the wheel turns, and has for long said
+        the very same, which noise changes in every one that works. (Made-up words may repeat themselves as
+        well, but their counter counts.)
+        """
+        if speed != self._said or abs(speed) < RESTING_SPEED:
+            self._said, self._repeated = speed, 0.0
+            return False
+        self._repeated += dt
+        return self.stuck == "counter" and self._repeated > BEMF_FROZEN_SECONDS
 
     def _bridge(self, dt: float, speed: float | None, angle: float | None) -> None:
         """Take the first words after a time in which there were none."""
