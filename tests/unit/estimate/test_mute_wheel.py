@@ -5,12 +5,10 @@ from dataclasses import replace
 import pytest
 
 from drive_traces import drive
-from raccoon import blocked, open_robot, spin
-from raccoon.core.config import MechanismConfig, RobotConfig
-from raccoon.core.readings import SIMULATOR, Fault, Inputs, Outputs, Status
+from raccoon.core.config import RobotConfig
+from raccoon.core.readings import Fault, Inputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
-from raccoon.robot.emulated import open_emulated
 
 AT, NOTICED = 2.5, 2.52
 ARM_DUTY = 0.5
@@ -69,54 +67,3 @@ def test_an_arm_at_its_end_says_nothing_of_the_wheels() -> None:
     estimate, _ = driven(0.18, 0.0, arm=ARM_DUTY)
     unharmed, _ = driven(0.18, 0.0, faulty=False)
     assert estimate.x_std == pytest.approx(unharmed.x_std, rel=0.01)
-
-
-def reasons(
-    duty: float, bemf: float, *, arm: float = 0.0, begun: float = 1.0, known: bool = True, cycles: int = 10
-) -> tuple[str, ...]:
-    """Of a robot whose port tells of a motor at fault for so many of the last 10 cycles of 10 ms.
-
-    duty: of both wheels, for `begun` s until then (known: whether anybody says so). bemf: counts that the
-    right one reads then, and the left one 500. arm: duty of another motor until the fault has gone.
-    """
-    odometry = Odometry(RobotConfig())
-    for cycle in range(-110, 11):
-        fault, driven = 0 < cycle <= cycles, duty if 0.01 * cycle > -begun else 0.0
-        beside = arm if cycle <= cycles else 0.0
-        words = (500.0, bemf, 0.0, 0.0) if driven else (0.0,) * 4
-        gyro = (0.0, 0.0, float(cycle % 2))
-        faults = (Fault.MOTOR_FAULT,) if fault else ()
-        inputs = Inputs(2.0 + 0.01 * cycle, SIMULATOR, words, gyro=gyro, faults=faults)
-        odometry.update(inputs, Outputs((driven, driven, beside, 0.0)) if known else None)
-    return odometry.estimate.reasons
-
-
-@pytest.mark.parametrize(
-    ("bemf", "given", "told"),
-    [
-        (0.0, {"duty": 0.8}, True),
-        (0.0, {"duty": 0.8, "arm": ARM_DUTY}, True),
-        (0.0, {"duty": 0.8, "known": False}, True),
-        (150.0, {"duty": 0.8}, True),  # slower than its power makes it, and nobody else can be
-        (500.0, {"duty": 0.8, "arm": ARM_DUTY}, False),
-        (500.0, {"duty": 0.8, "arm": ARM_DUTY, "cycles": 5}, False),
-        (500.0, {"duty": 0.8, "arm": ARM_DUTY, "cycles": 6}, False),
-        (0.0, {"duty": 0.0, "arm": ARM_DUTY}, False),
-        (0.0, {"duty": 0.8, "arm": ARM_DUTY, "begun": 0.1}, False),  # it may just start
-    ],
-)
-def test_a_motor_fault_is_a_doubt_where_it_may_be_of_a_wheel(
-    bemf: float, given: dict[str, float], told: bool
-) -> None:
-    assert ("port: motor_fault" in reasons(bemf=bemf, **given)) is told  # type: ignore[arg-type]
-
-
-def test_an_arm_homed_against_its_stop_is_no_doubt_about_the_pose() -> None:
-    """The next straight had the fault among its remarks."""
-    config = RobotConfig(mechanisms={"arm": MechanismConfig(motor=3)})
-    port = open_emulated(config)
-    port._link._board._plant.free_motors[3].stops = (-0.1, 1.0)  # type: ignore[attr-defined]
-    with open_robot(config, port=port) as robot:
-        robot.run(spin("arm", -1.5).until(blocked("arm")).timeout(3.0))
-        assert port.fault_counts[Fault.MOTOR_FAULT] > 0
-        assert (robot.estimate.status, robot.estimate.reasons) == (Status.OK, ())

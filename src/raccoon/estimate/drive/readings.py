@@ -217,12 +217,11 @@ class DriveReadings:
                 tell(f"the {side} {wheel.stuck} does not move", time)
         if inputs.faults:
             for fault in inputs.faults:
-                if fault is Fault.MOTOR_FAULT:
-                    self.pending.faulty = True  # whether it is a wheel's, `Touch` finds out
-                elif fault is not Fault.BEMF_INVALID or not self._moves_at_rest:
+                if fault is not Fault.BEMF_INVALID or not self._moves_at_rest:
                     tell(f"port: {fault.value}", time)
                 elif not self._explained:
                     tell(AT_REST, time)
+            self.pending.faulty = self.pending.faulty or Fault.MOTOR_FAULT in inputs.faults
 
 
 def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:

@@ -4,11 +4,10 @@ wheels carry. And which wheel reads nothing although its motor is driven.
 
 from __future__ import annotations
 
-import math
 from collections import deque
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import SIMULATOR, Device, Fault, Inputs, Outputs
+from raccoon.core.readings import SIMULATOR, Device, Inputs, Outputs
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.load import LoadWatch
 from raccoon.estimate.drive.readings import DriveReadings, Pending
@@ -26,11 +25,6 @@ DRIVEN = 0.25
 """Duty that turns any motor: one that reads nothing under less may be the one that is not at fault."""
 
 
-STARTS = 0.25
-"""s from rest in which a motor that is driven need not turn: a fault of then is another's."""
-MOTOR_FAULT = f"port: {Fault.MOTOR_FAULT.value}"
-
-
 class Touch:
     """Tells in the readings' reasons what it finds. Feed it every step of the filter."""
 
@@ -41,10 +35,7 @@ class Touch:
         self._half_radius = 0.5 * self._radius
         self._wheels_a_turn = DriveGeometry.from_robot(robot).track_width / self._radius
         self._ports = robot.drive.left, robot.drive.right
-        self.mute = (False, False)
-        self._since = [-math.inf, -math.inf]  # s, when a wheel was last not driven
-        self._turned = [False, False]  # whether it turned since
-        self._beside = False  # whether another motor was driven as the port last told of one at fault
+        self._driven = self.mute = (False, False)
         self._bump = BumpWatch()
         self._load = LoadWatch(robot, SIMULATOR)
         self._unseen = 0.0
@@ -58,18 +49,12 @@ class Touch:
     def drive(self, inputs: Inputs, command: Outputs | None) -> None:
         """A cycle, read while `command` was in force (None: not known)."""
         self._load.drive(inputs, command)
-        time, since = self._readings.time, self._since
-        if command is not None:
-            for side, port in enumerate(self._ports):
-                if -DRIVEN < command.duty[port] < DRIVEN:
-                    since[side], self._turned[side] = time, False
-        if inputs.faults and Fault.MOTOR_FAULT in inputs.faults:
-            duty = () if command is None else command.duty
-            self._beside = any(
-                abs(each) >= DRIVEN for port, each in enumerate(duty) if port not in self._ports
-            )
-        if time < since[0] or time < since[1]:  # it ran back
-            self._since = since = [min(each, time) for each in since]
+        left, right = self._ports
+        self._driven = (
+            (True, True)
+            if command is None
+            else (abs(command.duty[left]) >= DRIVEN, abs(command.duty[right]) >= DRIVEN)
+        )
 
     def interrupt(self, velocity: float) -> None:
         """Nobody looked for a while; the robot goes at `velocity` m/s now."""
@@ -112,22 +97,11 @@ class Touch:
         and the gyro and the other wheel tell how fast it turns. So nothing is taken of one that is mute
         alone; of two, the robot is blocked more likely. left, right: rad/s of the wheels, without offsets.
         """
-        before, stands = self.mute, (abs(left) < RESTING_SPEED, abs(right) < RESTING_SPEED)
-        driven = self._must_turn(0, stands[0]), self._must_turn(1, stands[1])
+        before, driven = self.mute, self._driven
         self.mute = (
-            (before[0] or (faulty and driven[0])) and stands[0],
-            (before[1] or (faulty and driven[1])) and stands[1],
+            (before[0] or (faulty and driven[0])) and abs(left) < RESTING_SPEED,
+            (before[1] or (faulty and driven[1])) and abs(right) < RESTING_SPEED,
         )
-        # A port does not say which motor it is. Beside an arm that is driven it is no wheel that turns.
-        if faulty and (any(self.mute) or (any(driven) and not self._beside)):
-            self._readings.reasons.tell(MOTOR_FAULT, self._readings.time)
-
-    def _must_turn(self, side: int, stands: bool) -> bool:
-        """Whether a wheel is driven, and has turned since it is or has had the time to."""
-        driven = self._readings.time - self._since[side]
-        if driven > 0.0 and not stands:
-            self._turned[side] = True
-        return self._turned[side] or driven > STARTS
 
     def rolls(self, span: float, left: float, right: float, turn: float | None) -> float:
         """M^2 that a step of `span` s adds to the doubt about the place, because a wheel is mute.
