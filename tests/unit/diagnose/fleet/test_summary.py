@@ -118,7 +118,7 @@ def test_the_page_counts_what_the_terminal_counts(tmp_path: Path, monkeypatch: p
     save_fleet_html(fleet_of(fleet), tmp_path / "fleet.html")
     page = (tmp_path / "fleet.html").read_text()
     assert ">5 of 10<" in page
-    assert "friction.coulomb@left: 5 of 10 recordings." in page
+    assert "Dry friction (left): 5 of 10 recordings." in page
 
 
 def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_path: Path) -> None:
