@@ -24,11 +24,6 @@ def watched(action: Action[Any], inputs: list[Inputs]) -> Action[Any]:
     return looking(action, look, f"watched {action.name}")
 
 
-def at_a_wall(held: float) -> str:
-    """What to add to the failure of a calibration whose drive a wall may have held for so many m."""
-    return "" if held == 0.0 else f"; the robot may have stood at a wall for {held:.2f} m of it"
-
-
 def driven(robot: Robot, action: Action[T]) -> T:
     """Do the drive of a calibration; a robot that cannot drive cannot be calibrated."""
     try:

@@ -14,8 +14,9 @@ from raccoon.core.files import near_program
 from raccoon.core.readings import Inputs
 from raccoon.robot.actions.actions import seq, wait
 from raccoon.robot.actions.limits import check_robot, check_way
-from raccoon.robot.calibration.drives import at_a_wall, driven, watched
+from raccoon.robot.calibration.drives import driven, watched
 from raccoon.robot.motions.driving import search
+from raccoon.robot.motions.pacing import at_a_wall
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:

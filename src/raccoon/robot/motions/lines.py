@@ -19,7 +19,7 @@ from raccoon.robot.actions.limits import (
 )
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.goals import turning
-from raccoon.robot.motions.pacing import MotionResult, reason
+from raccoon.robot.motions.pacing import MotionResult, at_a_wall, reason
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -130,8 +130,7 @@ def _no_line(
     places = max(met, key=lambda each: sum(place is not None for place in each))
     names = [name for name, place in zip((left, right), places, strict=True) if place is None]
     why = reason(robot, *map(robot.tophat, names))
-    wall = f"; it may have stood at a wall for {held:.2f} m of it" if held > 0.0 else ""
-    return f"no line at {' and '.join(names)} within {reach:g} m; {why}{wall}"
+    return f"no line at {' and '.join(names)} within {reach:g} m; {why}{at_a_wall(held, 'it')}"
 
 
 def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float]:

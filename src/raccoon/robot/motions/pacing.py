@@ -108,6 +108,11 @@ class HeldWay:
         return self.metres
 
 
+def at_a_wall(held: float, who: str = "the robot") -> str:
+    """What to add to an error of a drive that a wall may have held for so many m."""
+    return "" if held == 0.0 else f"; {who} may have stood at a wall for {held:.2f} m of it"
+
+
 class Pace:
     """Walks a profile in time, waiting for a robot that cannot keep up.
 
