@@ -18,12 +18,7 @@ from raccoon.diagnose.drives.features import Features, answered
 from raccoon.diagnose.drives.log import WHEELS, Log
 from raccoon.diagnose.drives.stops import brakes
 from raccoon.diagnose.fit.problem import Creep, Point, Problem
-from raccoon.diagnose.habits.chains import (
-    FREE_RUNNING,
-    USUAL_CHAINS,
-    reads_back_emf,
-    slowed_by_pauses,
-)
+from raccoon.diagnose.habits.chains import FREE_RUNNING, USUAL_CHAINS, reads_back_emf, slowed_by_pauses
 from raccoon.diagnose.habits.loose import ROUGHLY, Fitted, fitted, loosened, misfit, start_of
 from raccoon.diagnose.habits.lost import restored
 from raccoon.diagnose.hypotheses.coordinates import Cause, Settings, neutral_settings

@@ -154,7 +154,7 @@ class PlantRollout:
         for index, role in enumerate(self._roles):
             if role.startswith("speed_") and windows.any():
                 samples[:, index] = counted(self._time, samples[:, index], windows)
-            if role.startswith("bemf_"):
+            if role.startswith("bemf_") and self._habits.any_moment:
                 ages = np.array([each.get(AGE[role.removeprefix("bemf_")], 0.0) for each in variants])
                 samples[:, index] = aged(self._time, samples[:, index], ages)
         for index, (side, measured, flickers) in self._heard.items():
