@@ -5,10 +5,12 @@ from dataclasses import replace
 import pytest
 
 from drive_traces import drive
-from raccoon.core.config import RobotConfig
-from raccoon.core.readings import Fault, Inputs, Status
+from raccoon import blocked, open_robot, spin
+from raccoon.core.config import MechanismConfig, RobotConfig
+from raccoon.core.readings import SIMULATOR, Fault, Inputs, Outputs, Status
 from raccoon.estimate.drive.estimate import DriveEstimate
 from raccoon.estimate.drive.odometry import Odometry
+from raccoon.robot.emulated import open_emulated
 
 AT, NOTICED = 2.5, 2.52
 ARM_DUTY = 0.5
@@ -67,3 +69,46 @@ def test_an_arm_at_its_end_says_nothing_of_the_wheels() -> None:
     estimate, _ = driven(0.18, 0.0, arm=ARM_DUTY)
     unharmed, _ = driven(0.18, 0.0, faulty=False)
     assert estimate.x_std == pytest.approx(unharmed.x_std, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("duty", "arm", "volts", "told"),
+    [
+        (0.8, 0.0, 0.0, True),
+        (0.8, ARM_DUTY, 0.0, True),
+        (-0.8, ARM_DUTY, 0.0, True),
+        (0.8, ARM_DUTY, 1.5, True),  # less than a free motor's
+        (0.8, ARM_DUTY, -3.5, True),  # pushed back
+        (0.8, ARM_DUTY, None, True),
+        (None, ARM_DUTY, 3.5, True),  # nobody says what drives it
+        (0.8, ARM_DUTY, 3.5, False),
+        (-0.8, ARM_DUTY, -3.5, False),
+        (0.0, ARM_DUTY, 0.0, False),
+        (0.1, ARM_DUTY, 0.0, False),
+    ],
+)
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_motor_fault_is_a_doubt_where_it_may_be_that_of_a_wheel(
+    side: int, duty: float | None, arm: float, volts: float | None, told: bool
+) -> None:
+    """duty, volts: of one wheel, the other one is at rest (None: not known, not read)."""
+    odometry, word = Odometry(RobotConfig()), None if volts is None else volts / SIMULATOR.bemf_volts
+    bemf = (0.0, word, 0.0, 0.0) if side else (word, 0.0, 0.0, 0.0)
+    given = duty or 0.0
+    outputs = Outputs((0.0, given, arm, 0.0) if side else (given, 0.0, arm, 0.0))
+    command = None if duty is None else outputs
+    for time in (1.0, 1.01):
+        inputs = Inputs(time, SIMULATOR, bemf, gyro=(0.0, 0.0, time), faults=(Fault.MOTOR_FAULT,))
+        estimate = odometry.update(inputs, command)
+    assert ("port: motor_fault" in estimate.reasons) is told
+
+
+def test_an_arm_homed_against_its_stop_is_no_doubt_about_the_pose() -> None:
+    """The next straight had the fault among its remarks."""
+    config = RobotConfig(mechanisms={"arm": MechanismConfig(motor=3)})
+    port = open_emulated(config)
+    port._link._board._plant.free_motors[3].stops = (-0.1, 1.0)  # type: ignore[attr-defined]
+    with open_robot(config, port=port) as robot:
+        robot.run(spin("arm", -1.5).until(blocked("arm")).timeout(3.0))
+        assert port.fault_counts[Fault.MOTOR_FAULT] > 0
+        assert (robot.estimate.status, robot.estimate.reasons) == (Status.OK, ())

@@ -51,7 +51,7 @@ class Pending:
     """rad/s about the axis that the gyro read with them, summed too; above 0 the nose comes down."""
     force_count: int = 0
     faulty: bool = False
-    """Whether the port says that a motor is at fault."""
+    """Whether the port says that a motor is at fault, and it may be that of a wheel."""
 
 
 class DriveReadings:
@@ -60,7 +60,8 @@ class DriveReadings:
     imu_latency: s by which the gyro is later than the wheels. pending: what the filter has not taken yet.
     ahead: s and wheel angles (rad, nominal) that wait for a gyro reading of their time. time: s of the
     last cycle.
-    rate: rad/s, the gyro's last.
+    rate: rad/s, the gyro's last. at_fault: whether a motor's fault that the port tells of may be a
+    wheel's, in a cycle with faults.
     """
 
     def __init__(self, robot: RobotConfig, imu_latency: float) -> None:
@@ -69,6 +70,7 @@ class DriveReadings:
         self.gyro, self.reasons, self.wiring = GyroWatch(), Reasons(), Wiring()
         self.rate = self._swing = 0.0  # rad/s, and rad/s2 since the reading before
         self.time = 0.0
+        self.at_fault = False
         self._decoder = WheelDecoder(robot)
         self._latency = imu_latency
         self._unseen = 0.0
@@ -217,11 +219,13 @@ class DriveReadings:
                 tell(f"the {side} {wheel.stuck} does not move", time)
         if inputs.faults:
             for fault in inputs.faults:
+                if fault is Fault.MOTOR_FAULT and not self.at_fault:
+                    continue
                 if fault is not Fault.BEMF_INVALID or not self._moves_at_rest:
                     tell(f"port: {fault.value}", time)
                 elif not self._explained:
                     tell(AT_REST, time)
-            self.pending.faulty = self.pending.faulty or Fault.MOTOR_FAULT in inputs.faults
+            self.pending.faulty = self.pending.faulty or self.at_fault
 
 
 def _is_empty(reading: WheelReading, inputs: Inputs) -> bool:

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections import deque
 
 from raccoon.core.config import RobotConfig
-from raccoon.core.readings import SIMULATOR, Device, Inputs, Outputs
+from raccoon.core.readings import SIMULATOR, Device, Fault, Inputs, Outputs
 from raccoon.estimate.drive.estimate import HELD
 from raccoon.estimate.drive.load import LoadWatch
 from raccoon.estimate.drive.readings import DriveReadings, Pending
@@ -23,6 +23,9 @@ SPEEDS = 4
 """Steps of the filter, of which one is older than that."""
 DRIVEN = 0.25
 """Duty that turns any motor: one that reads nothing under less may be the one that is not at fault."""
+SLOW, LEAST_DUTY, USUAL_BATTERY = 0.4, 0.2, 6.6
+"""Share of the V that a duty gives a motor, from such a duty and of such a battery, that its back-EMF has
+where it turns freely. A port calls it at fault below 0.3, from a duty of 0.25."""
 
 
 class Touch:
@@ -50,6 +53,9 @@ class Touch:
         """A cycle, read while `command` was in force (None: not known)."""
         self._load.drive(inputs, command)
         left, right = self._ports
+        if inputs.faults:
+            slow = any(_is_slow(inputs, command, port) for port in self._ports)
+            self._readings.at_fault = slow and Fault.MOTOR_FAULT in inputs.faults
         self._driven = (
             (True, True)
             if command is None
@@ -139,3 +145,15 @@ class Touch:
     @property
     def _silent(self) -> bool:
         return max(self._left.silent, self._right.silent) > HOLD
+
+
+def _is_slow(inputs: Inputs, command: Outputs | None, port: int) -> bool:
+    """Whether the motor on `port` may be the one that is at fault, which no port says: it is driven, and does
+    not turn as it would. An arm at its stop is no doubt about the pose.
+    """
+    if command is None:
+        return True
+    duty, word = command.duty[port], inputs.bemf[port]
+    if -LEAST_DUTY < duty < LEAST_DUTY:
+        return False
+    return word is None or word * inputs.device.bemf_volts / duty < SLOW * USUAL_BATTERY
