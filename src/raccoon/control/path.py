@@ -136,9 +136,9 @@ def _pieces(points: list[Point], rounding: float) -> list[Piece]:
         if length - taken - cut > SHORTEST or not pieces:
             pieces.append(Piece(here, length - taken - cut, 0.0))
             here = here.ahead(length - taken - cut)
-        if bend and not cut:
+        if not cut:
             here = Pose(*points[index + 1], here.heading + bend)  # headings stay unwrapped
-        elif bend:
+        else:
             radius = cut / math.tan(0.5 * abs(bend))
             pieces.append(Piece(here, radius * abs(bend), math.copysign(1.0 / radius, bend)))
             here = here.along_arc(math.copysign(radius, bend), bend)

@@ -37,11 +37,7 @@ class Pid:
 
     def __init__(self, gains: PidGains) -> None:
         self.gains = gains
-        self.saturated = 0
-        """1 or -1 while the output is held at its upper or lower limit, else 0."""
-        self._integral = 0.0
-        self._derivative = 0.0
-        self._last: float | None = None
+        self.reset()
 
     @property
     def integral(self) -> float:
@@ -52,8 +48,9 @@ class Pid:
         """Forget the past; start with the given integral term."""
         self._integral = integral
         self._derivative = 0.0
-        self._last = None
+        self._last: float | None = None
         self.saturated = 0
+        """1 or -1 while the output is held at its upper or lower limit, else 0."""
 
     def step(
         self,

@@ -23,9 +23,10 @@ def test_a_corner_is_rounded_and_the_end_is_the_last_point() -> None:
 
 
 def test_a_rounding_that_does_not_fit_is_made_smaller() -> None:
-    path = Path([(0.0, 0.0), (0.1, 0.0), (0.1, 0.1), (0.5, 0.1)], rounding=1.0)
-    assert max(piece.curvature for piece in path.pieces) == pytest.approx(20.0)
-    assert (path.at(path.length).pose.x, path.at(path.length).pose.y) == pytest.approx((0.5, 0.1))
+    """Half of the shorter of its two sides is there for each corner."""
+    path = Path([(0.0, 0.0), (0.4, 0.0), (0.4, 0.1), (1.0, 0.1)], rounding=1.0)
+    assert [piece.curvature for piece in path.pieces if piece.curvature] == pytest.approx([20.0, -20.0])
+    assert (path.at(path.length).pose.x, path.at(path.length).pose.y) == pytest.approx((1.0, 0.1))
 
 
 def test_a_slight_kink_after_half_a_turn_keeps_the_heading_unwrapped() -> None:

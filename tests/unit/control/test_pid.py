@@ -27,6 +27,35 @@ def test_derivative_acts_on_the_measurement_only() -> None:
     assert pid.step(50.0, 0.2, 0.01, 0.0, 100.0) == pytest.approx(-20.0)
 
 
+def test_the_derivative_of_a_ramp_is_its_slope_behind_a_filter_of_the_first_order() -> None:
+    pid, slope, tau, dt = Pid(PidGains(kp=0.0, kd=2.0, derivative_time_constant=0.1)), 3.0, 0.1, 1e-3
+    for cycle in range(1, 301):
+        output = pid.step(0.0, 5.0 + slope * cycle * dt, dt, 0.0, 100.0)
+        assert output == pytest.approx(-2.0 * slope * (1.0 - math.exp(-(cycle - 1) * dt / tau)), abs=0.02)
+
+
+def test_a_reset_loop_is_a_new_one() -> None:
+    gains = PidGains(kp=1.0, ki=20.0, kd=0.5)
+    used, fresh = Pid(gains), Pid(gains)
+    for measurement in (0.0, 3.0, 7.0):
+        used.step(9.0, measurement, 0.005, 0.0, 1.0)
+    used.reset()
+    assert (used.saturated, used.integral) == (fresh.saturated, fresh.integral) == (0, 0.0)
+    for measurement in (1.0, 1.2):
+        assert used.step(2.0, measurement, 0.005, 0.0, 10.0) == fresh.step(2.0, measurement, 0.005, 0.0, 10.0)
+
+
+def test_nothing_integrates_against_a_limit_and_all_of_it_away_from_there() -> None:
+    pid = Pid(PidGains(kp=1.0, ki=0.1))
+    for error in (9.0, -9.0):
+        pid.step(error, 0.0, 0.005, 0.0, 1.0)
+        assert pid.integral == 0.0
+    pid.reset(5.0)
+    pid.step(-1.0, 0.0, 0.005, 0.0, 1.0)  # still above the limit, but on its way back
+    assert pid.saturated == 1
+    assert pid.integral == pytest.approx(5.0 - 0.1 * 0.005)
+
+
 def test_closed_loop_settles_without_error_on_a_motor_with_load() -> None:
     pid, speed = Pid(PidGains(kp=0.5, ki=10.0)), 0.0
     for _ in range(2000):

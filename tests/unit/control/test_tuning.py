@@ -42,11 +42,22 @@ def test_margins_of_a_loop_known_in_closed_form() -> None:
     assert found.gain == pytest.approx(math.pi / (2 * 10.0 * 0.02), rel=1e-2)
 
 
+def test_a_filtered_derivative_leads_by_what_its_filter_leaves() -> None:
+    # Behind lags T1 and T2, kd s / (tau s + 1) of a gain k crosses 1 twice; the second time far above all of
+    # them, where k kd / (T1 T2 tau) = w^2 and each lag has taken 90 deg of what s gave.
+    wheel = WheelModel(resistance=1.0, back_emf_constant=1.0, coulomb=0.0, viscous=0.0, inertia=0.1)
+    gains = PidGains(kp=0.0, kd=100.0, derivative_time_constant=0.2)
+    found = margins(gains, wheel, 0.1, 0.0)
+    assert found.crossover == pytest.approx(math.sqrt(100.0 / (0.1 * 0.1 * 0.2)), rel=5e-3)
+    assert found.phase == pytest.approx(0.0, abs=0.15)
+
+
 def test_the_delay_that_a_loop_bears_takes_all_of_its_phase() -> None:
     wheel = WheelModel(1.8, 1.08, 0.18, 0.004, 0.02)
     gains = speed_loop_gains(wheel, LAG, DEAD_TIME)
     bears = margins(gains, wheel, LAG, DEAD_TIME).delay
     assert margins(gains, wheel, LAG, DEAD_TIME + bears).phase == pytest.approx(0.0, abs=0.01)
+    assert margins(PidGains(kp=1e-6), wheel, LAG, DEAD_TIME).delay == math.inf  # it corrects nothing
 
 
 def test_the_gain_margin_is_where_the_loop_starts_to_oscillate() -> None:

@@ -1,5 +1,7 @@
 """The paper's voltage scaling, and the speed that the weakest battery can give."""
 
+import math
+
 import pytest
 
 from raccoon.control.feedforward import WheelModel
@@ -27,8 +29,9 @@ def test_an_impossible_battery_scales_by_one(voltage: float | None) -> None:
 
 
 def test_nonsense_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"reference is 1\.0 V"):
-        VoltageScaling(1.0)
+    for reference in (1.0, math.inf, math.nan):
+        with pytest.raises(ValueError, match=rf"reference is {reference} V"):
+            VoltageScaling(reference)
     with pytest.raises(ValueError, match=r"duty is 1\.5"):
         VoltageScaling(7.0).scaled(1.5, 6.6)
 

@@ -161,12 +161,15 @@ def test_a_robot_of_twice_its_weight_is_odd_on_both_sides() -> None:
 def test_too_little_to_go_by_is_no_verdict() -> None:
     state = replace(watched(WheelModel(2.7, 0.54, 0.18, 0.004, 0.02)), known=False)
     assert oddities(state, state) == ("", "")
+    heavy = replace(state, speed_factor=1.0)
+    assert oddities(heavy, watched(NOMINAL)) == oddities(watched(NOMINAL), heavy) == ("", "")
 
 
-def test_a_driven_wheel_that_stands_is_stalled_and_forgets_at_rest() -> None:
+@pytest.mark.parametrize("speed", [0.01, None])
+def test_a_driven_wheel_that_stands_or_is_mute_is_stalled_and_forgets_at_rest(speed: float | None) -> None:
     watch = WheelWatch(NOMINAL)
     for _ in range(100):
-        watch.update(3.0, 0.01, 0.005)
+        watch.update(3.0, speed, 0.005)
     assert watch.stalled
     watch.rest()
     assert not watch.stalled

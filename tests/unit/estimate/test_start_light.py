@@ -287,6 +287,32 @@ def replies(readings: np.ndarray, light: StartLight) -> list[StartLightReading]:
     return [light.update(index / RATE, float(counts)) for index, counts in enumerate(readings)]
 
 
+@pytest.mark.parametrize("seconds", [0.6, 10.0])
+def test_the_threshold_is_eight_deviations_of_the_noise_below_the_light(seconds: float) -> None:
+    """Both by what the first half of a second tells of the noise, and where it is another one since."""
+    rng = np.random.default_rng(2)
+    sd = np.where(np.arange(round(seconds * RATE)) < RATE, 50.0, 90.0)
+    told = replies(
+        3000.0 + sd * rng.standard_normal(len(sd)), StartLight(StartLightCalibration(3000.0, 2950.0))
+    )
+    assert told[-1].threshold == pytest.approx(3000.0 - 8.0 * sd[-1], abs=120.0)
+    assert told[-1].status is Status.UNCERTAIN  # it is above neither
+
+
+def test_a_lamp_that_was_not_shown_takes_35_percent_of_the_reading() -> None:
+    assert replies(np.full(200, 3000.0), StartLight())[-1].threshold == pytest.approx(0.65 * 3000.0)
+
+
+def test_the_ambient_light_is_learnt_within_half_a_second_and_in_a_pause() -> None:
+    light, time = StartLight(), 0.0
+    for counts, seconds in ((3000.0, 1.0), (3400.0, 0.5)):
+        for _ in range(round(seconds * RATE)):
+            time += 1.0 / RATE
+            ambient = light.update(time, counts).ambient
+    assert ambient == pytest.approx(3400.0 - 400.0 * math.exp(-1.0), abs=2.0)
+    assert light.update(time + 3.0, 3200.0).ambient == 3200.0
+
+
 def test_light_that_stays_and_is_no_lamp_is_refused_once() -> None:
     time = times(RATE, seconds=LAMP_ON + 3.0)
     slow = level(3000.0, 500.0, np.clip((time - LAMP_ON) / 0.7, 0, 1))

@@ -1,5 +1,6 @@
 """The cluster calibrator, on readings made here: nothing is shared with the code under test."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.estimate.tophat import Verdict, calibrate, calibrate_two_phase
+from raccoon.estimate.tophat.calibration import Surface, believed, best_threshold
 from raccoon.estimate.tophat.quality import restless
 
 PAPER = [(180, 2930), (50, 170), (1270, 3800), (140, 250), (1830, 3810), (50, 130), (3440, 4030), (130, 220)]
@@ -34,6 +36,65 @@ def test_accepts_every_condition_of_the_paper(white: float, black: float) -> Non
     low, high = found.probability_black([white, black])
     assert low < 0.001
     assert high > 0.999
+
+
+def density(counts: float, surface: Surface) -> float:
+    return math.exp(-0.5 * ((counts - surface.mean) / surface.sd) ** 2) / surface.sd
+
+
+@pytest.mark.parametrize("white_sd", [30.0, 60.0, 200.0])
+@pytest.mark.parametrize("black_sd", [30.0, 59.9, 60.0, 200.0])
+def test_the_best_threshold_is_where_the_densities_cross(white_sd: float, black_sd: float) -> None:
+    white, black = Surface(1000.0, white_sd, 100), Surface(1700.0, black_sd, 100)
+    threshold = best_threshold(white, black)
+    assert white.mean < threshold < black.mean
+    assert density(threshold, white) == pytest.approx(density(threshold, black))
+
+
+@pytest.mark.parametrize(("white_sd", "black_sd"), [(10.0, 300.0), (300.0, 10.0)])
+def test_densities_that_do_not_cross_between_their_means_are_cut_as_far_from_both(
+    white_sd: float, black_sd: float
+) -> None:
+    white, black = Surface(1000.0, white_sd, 100), Surface(1015.0, black_sd, 100)
+    threshold = best_threshold(white, black)
+    assert (threshold - white.mean) / white_sd == pytest.approx((black.mean - threshold) / black_sd)
+
+
+@pytest.mark.parametrize(("white_sd", "black_sd"), [(20.0, 20.0), (20.0, 40.0), (40.0, 20.0)])
+def test_the_odds_of_black_are_those_of_the_densities_around_the_threshold(
+    white_sd: float, black_sd: float
+) -> None:
+    white, black = Surface(1000.0, white_sd, 100), Surface(1100.0, black_sd, 100)
+    found = believed(Verdict.OK, "", white, black, 0.5)
+    assert found.threshold is not None
+    assert found.probability_black(found.threshold) == pytest.approx(0.5)
+    for counts in (1010.0, 1090.0):
+        black_odds = [density(each, black) / density(each, white) for each in (counts, found.threshold)]
+        probability = float(found.probability_black(counts))
+        assert probability / (1.0 - probability) == pytest.approx(black_odds[0] / black_odds[1])
+
+
+@pytest.mark.parametrize(
+    ("white", "black", "threshold"),
+    [
+        (Surface(1000.0, 10.0, 9), Surface(3000.0, 10.0, 9), 1500.0),  # light 3.095 and 0.365, half is 1.73
+        (Surface(1000.0, 100.0, 9), Surface(3000.0, 10.0, 9), 1600.0),
+        (Surface(1000.0, 10.0, 9), Surface(3000.0, 300.0, 9), 1200.0),
+    ],
+)
+def test_the_threshold_is_where_half_of_the_spot_is_black_but_six_deviations_from_both(
+    white: Surface, black: Surface, threshold: float
+) -> None:
+    found = believed(Verdict.OK, "", white, black, 0.5)
+    assert found.threshold == pytest.approx(threshold)
+    assert (found.low, found.high) == pytest.approx(
+        (threshold - 1.5 * white.sd, threshold + 1.5 * black.sd), rel=1e-12
+    )
+
+
+def test_the_band_leaves_most_of_the_way_to_each_surface_outside() -> None:
+    found = believed(Verdict.WEAK, "", Surface(1000.0, 50.0, 9), Surface(1200.0, 50.0, 9), 0.5)
+    assert (found.low, found.threshold, found.high) == pytest.approx((1060.0, 1100.0, 1140.0))
 
 
 def test_separation_share_and_error_are_those_of_the_data() -> None:

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -5,6 +7,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import CalibrationError, ConfigError
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import Tophat, TophatCalibration, TophatReading, Verdict, calibrate
+from raccoon.estimate.tophat.calibration import Surface
 
 RATE = 200.0
 
@@ -37,8 +40,10 @@ def test_a_floor_at_the_bottom_of_the_converter_is_white() -> None:
         assert readings[58].black is True
 
 
-def test_one_spike_changes_nothing() -> None:
-    readings = run(Tophat(calibration()), [180.0] * 10 + [2930.0] + [180.0] * 10)
+@pytest.mark.parametrize("spikes", [[2930.0], [2930.0, 180.0, 180.0, 180.0] * 5])
+@pytest.mark.parametrize("before", [1, 10])
+def test_spikes_that_stand_alone_change_nothing(spikes: list[float], before: int) -> None:
+    readings = run(Tophat(calibration()), [180.0] * before + spikes + [180.0] * 10)
     assert not any(reading.black for reading in readings)
     assert not any(reading.edge for reading in readings)
 
@@ -74,6 +79,31 @@ def test_darkness_is_a_probability() -> None:
     assert darkness[2] == pytest.approx(0.5, abs=0.01)
     assert darkness[3] > 1 - 1e-6
     assert darkness[4] > 1 - 1e-6
+
+
+def test_darkness_is_that_of_two_normal_densities_of_one_spread() -> None:
+    """Log odds of (black - white) (counts - middle) / sd^2."""
+    found = TophatCalibration(
+        Verdict.OK, "", Surface(1000.0, 40.0, 99), Surface(1200.0, 40.0, 99), 1100.0, 1060.0, 1140.0
+    )
+    for counts in (1040.0, 1090.0, 1150.0):
+        odds = 200.0 * (counts - 1100.0) / 40.0**2
+        darkness = Tophat(found, adapt=False).update(0.0, counts).darkness
+        assert darkness == pytest.approx(1.0 / (1.0 + math.exp(-odds)), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("counts", "other"), [(180.0 - 15.0, False), (180.0 - 45.0, True), (2930.0 + 30.0, False), (3020.0, True)]
+)
+def test_what_neither_surface_s_noise_reaches_is_other_light(counts: float, other: bool) -> None:
+    """4.5 deviations are 18 counts on white and 36 on black."""
+    tophat = Tophat(calibration(), adapt=False)
+    for reading in (counts, counts, counts, counts):
+        assert not tophat.other_light
+        run(tophat, [reading])
+    assert tophat.other_light is other
+    run(tophat, [180.0])
+    assert not tophat.other_light
 
 
 def test_missing_reading_is_not_a_reading() -> None:

@@ -55,3 +55,12 @@ def test_a_voltage_follows_a_load_with_its_time_constant() -> None:
     for cycle in range(1, 101):
         battery.update(0.001 * cycle, 6.0)
     assert battery.voltage == pytest.approx(6.0 + math.exp(-1.0), abs=0.003)
+
+
+def test_a_voltage_after_a_pause_is_the_new_one_and_before_a_reading_there_is_none() -> None:
+    battery = BatteryVoltage()
+    battery.update(0.0, None)
+    assert battery.voltage is None
+    for time, volts in ((0.1, 7.0), (5.1, 6.0)):
+        battery.update(time, volts)
+        assert battery.voltage == volts

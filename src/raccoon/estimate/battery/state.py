@@ -93,9 +93,7 @@ class PackState:
         self._windows += 1
         self._least, self._most = min(self._least, current), max(self._most, current)
         (a, b), (_, d) = self._covariance
-        a = min(
-            25.0, a * (1.0 + 1.0 / MEMORY)
-        )  # the open-circuit voltage wanders, the resistance hardly does
+        a *= 1.0 + 1.0 / MEMORY  # the open-circuit voltage wanders, the resistance hardly does
         gain = (a - b * current, b - d * current)
         total = self._variance + gain[0] - gain[1] * current
         off = voltage - (self._open - self._resistance * current)

@@ -128,15 +128,13 @@ def best_threshold(white: Surface, black: Surface) -> float:
     gap = black.mean - white.mean
     balanced = white.mean + gap * white.sd / (white.sd + black.sd)
     if abs(a) * gap < 1e-9 * abs(b):
-        roots = [-c / b]
+        root = -c / b
     else:
         under = b * b - 4.0 * a * c
         if under < 0.0:
             return balanced
-        half = math.sqrt(under)
-        roots = [(-b + half) / (2.0 * a), (-b - half) / (2.0 * a)]
-    between = [root for root in roots if white.mean < root < black.mean]
-    return between[0] if between else balanced
+        root = (-b + math.sqrt(under)) / (2.0 * a)  # the other one lies beyond the mean of the narrower
+    return root if white.mean < root < black.mean else balanced
 
 
 def half_covered(white: Surface, black: Surface) -> float | None:
