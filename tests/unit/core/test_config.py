@@ -83,6 +83,7 @@ def test_an_empty_file_is_the_default_robot(tmp_path: Path) -> None:
             r"motion.spead: there is no such key; did you mean speed\?; allowed are speed,",
         ),
         ("[drive]\nleft = 4", r"drive.left = 4: allowed are the ports 0 to 3"),
+        ("[drive]\nleft = 0.5", r"drive.left = 0.5: allowed are the ports 0 to 3"),
         ("[drive]\nleft = true", r"drive.left = True: allowed are the ports"),
         ("[drive]\nleft = 1", r"drive.left and drive.right are both motor port 1"),
         ("[motor.4]\ninverted = true", r"motor.4: allowed are the ports 0 to 3"),

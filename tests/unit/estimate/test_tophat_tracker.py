@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from raccoon.core.readings import Status
-from raccoon.estimate.tophat import Tophat, TophatGroup, calibrate
+from raccoon.estimate.tophat import Tophat, TophatGroup, Verdict, calibrate
+from raccoon.estimate.tophat.calibration import Surface, believed, half_covered
+from raccoon.estimate.tophat.levels import Levels
 from raccoon.estimate.tophat.sensor import explanations
 
 RATE = 200.0
@@ -129,3 +131,29 @@ def test_sensor_is_recognised(white: float, black: float, generation: str, heigh
 
 def test_far_old_sensor_may_be_a_near_new_one() -> None:
     assert {each.generation for each in explanations(1830, 3810)} == {"old", "new"}
+
+
+@pytest.mark.parametrize("black", [(3000.0, 10.0), (3000.0, 300.0), (1200.0, 50.0), (1200.0, 20.0)])
+@pytest.mark.parametrize("white_sd", [10.0, 50.0, 100.0])
+def test_threshold_and_band_are_where_a_calibration_puts_them(
+    white_sd: float, black: tuple[float, float]
+) -> None:
+    """Where the surfaces are near each other: as many deviations from one as from the other."""
+    white, dark = Surface(1000.0, white_sd, 400), Surface(*black, 400)
+    levels, told = Levels(white, dark), believed(Verdict.OK, "", white, dark, 0.5)
+    threshold = told.threshold
+    if half_covered(white, dark) is None:
+        threshold = 1000.0 + (dark.mean - 1000.0) * white_sd / (white_sd + dark.sd)
+    assert levels.threshold == pytest.approx(threshold, abs=1.5)
+    low = max(levels.threshold - 1.5 * white_sd, 1000.0 + 0.6 * (levels.threshold - 1000.0))
+    high = min(levels.threshold + 1.5 * dark.sd, dark.mean - 0.6 * (dark.mean - levels.threshold))
+    assert (levels.low, levels.high) == pytest.approx((low, high), abs=1.0)
+
+
+def test_two_readings_that_are_hardly_apart_are_not_taken_for_two_surfaces() -> None:
+    levels = Levels(Surface(140.0, 3.0, 400), Surface(250.0, 3.0, 400))
+    before = levels.threshold
+    assert not levels.relearn(20.0, 29.0)
+    assert levels.threshold == before
+    assert levels.relearn(20.0, 40.0)
+    assert (levels.white, levels.black) == pytest.approx((20.0, 40.0))

@@ -8,7 +8,7 @@ import pytest
 from raccoon.core.errors import TraceError
 from raccoon.core.readings import SI_WORDS, SIMULATOR, Fault, Inputs, Outputs, Truth
 from raccoon.trace.columns import cycles_of, inputs_of, recording_of, trace_of
-from raccoon.trace.format import Event, Tick, Trace, read_trace
+from raccoon.trace.format import Damage, Event, Tick, Trace, read_trace
 from raccoon.trace.header import Header
 from raccoon.trace.recording import Recording
 from raccoon.trace.replay import ReplayPort
@@ -50,13 +50,17 @@ def test_a_recorded_run_gives_the_same_readings_in_si(tmp_path: Path) -> None:
         assert inputs.battery_voltage == tick.inputs.battery_voltage
         assert (inputs.bemf, inputs.position) == (tick.inputs.bemf, tick.inputs.position)
     np.testing.assert_array_equal(recording["estimate.pose.1"], [number / 7 for number in range(5)])
+    assert recording.problems == []
+    told = recording_of(replace(trace, damage=Damage(9, 7, "cut off"))).problems
+    assert told == ["line 9, tick 7: cut off"]
 
 
 def test_columns_survive_a_trip_through_cycles() -> None:
     columns = {
         "t": T, "motor.0.bemf": [1.5, np.nan], "motor.1.duty": [0.1, -1.0], "motor.7.bemf": [1.0, 2.0],
         "imu.gyro.z": [np.nan, 0.3], "digital.9": [1.0, 0.0], "depth": [np.nan, 4.0],
-        "fault.torn": [1.0, np.nan],
+        "fault.torn": [1.0, np.nan], "truth.x": [0.5, 0.6], "truth.y": [-0.5, 0.0], "truth.heading": [7.0, 7.1],
+        "truth.surface.2": [np.nan, 1.0],
     }  # fmt: skip
     recording = Recording({name: np.array(column) for name, column in columns.items()})
     back = recording_of(trace_of(recording))
@@ -68,7 +72,7 @@ def test_an_absent_reading_is_none_and_never_zero() -> None:
     columns = {"t": T, "motor.0.bemf": np.array([np.nan, 2.0]), "imu.gyro.z": np.array([0.5, np.nan])}
     first, second = inputs_of(Recording(columns))
     assert first.bemf == (None,) * 4
-    assert first.gyro == (0.0, 0.0, 0.5)
+    assert (first.gyro, first.accel) == ((0.0, 0.0, 0.5), None)
     assert (second.gyro, second.battery, second.truth, second.extra) == (None, None, None, None)
     assert second.bemf[0] == 2.0
     assert first.device == SI_WORDS
