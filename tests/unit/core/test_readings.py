@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from raccoon.core.readings import BEMF_VOLTS_PER_COUNT, SIMULATOR, STOP, Fault, Inputs, Outputs, quick_inputs
+from raccoon.core.readings import SIMULATOR, STOP, Fault, Inputs, Outputs, quick_inputs
 
 
 @pytest.mark.parametrize("duty", [1.01, -1.01, math.nan, math.inf])
@@ -36,7 +36,7 @@ def test_conversions_follow_the_device() -> None:
     # Worked reply of the stock firmware: 748 counts are 6.629 V by the divider, 738 are 45.0 deg/s.
     assert inputs.battery_voltage == pytest.approx(6.629, abs=5e-4)
     assert inputs.turn_rate == pytest.approx(math.radians(45.0), rel=1e-9)
-    assert 1.0 / BEMF_VOLTS_PER_COUNT == pytest.approx(303.4, abs=0.05)  # counts a volt at the motor
+    assert SIMULATOR.bemf_volts * 303.4 == pytest.approx(1.0, rel=1e-4)  # V at the motor
 
 
 def test_absent_readings_stay_absent() -> None:

@@ -31,6 +31,23 @@ def test_line_gives_two_edges() -> None:
     assert all(reading.status is Status.OK for reading in readings)
 
 
+def test_black_as_far_as_no_line_is_wide_may_be_less_light_and_many_lines_are_not() -> None:
+    tophat = Tophat(calibration())
+    for _ in range(30):
+        assert {each.status for each in run(tophat, [180.0] * 20 + [2930.0] * 12)} == {Status.OK}
+    told = [each.status for each in run(tophat, [2930.0] * 120)]  # 1.2 mm a reading
+    assert told[100] is Status.OK
+    assert told[-1] is Status.UNCERTAIN
+
+
+def test_a_sensor_that_stands_half_on_a_line_is_in_no_doubt() -> None:
+    tophat = Tophat(calibration())
+    run(tophat, [180.0] * 20)
+    for index in range(100):
+        reading = tophat.update(0.1 + index / RATE, 400.0 + index % 2, way=0.0)
+        assert (reading.status, tophat.levels.in_doubt) == (Status.OK, False)
+
+
 def test_a_floor_at_the_bottom_of_the_converter_is_white() -> None:
     found = calibrate([0.0] * 80 + [3000.0] * 20 + [0.0] * 80)
     for adapt in (True, False):

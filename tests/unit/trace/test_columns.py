@@ -59,8 +59,8 @@ def test_columns_survive_a_trip_through_cycles() -> None:
     columns = {
         "t": T, "motor.0.bemf": [1.5, np.nan], "motor.1.duty": [0.1, -1.0], "motor.7.bemf": [1.0, 2.0],
         "imu.gyro.z": [np.nan, 0.3], "digital.9": [1.0, 0.0], "depth": [np.nan, 4.0],
-        "fault.torn": [1.0, np.nan], "truth.x": [0.5, 0.6], "truth.y": [-0.5, 0.0], "truth.heading": [7.0, 7.1],
-        "truth.surface.2": [np.nan, 1.0],
+        "fault.torn": [1.0, np.nan], "truth.x": [0.5, 0.6], "truth.y": [-0.5, 0.0],
+        "truth.heading": [7.0, 7.1], "truth.surface.2": [np.nan, 1.0],
     }  # fmt: skip
     recording = Recording({name: np.array(column) for name, column in columns.items()})
     back = recording_of(trace_of(recording))
