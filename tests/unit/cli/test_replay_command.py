@@ -275,6 +275,8 @@ def test_a_straight_drive_is_no_strip_that_its_legend_hides(recorded: Path) -> N
     (low, high), (left, right) = axes.get_ylim(), axes.get_xlim()
     assert (high - low) / (right - left) == pytest.approx(box.height / box.width)  # a turn looks as it is
     assert axes.get_title().startswith("run.jsonl.gz\noff by 0.")
+    truth, odometry, *_ = axes.get_lines()
+    assert truth.get_linewidth() > 3.0 * odometry.get_linewidth()  # or the one would hide the other
 
 
 def test_bad_arguments_are_named(recorded: Path, tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from matplotlib.path import Path as Path2D
 
 from raccoon import open_robot, straight, wait
 from raccoon.cli.main import main
-from raccoon.cli.view.drawing import _extent, _outline, _strip
+from raccoon.cli.view.drawing import _extent, _outline, _strip, _table, _trails
 from raccoon.cli.view.drive import drive_of
 from raccoon.core.config import BodyConfig, ControllerConfig, RobotConfig
 from raccoon.core.errors import TraceError
@@ -53,6 +53,13 @@ def test_it_draws_an_animation(recording: Path, tmp_path: Path) -> None:
     target = tmp_path / "drive.gif"
     assert main(["view", str(recording), "-o", str(target), "--no-table"]) == 0
     assert target.read_bytes().startswith(b"GIF89a")
+
+
+def test_an_animation_says_which_path_is_which(recording: Path) -> None:
+    drive = drive_of(recording)
+    _, axes = _table(World(), drive)
+    _trails(axes, drive)
+    assert [each.get_text() for each in axes.get_legend().get_texts()] == ["truth"]
 
 
 @pytest.mark.parametrize(("speed", "most"), [("4", 600), ("0.5", 7)])

@@ -23,7 +23,7 @@ Results = list[tuple[Trial, Outcome, Outcome]]
 
 def draw(results: Results, path: Path) -> None:
     """Two panels over the same field, open loop left, closed loop right, and the mark from near by."""
-    figure = Figure(figsize=(12.0, 5.2), layout="constrained")
+    figure = Figure(figsize=(12.0, 4.6), layout="constrained")
     FigureCanvasAgg(figure)
     opened, closed = figure.subplots(1, 2, sharex=True, sharey=True)
     _field(opened, [(trial, outcome) for trial, outcome, _ in results], "by time, at full power")

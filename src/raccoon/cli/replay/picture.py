@@ -40,7 +40,7 @@ def _draw_one(axes: Axes, drive: Drive) -> None:
     title = drive.run.name
     if drive.error is not None:
         true_x, true_y, _ = field_truth(drive.run.recording)
-        axes.plot(true_x, true_y, color="0.2", linewidth=1.0, label="truth")
+        axes.plot(true_x, true_y, color="0.7", linewidth=4.0, label="truth")  # to be seen below the odometry
         title += (
             f"\noff by {1000 * drive.error.rms:.1f} mm (rms), {1000 * drive.error.final:.1f} mm at the end"
         )

@@ -29,18 +29,19 @@ def write_picture(drive: Drive, world: World, path: Path) -> None:
         trail.set_data(which.x, which.y)
     _robot(axes, drive, 0, filled=False)
     _robot(axes, drive, -1, filled=True)
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize=7)
     _save(figure, path)
 
 
 def _trails(axes: Any, drive: Drive) -> list[tuple[Path2, Any]]:
-    """An empty trail for each path there is: where the robot was, and where it believed to be."""
+    """An empty trail for where the robot was, one for where it believed to be, and which is which."""
     kinds = ((drive.truth, TRUTH, "-", "truth"), (drive.estimate, BELIEF, "--", "as the robot believes"))
-    return [
+    trails = [
         (which, axes.plot([], [], style, color=colour, linewidth=1.2, label=label)[0])
         for which, colour, style, label in kinds
         if which is not None
     ]
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, fontsize=7)
+    return trails
 
 
 def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int:
@@ -54,7 +55,7 @@ def write_animation(drive: Drive, world: World, path: Path, speed: float) -> int
     rows = np.searchsorted(best.time, moments).clip(0, len(best.time) - 1)
     trails = _trails(axes, drive)
     body, nose = _robot(axes, drive, 0, filled=True)
-    clock = axes.set_title("", fontsize=8, loc="left")
+    clock = axes.set_title("", fontsize=8, loc="right")
 
     def draw(frame: int) -> Any:
         row = int(rows[frame])

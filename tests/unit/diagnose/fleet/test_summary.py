@@ -135,6 +135,19 @@ def test_the_page_and_the_table_hold_it_all(weeks: dict[str, Diagnosis], tmp_pat
     assert piece["start"] < piece["end"]
 
 
+def test_a_column_of_the_page_in_which_nothing_stands_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(html_fleet, "png", lambda _: "AAAA")
+    fleet = {f"run{i}": diagnosis(cause("bemf.scale", 1.06)) for i in range(4)}
+    columns = ("far from the others", "not told from", "sensors")
+    for found, there in ((fleet, ()), (fleet | {"run4": diagnosis(broken=True)}, ("sensors",))):
+        save_fleet_html(fleet_of(found), tmp_path / "fleet.html")
+        page = (tmp_path / "fleet.html").read_text()
+        assert [each for each in columns if f"<th>{each}</th>" in page] == list(there)
+        assert '<td class="number">1.06 ohm</td>' in page
+
+
 def test_the_fewer_before_a_change_are_not_odd_ones_out() -> None:
     values = [1.001, 1.003, 1.002, 1.064, 1.060, 1.062, 1.061, 1.063]
     fleet = {f"run{i}": diagnosis(cause("bemf.scale", each), back_emf=each) for i, each in enumerate(values)}

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -277,6 +278,18 @@ def test_a_lag_that_another_may_have_a_part_of_is_not_said_to_be_alone() -> None
 
 def _page(found: Diagnosis) -> str:
     return page(found, "run")
+
+
+def test_on_a_phone_a_number_keeps_its_deviation_and_a_reason_stands_under_its_causes(
+    words_only: None,
+) -> None:
+    shown = page(FOUND, "run")
+    assert "0.9590&nbsp;&plusmn;&nbsp;0.0040" in shown
+    assert len(re.findall(r'<table class="pairs">\s*<tr><td><code>', shown)) == 2
+    assert (
+        ".pairs td { display:block;"
+        in shown.partition("@media (max-width: 40rem)")[2].partition("</style>")[0]
+    )
 
 
 def test_a_page_without_causes_still_has_a_headline_and_says_it_once() -> None:
