@@ -40,3 +40,12 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text("# One thing, and more\n[a](#one-thing-and-more) [b](#another) [c](gone.md) `[d](x)`\n")
     assert broken(page) == ["#another", "gone.md"]
+
+
+def test_a_page_that_the_library_names_is_there_and_has_what_it_is_named_for() -> None:
+    text = "\n".join(path.read_text("utf-8") for path in (ROOT / "src").rglob("*.py"))
+    named = re.findall(r"(docs/[\w/-]+\.md)(?: on ([a-z -]+))?", text)
+    assert ("docs/hardware.md", "real-time priority") in named
+    assert ("docs/hardware-i2c-serial.md", "") in named  # where a Create is not reached
+    for page, about in named:
+        assert about in (ROOT / page).read_text("utf-8"), (page, about)

@@ -42,7 +42,8 @@ def examine(
 
 def lost(error: HardwareError) -> Finding:
     """The finding for a device that cannot be opened or was lost."""
-    return Finding("controller", Verdict.FAULT, "not reached", str(error), "see docs/hardware.md")
+    pages = "see docs/hardware.md, for a Create docs/hardware-i2c-serial.md"
+    return Finding("controller", Verdict.FAULT, "not reached", str(error), pages)
 
 
 def _examine(
