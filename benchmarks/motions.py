@@ -222,8 +222,10 @@ def draw(lines: list[Figure], path: Path) -> None:
     shares = [line.asked / line.measured if line.least else line.measured / line.asked for line in shown]
     figure, axes = plt.subplots(figsize=(8.0, 4.6), layout="constrained")
     bars = axes.barh([line.name for line in shown], shares)
-    axes.bar_label(bars, [f"{line.measured:.3g} {line.unit}" for line in shown], padding=3, fontsize=8)
     axes.axvline(1.0, color="black", linewidth=1.0)
+    clear = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}  # where a label meets the line
+    words = [f"{line.measured:.3g} {line.unit}" for line in shown]
+    axes.bar_label(bars, words, padding=3, fontsize=8, bbox=clear)
     axes.set_xlabel("95th percentile over what is asked (margins: asked over worst)")
     axes.set_xlim(0.0, 1.25)
     figure.savefig(path, format=path.suffix.lstrip(".") or "svg")

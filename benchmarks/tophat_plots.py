@@ -23,15 +23,20 @@ def draw(rng: np.random.Generator, folder: Path) -> None:
         samples, _ = reflectance.drive_over_line(rng, condition)
         found = calibrate(samples)
         axis.hist(samples, bins=80, color="0.75", log=True)
-        for surface, colour in ((found.white, "tab:orange"), (found.black, "black")):
+        for name, surface, colour in (
+            ("white", found.white, "tab:orange"),
+            ("black", found.black, "black"),
+        ):
             if surface is not None:
-                axis.axvline(surface.mean, color=colour, linewidth=1)
-        axis.axvline(found.threshold, color="tab:blue")
-        axis.axvspan(found.low, found.high, color="tab:blue", alpha=0.2)
+                axis.axvline(surface.mean, color=colour, linewidth=1, label=name)
+        axis.axvline(found.threshold, color="tab:blue", label="threshold")
+        axis.axvspan(found.low, found.high, color="tab:blue", alpha=0.2, label="the last answer stands")
         axis.set_title(
             f"{condition.generation}, {1000 * condition.height:.0f} mm, {condition.light}", fontsize=9
         )
         axis.set_xlabel("counts", fontsize=8)
+        axis.set_ylabel("readings", fontsize=8)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
     figure.savefig(folder / "tophat-clusters.png", dpi=90)
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), constrained_layout=True)
     heights = np.linspace(0.004, 0.03, 60)
@@ -39,13 +44,15 @@ def draw(rng: np.random.Generator, folder: Path) -> None:
         for ambient, style in ((0.0, "-"), (1.0, "--")):
             for darkness, colour in ((0.0, "tab:orange"), (1.0, "black")):
                 curve = [reflectance.counts(darkness, generation, float(each), ambient) for each in heights]
-                axis.plot(1000 * heights, curve, style, color=colour)
+                name = f"{'black' if darkness else 'white'}, {'direct sun' if ambient else 'indoors'}"
+                axis.plot(1000 * heights, curve, style, color=colour, label=name)
         for reading in TOPHAT_READINGS:
             if reading.generation == generation:
-                axis.plot([1000 * reading.height] * 2, [reading.white, reading.black], "o", color="tab:red")
-        axis.set_title(
-            f"{generation} sensor: model (- normal light, -- direct sun) and the paper", fontsize=9
-        )
+                levels = [reading.white, reading.black]
+                (paper,) = axis.plot([1000 * reading.height] * 2, levels, "o", color="tab:red")
+        paper.set_label("the paper's")
+        axis.set_title(f"{generation} sensor", fontsize=9)
         axis.set_xlabel("height in mm")
         axis.set_ylabel("counts")
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=5, fontsize=9)
     figure.savefig(folder / "tophat-model.png", dpi=90)
