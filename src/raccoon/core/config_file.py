@@ -22,6 +22,8 @@ from raccoon.core.files import write_atomically
 
 _HEADER = re.compile(r"^\s*\[(?!\[)\s*(?P<name>[^\]]+?)\s*\]\s*(#.*)?$")
 _ANY_HEADER = re.compile(r"^\s*\[")
+_HEADER_TO_BE = re.compile(r"^\s*#\s*\[")
+"""What stands below one that is commented out is its own once somebody takes the # away."""
 
 
 def write_measured(
@@ -109,14 +111,16 @@ def _set_line(lines: list[str], table: str, name: str, value: str, line_end: str
         lines += [f"[{table}]{line_end}", f"{name} = {value}{line_end}"]
         return
     end = next((n for n in range(begin, len(lines)) if _ANY_HEADER.match(lines[n])), len(lines))
-    pattern = re.compile(rf"^(?P<start>\s*{re.escape(name)}\s*=\s*)(?P<rest>.*)$")
-    for number in range(begin, end):
-        found = pattern.match(lines[number])
-        if found:
-            lines[number] = found["start"] + value + _comment(found["rest"])
+    pattern = re.compile(rf"^(?P<start>\s*(?P<off>#\s*)?{re.escape(name)}\s*=\s*)(?P<rest>.*)$")
+    found = {number: match for number in range(begin, end) if (match := pattern.match(lines[number]))}
+    for number, match in found.items():
+        if match["off"] is None:
+            lines[number] = match["start"] + value + _comment(match["rest"])
             return
-    last = max((n for n in range(begin, end) if lines[n].strip()), default=begin - 1)
-    lines.insert(last + 1, f"{name} = {value}{line_end}")
+    own = range(begin, next((n for n in range(begin, end) if _HEADER_TO_BE.match(lines[n])), end))
+    explained = [number for number in found if number in own]
+    filled = [number for number in own if lines[number].strip()]
+    lines.insert(max(explained or filled, default=begin - 1) + 1, f"{name} = {value}{line_end}")
 
 
 def _table_start(lines: list[str], table: str) -> int | None:

@@ -1,4 +1,5 @@
 import os
+import re
 import tomllib
 from dataclasses import replace
 from datetime import date
@@ -6,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from raccoon.core.config import Measured, load_robot
+from raccoon.core.config import Measured, load_robot, parse_robot, parse_toml, template
 from raccoon.core.config_file import updated_text, write_measured
 from raccoon.core.errors import ConfigError
 
@@ -56,6 +57,27 @@ def test_a_new_key_goes_into_its_table_and_a_new_table_to_the_end(tmp_path: Path
     assert text.endswith("\n[model.imu]\ngyro_bias = { value = 0.001, std = 0.0, date = 2026-03-01 }\n")
     assert all(line in text for line in TEXT.splitlines())
     assert load_robot(path).motor(1).bemf_offset == Measured(-20.0, 0.3, DAY)
+
+
+def test_a_section_that_is_commented_out_does_not_get_the_keys_of_the_one_before() -> None:
+    """In the file of `raccoon init` the first motor's calibration stood below `# [mechanism.arm]`, and became
+    the arm's, which has no such key, when somebody took its # away."""
+    text = template()
+    changed = updated_text(text, {"motor.0.radians_per_tick": Measured(0.003, 1e-5)})
+    uncommented = re.sub(r"^# (\[(?:tophat|servo|mechanism)\..*)$", r"\1", changed, flags=re.MULTILINE)
+    robot = parse_robot(parse_toml(uncommented))
+    assert robot.motor(0).radians_per_tick == Measured(0.003, 1e-5)
+    assert set(robot.mechanisms) == {"arm"}
+    lines = changed.splitlines()
+    place = lines.index("radians_per_tick = { value = 0.003, std = 1e-05 }")
+    assert lines[place - 1].startswith("# radians_per_tick = ")
+    assert [*lines[:place], *lines[place + 1 :]] == text.splitlines()
+
+
+def test_a_remark_in_brackets_does_not_hide_the_keys_below_it() -> None:
+    text = "[motor.0]\n# [soldered in May]\nbemf_offset = 3.0\n"
+    changed = updated_text(text, {"motor.0.bemf_offset": Measured(4.0, 1.0)})
+    assert changed == "[motor.0]\n# [soldered in May]\nbemf_offset = { value = 4.0, std = 1.0 }\n"
 
 
 def test_what_was_replaced_is_kept_in_order(tmp_path: Path) -> None:
