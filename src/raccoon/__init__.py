@@ -239,7 +239,11 @@ if not TYPE_CHECKING:  # a checker that saw it would take every name, also a mis
     def __getattr__(name: str) -> object:
         home = _HOME_OF.get(name)
         if home is None:
-            raise AttributeError(f"module 'raccoon' has no attribute {name!r}")
+            from sys import _getframe
+
+            from raccoon.robot.instead import refuse_name
+
+            refuse_name(name, _getframe(1))
         value = getattr(import_module(home), name)
         globals()[name] = value
         return value

@@ -1,9 +1,14 @@
-"""What was meant by an attribute that a robot does not have."""
+"""What was meant by a name that is not here: by habit, or as other libraries call it."""
 
 from __future__ import annotations
 
 import inspect
 from importlib import import_module
+from types import FrameType
+from typing import TYPE_CHECKING, NoReturn
+
+if TYPE_CHECKING:
+    from raccoon.core.config import RobotConfig
 
 ACTIONS = (
     "actions.actions",
@@ -17,21 +22,90 @@ ACTIONS = (
     "parts.servos",
 )
 """Modules whose public functions make actions."""
+_DUTIES = "robot.run(motors(left, right).until(...)) or, by the way to go, robot.run(straight(m))"
+_MOVE, _SERVO = "robot.run(move(name, rad))", "robot.run(servo(name, place))"
+KIPR = {
+    **dict.fromkeys(("motor", "motor_power", "fd", "bk"), _DUTIES),
+    **dict.fromkeys(("mav", "move_at_velocity"), "robot.run(drive(speed, turn_rate).until(...))"),
+    **dict.fromkeys(("mtp", "move_to_position", "bmd", "block_motor_done"), _MOVE),
+    **dict.fromkeys(("mrp", "move_relative_position"), "robot.run(move_by(name, rad))"),
+    **dict.fromkeys(("gmpc", "get_motor_position_counter"), "robot.mechanism(name).angle or robot.pose"),
+    **dict.fromkeys(("cmpc", "clear_motor_position_counter"), "robot.run(zero(name))"),
+    **dict.fromkeys(("off", "freeze"), "robot.run(release(name))"),
+    **dict.fromkeys(("ao", "alloff"), "robot.stop(), from a thread: motors stop with their action"),
+    **dict.fromkeys(("msleep", "sleep"), "robot.run(wait(seconds))"),
+    "seconds": "robot.time",
+    **dict.fromkeys(("enable_servos", "enable_servo", "set_servo_position"), _SERVO),
+    **dict.fromkeys(("disable_servos", "disable_servo"), "robot.run(servo_off(name))"),
+    "get_servo_position": "robot.servo(name).pulse",
+    "analog": "robot.analog(port)",
+    "digital": "robot.digital(port)",
+    **dict.fromkeys(("push_button", "side_button", "any_button", "a_button"), "robot.button"),
+    **dict.fromkeys(("gyro_x", "gyro_y", "gyro_z", "gyro"), "robot.estimate.turn_rate"),
+    "power_level": "robot.battery_voltage",
+    "shut_down_in": "run_match(robot, program, seconds=119)",
+    "create_connect": 'port = "create" under [controller] in robot.toml',
+}
+"""What stands here for the functions of KIPR's library."""
 ELSEWHERE = {
+    **KIPR,
     **{name: f"robot.pose.{name}" for name in ("x", "y", "heading")},
-    "distance": "robot.estimate.distance",
-    "velocity": "robot.estimate.velocity",
-    "gyro": "robot.estimate.turn_rate",
-    "motor": "robot.run(motors(left, right).until(...))",
-    "sleep": "robot.run(wait(seconds))",
+    **{name: f"robot.estimate.{name}" for name in ("distance", "velocity", "turn_rate", "status")},
+    "name": "robot.config.name",
 }
 """What other libraries, and habit, call something that has another place here."""
+PARTS = ("tophat", "servo", "mechanism")
+"""Sections of robot.toml whose names somebody may take for attributes."""
 
 
-def instead(name: str) -> str:
-    """What to write instead of an attribute that a robot does not have; "" where nothing is like it."""
+def instead(name: str, config: RobotConfig | None = None) -> str:
+    """What to write instead of an attribute that a robot does not have; "" where nothing is like it.
+
+    config: of the robot, whose own names may be meant.
+    """
     for module in ACTIONS:
         found = getattr(import_module(f"{__package__}.{module}"), name, None)
         if inspect.isfunction(found) and found.__module__.endswith(module):
             return f": write robot.run({name}(...))"
+    for part in PARTS:
+        if config is not None and name in getattr(config, f"{part}s"):
+            return f": write robot.{part}({name!r})"
     return f": write {ELSEWHERE[name]}" if name in ELSEWHERE else ""
+
+
+def refuse_name(name: str, asking: FrameType) -> NoReturn:
+    """Raise what says that the package `raccoon` has no `name`, and what to write instead.
+
+    asking: the frame that asked. An `import` in it would hide the words of an AttributeError, so it gets an
+    ImportError.
+    """
+    from opcode import opmap
+
+    if name not in KIPR:
+        raise AttributeError(f"module 'raccoon' has no attribute {name!r}")
+    said = f"raccoon has no {name}: write {KIPR[name]} (docs/from-kipr.md)"
+    if asking.f_code.co_code[asking.f_lasti] == opmap["IMPORT_FROM"]:
+        raise ImportError(said, name="raccoon")
+    raise AttributeError(said)
+
+
+class Part:
+    """A part of a robot that programs look at and motions move.
+
+    called: what to write where somebody calls it, or asks it to do something. offers: what programs ask it.
+    """
+
+    called = ""
+    offers = ""
+
+    if not TYPE_CHECKING:  # a type checker knows that it has nothing else
+
+        def __call__(self, *_: object, **__: object) -> NoReturn:
+            raise TypeError(f"a {type(self).__name__} is not called: write {self.called}")
+
+        def __getattr__(self, name: str) -> object:
+            if name.startswith("_") or hasattr(type(self), name):  # and it failed: with its own error
+                return object.__getattribute__(self, name)
+            raise AttributeError(
+                f"a {type(self).__name__} has no {name}: it has {self.offers}; else write {self.called}"
+            )

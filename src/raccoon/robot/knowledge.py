@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Never, Protocol, TypeVar, runtime_checkable
 
 from raccoon.core.config import RobotConfig
 from raccoon.core.port import Port
@@ -20,11 +20,13 @@ from raccoon.core.readings import (
 from raccoon.estimate.battery.state import PackState
 from raccoon.estimate.battery.voltage import BatteryVoltage
 from raccoon.model.pose import Pose
-from raccoon.robot.actions.limits import check_port
+from raccoon.robot.actions.limits import check_kind, check_port
+from raccoon.robot.instead import instead
 from raccoon.robot.motions.goals import PLAN_REACH, PLAN_REACH_HEADING
 from raccoon.robot.parts.attachments import Attachments, named
 from raccoon.robot.parts.drive import Drive
 from raccoon.robot.parts.tophats import TophatSensor
+from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
     from raccoon.estimate.drive.estimate import DriveEstimate
@@ -32,6 +34,9 @@ if TYPE_CHECKING:
     from raccoon.robot.parts.servos import Servo
 
 W = TypeVar("W")
+
+ASKED = 1000
+"""Times in one cycle that a program asks for readings where it waits for them to change."""
 
 
 @runtime_checkable
@@ -53,6 +58,11 @@ class Knowledge:
     def __init__(self, port: Port, config: RobotConfig | None = None) -> None:
         from raccoon.estimate.drive.odometry import Odometry
 
+        if not hasattr(port, "read"):
+            raise TypeError(
+                f"the port of a Robot is {port!r}: it must be a Port; `with open_robot(...) as robot:` opens "
+                "the one that robot.toml names"
+            )
         self.config = RobotConfig() if config is None else config
         self.port = port
         self.odometry = Odometry(self.config)
@@ -72,20 +82,41 @@ class Knowledge:
         self._plan: Pose | None = None
         self._planned_in = 0  # the odometry's resets so far
         self._notes: Annotated | None = port if isinstance(port, Annotated) else None
+        self._asked = 0  # times that the program asked for readings of this cycle
+
+    if not TYPE_CHECKING:  # a type checker knows that it has nothing else
+
+        def __getattr__(self, name: str) -> object:
+            if hasattr(type(self), name):  # there is one, and it failed: with its own error
+                return object.__getattribute__(self, name)
+            raise AttributeError(f"a robot has no {name}{instead(name, self.__dict__.get('config'))}")
+
+    def _ask(self) -> None:
+        """Count that somebody asks for readings: a loop around them alone never sees new ones."""
+        self._asked += 1
+        if self._asked == ASKED:
+            say(
+                self,
+                f"readings were asked for {ASKED} times and stay as they are: the robot reads in run() and "
+                "tick() alone; wait with robot.run(wait_for(pressed(0))), or call robot.tick() in the loop",
+            )
 
     @property
     def time(self) -> float:
         """S, of the last reading."""
+        self._ask()
         return 0.0 if self.inputs is None else self.inputs.time
 
     @property
     def estimate(self) -> DriveEstimate:
         """Pose, velocity and their standard deviations as of the last reading."""
+        self._ask()
         return self.odometry.estimate
 
     @property
     def pose(self) -> Pose:
         """Where the robot believes it is."""
+        self._ask()
         here = self.odometry.estimate
         return Pose(here.x, here.y, here.heading)
 
@@ -108,6 +139,7 @@ class Knowledge:
 
     @plan.setter
     def plan(self, pose: Pose) -> None:
+        check_kind(pose, Pose, "robot.plan", "; write Pose(x, y, heading)")
         self._plan, self._planned_in = pose, self.odometry.resets
 
     def replan(self) -> None:
@@ -123,12 +155,16 @@ class Knowledge:
         """The tophat called `name` in robot.toml; ConfigError where there is none."""
         return named("tophat", self.tophats, name)
 
-    def servo(self, name: str) -> Servo:
+    def servo(self, name: str, *to: Never) -> Servo:
         """The servo called `name` in robot.toml; ConfigError where there is none."""
+        if to:
+            _refuse_move("servo", "servo", name, to)
         return named("servo", self.attachments.servos, name)
 
-    def mechanism(self, name: str) -> Mechanism:
+    def mechanism(self, name: str, *to: Never) -> Mechanism:
         """The mechanism called `name` in robot.toml; ConfigError where there is none."""
+        if to:
+            _refuse_move("mechanism", "move", name, to)
         return named("mechanism", self.attachments.mechanisms, name)
 
     def analog(self, port: int) -> float | None:
@@ -138,6 +174,7 @@ class Knowledge:
         A cycle without words, as after a frame that was lost, has those of the one before: `inputs` tells.
         """
         check_port("analog", port, ANALOG_PORTS)
+        self._ask()
         return self._analog[port]
 
     def digital(self, port: int) -> bool | None:
@@ -145,16 +182,19 @@ class Knowledge:
         ValueError where there is no such port.
         """
         check_port("digital", port, DIGITAL_PORTS)
+        self._ask()
         return self._digital[port]
 
     @property
     def button(self) -> bool | None:
         """Whether the controller's own button is pressed, None where this cycle does not tell."""
+        self._ask()
         extra = None if self.inputs is None else self.inputs.extra
         return bool(extra["button"]) if extra is not None and "button" in extra else None
 
     def _keep_words(self, inputs: Inputs) -> None:
         """Keep the newest word of every port."""
+        self._asked = 0
         analog, digital = inputs.analog, inputs.digital
         self._analog = analog if None not in analog else _newest(self._analog, analog)
         self._digital = digital if None not in digital else _newest(self._digital, digital)
@@ -173,6 +213,12 @@ class Knowledge:
         """Write a remark into the recording, where there is one."""
         if self._notes is not None:
             self._notes.event(text)
+
+
+def _refuse_move(kind: str, action: str, name: str, to: tuple[object, ...]) -> Never:
+    """Say how to move what was only asked for."""
+    given = ", ".join(map(repr, (name, *to)))
+    raise TypeError(f"robot.{kind}({name!r}) moves nothing: write robot.run({action}({given}))")
 
 
 def _newest(before: tuple[W | None, ...], now: tuple[W | None, ...]) -> tuple[W | None, ...]:

@@ -11,6 +11,7 @@ from raccoon.estimate.drive.estimate import AT_REST
 
 if TYPE_CHECKING:
     from raccoon.core.readings import Inputs
+    from raccoon.robot.knowledge import Knowledge
     from raccoon.robot.robot import Robot
 
 LEAST_MISMATCH = 0.01
@@ -142,7 +143,7 @@ def tell_undriven(robot: Robot, times: int) -> None:
         )
 
 
-def say(robot: Robot, said: str, kind: str | None = None) -> None:
+def say(robot: Knowledge, said: str, kind: str | None = None) -> None:
     """A remark for the recording, the log and the match report, unless one of its kind was made before.
 
     kind: its text without numbers where None.

@@ -15,10 +15,10 @@ from raccoon.core.config import RobotConfig
 from raccoon.core.errors import HardwareError, Stopped
 from raccoon.core.port import Port
 from raccoon.core.readings import Inputs
-from raccoon.robot.actions.actions import Action, Steps, close
+from raccoon.robot.actions.actions import Action
 from raccoon.robot.actions.limits import COMPOSE, SEVERAL, check_kind
+from raccoon.robot.actions.steps import Steps, advance, close
 from raccoon.robot.deadline import end_match
-from raccoon.robot.instead import instead
 from raccoon.robot.knowledge import Knowledge, numbers
 from raccoon.robot.parts.tophats import Floor
 from raccoon.robot.remarks import say, tell_cycle, tell_undriven
@@ -71,13 +71,6 @@ class Robot(Knowledge):
     def __repr__(self) -> str:
         return f"<Robot {self.config.name}: {self.pose}, {self.estimate.status}>"
 
-    if not TYPE_CHECKING:  # a type checker knows that it has nothing else
-
-        def __getattr__(self, name: str) -> object:
-            if hasattr(type(self), name):  # there is one, and it failed: with its own error
-                return object.__getattribute__(self, name)
-            raise AttributeError(f"a robot has no {name}{instead(name)}")
-
     # -- the loop -----------------------------------------------------------------------------------------
 
     def run(self, action: Action[T], *more: Never) -> T:
@@ -101,7 +94,7 @@ class Robot(Knowledge):
             while True:
                 self._sense()
                 try:
-                    next(body)
+                    advance(body)
                 except StopIteration as end:
                     self._act(resting=True)
                     result: T = end.value
@@ -206,7 +199,7 @@ class Robot(Knowledge):
         """Command this tick. resting: none may follow for long, so nothing is left driving."""
         for body in tuple(self._background):
             try:
-                next(body)
+                advance(body)
             except StopIteration:
                 self._background.remove(body)
         if self._stopping:

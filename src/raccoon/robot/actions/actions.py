@@ -10,13 +10,15 @@ not there is said before the first one moves.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.condition import JOIN, Check, Condition, each_of
-from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_positive, check_wait
+from raccoon.robot.actions.limits import check_function, check_kind, check_number, check_times, check_wait
+from raccoon.robot.actions.steps import Steps as Steps
+from raccoon.robot.actions.steps import advance, checked, close, going_on
 from raccoon.robot.actions.undone import Undone
 
 if TYPE_CHECKING:
@@ -25,20 +27,6 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
 U = TypeVar("U")
-Steps = Generator[None, None, T]
-
-
-def close(steps: Steps[Any]) -> None:
-    """End an action's steps. Where they catch that and go on, it is said, and hides nothing else."""
-    try:
-        steps.close()
-    except RuntimeError as error:
-        if "ignored GeneratorExit" not in str(error):
-            raise
-        import logging
-
-        said = "steps of an action go on after their end: a bare except catches it; write except Exception"
-        logging.getLogger("raccoon").warning(said)
 
 
 class Action(Undone, Generic[T_co]):
@@ -49,8 +37,13 @@ class Action(Undone, Generic[T_co]):
     can be run again and again; every run starts afresh.
     """
 
+    name = "an action of your own"
+    _check: Check | None = None
+
     def __init__(self, name: str, start: Callable[[Robot], Steps[T_co]], check: Check | None = None) -> None:
         super().__init__()
+        if not callable(start):
+            raise TypeError(f"action '{name}': start is {start!r}: it must be a function(robot) that yields")
         self.name = name
         self._start, self._check = start, check
 
@@ -64,7 +57,7 @@ class Action(Undone, Generic[T_co]):
         """A generator that does the action on `robot`, one tick a step. Raises what `check` does."""
         self.begun()
         self.check(robot)
-        return self._start(robot)
+        return checked(self._start(robot), self.name, self._start)
 
     def until(self, condition: Condition) -> Action[T_co | None]:
         """This action, ended as soon as `condition` holds. The result is None where it was ended."""
@@ -72,14 +65,14 @@ class Action(Undone, Generic[T_co]):
 
         def steps(robot: Robot) -> Steps[T_co | None]:
             holds = condition.start(robot)
-            done = yield from _while(self.start(robot), lambda: not holds())
+            done = yield from going_on(self.start(robot), lambda: not holds())
             return None if done is None else done[0]
 
         return Action(f"{self.name} until {condition.name}", steps, each_of(self, condition))
 
     def timeout(self, seconds: float) -> Action[T_co]:
         """This action, with MotionTimeout if it has not ended by itself after `seconds` s."""
-        check_positive("seconds", seconds)
+        check_times(seconds=seconds)
 
         def steps(robot: Robot) -> Steps[T_co]:
             start, why = robot.time, ""
@@ -91,7 +84,7 @@ class Action(Undone, Generic[T_co]):
                 why = "; ".join((robot.drive.complaint(), *robot.attachments.moving, *robot.blind))  # of now
                 return False
 
-            done = yield from _while(self.start(robot), in_time)
+            done = yield from going_on(self.start(robot), in_time)
             if done is None:
                 raise MotionTimeout(f"{self.name}: not done after {seconds:g} s ({why})")
             return done[0]
@@ -122,6 +115,13 @@ class Action(Undone, Generic[T_co]):
             return (yield from made.start(robot))
 
         return Action(f"{self.name}, then", steps, self.check)
+
+    if not TYPE_CHECKING:  # a type checker knows that it has nothing else
+
+        def __getattr__(self, name):
+            if name.startswith("_"):
+                return object.__getattribute__(self, name)
+            raise AttributeError(f"action '{self.name}' has no {name}: it is done with robot.run(...)")
 
     def __bool__(self) -> bool:
         raise TypeError(f"action '{self.name}' is neither true nor false: it is done with robot.run(...)")
@@ -188,7 +188,7 @@ def parallel(*actions: Action[Any]) -> Action[list[Any]]:
             while True:
                 for index, body in list(running.items()):
                     try:
-                        next(body)
+                        advance(body)
                     except StopIteration as end:
                         results[index] = end.value
                         del running[index]
@@ -217,7 +217,7 @@ def race(*actions: Action[Any]) -> Action[tuple[int, Any]]:
             while True:
                 for index, body in enumerate(bodies):
                     try:
-                        next(body)
+                        advance(body)
                     except StopIteration as end:
                         return index, end.value
                 yield
@@ -244,25 +244,11 @@ def looking(action: Action[T], look: Callable[[Robot], None], name: str) -> Acti
             look(robot)
             return True
 
-        done = yield from _while(action.start(robot), looked)
+        done = yield from going_on(action.start(robot), looked)
         assert done is not None
         return done[0]
 
     return Action(name, steps, action.check)
-
-
-def _while(body: Steps[T], goes_on: Callable[[], bool]) -> Steps[tuple[T] | None]:
-    """`body` while `goes_on` says so before each of its ticks: its result, None where it was ended."""
-    try:
-        while goes_on():
-            try:
-                next(body)
-            except StopIteration as end:
-                return (end.value,)
-            yield
-        return None
-    finally:
-        close(body)
 
 
 def wait(seconds: float) -> Action[None]:

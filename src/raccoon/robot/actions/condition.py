@@ -6,6 +6,7 @@ action starts.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Protocol
 
@@ -28,6 +29,10 @@ class Condition:
     is known to be wrong with it on this robot before it starts.
     """
 
+    name = "a condition of your own"
+    _check: Check | None = None
+    _opposed: Callable[[Robot], Test] | None = None
+
     def __init__(
         self,
         name: str,
@@ -37,7 +42,7 @@ class Condition:
     ) -> None:
         self.name = name
         self._start = start
-        self._opposed = opposed or start
+        self._opposed = opposed
         self._check = check
 
     def check(self, robot: Robot) -> None:
@@ -46,8 +51,14 @@ class Condition:
             self._check(robot)
 
     def start(self, robot: Robot) -> Test:
-        """The test for one run of an action."""
-        return self._start(robot)
+        """The test for one run of an action. Raises TypeError where there is none."""
+        test: object = self._start(robot)
+        if not callable(test):
+            raise TypeError(
+                f"condition '{self.name}': its start gives {test!r}: it must give a test, which is asked "
+                "once a tick; when(lambda robot: ...) makes a condition of one"
+            )
+        return test
 
     def __and__(self, other: Condition) -> Condition:
         check_kind(other, Condition, "&", JOIN)
@@ -59,7 +70,7 @@ class Condition:
 
     def __invert__(self) -> Condition:
         def start(robot: Robot) -> Test:
-            test = self._opposed(robot)
+            test = (self._opposed or self.start)(robot)
             return lambda: not test()
 
         return Condition(f"not {self.name}", start, check=self.check)
@@ -71,6 +82,14 @@ class Condition:
 
     def __repr__(self) -> str:
         return f"<Condition {self.name}>"
+
+
+def truth(told: object, name: str) -> bool:
+    """What a test of the condition `name` told, where that is no plain bool. Raises TypeError for a function,
+    which was not called and would hold at once."""
+    if inspect.isroutine(told):
+        raise TypeError(f"condition '{name}': its test gives {told.__name__} and does not call it")
+    return bool(told)
 
 
 def _both(

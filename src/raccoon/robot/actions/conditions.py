@@ -11,7 +11,7 @@ from raccoon.core.config import REAL_CONTROLLERS
 from raccoon.core.errors import ConfigError
 from raccoon.core.readings import ANALOG_FULL_SCALE, ANALOG_PORTS, DIGITAL_PORTS
 from raccoon.estimate.drive.estimate import HELD
-from raccoon.robot.actions.condition import Check, Condition, Test
+from raccoon.robot.actions.condition import Check, Condition, Test, truth
 from raccoon.robot.actions.limits import (
     check_angle,
     check_counts,
@@ -32,7 +32,15 @@ HELD_TIME = 0.5
 def when(test: Callable[[Robot], bool], name: str = "when") -> Condition:
     """Any predicate of the robot, asked once a tick."""
     check_function(test, "when()", "robot")
-    return Condition(name, lambda robot: lambda: test(robot))
+
+    def start(robot: Robot) -> Test:
+        def holds() -> bool:
+            told: object = test(robot)
+            return told if isinstance(told, bool) else truth(told, name)
+
+        return holds
+
+    return Condition(name, start)
 
 
 def after_time(seconds: float) -> Condition:

@@ -73,6 +73,23 @@ def check_battery_voltage(**voltages: float) -> None:
             _refuse(name, value, allowed)
 
 
+def check_times(**times: float | None) -> None:
+    """Raise ValueError naming the first that is not None and no s that something may take, TypeError for no
+    number."""
+    check_limits(**times)
+    for name, value in times.items():
+        if value is not None and value > LONGEST_WAIT:
+            _refuse(name, value, f"above 0, up to {LONGEST_WAIT:g} s (500 ms are 0.5)")
+
+
+def check_duties(left: float, right: float) -> None:
+    """Raise ValueError naming the first that is no share of the voltage, TypeError for no number."""
+    for name, duty in (("left", left), ("right", right)):
+        check_number(f"{name} duty", duty, "from -1 to 1")
+        if not -1.0 <= duty <= 1.0:
+            raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1 (80 % are 0.8)")
+
+
 def check_wait(seconds: float) -> None:
     """Raise ValueError for what is no time in s to let pass, TypeError for what is no number."""
     allowed = f"from 0 to {LONGEST_WAIT:g} s (500 ms are 0.5)"

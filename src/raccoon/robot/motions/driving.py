@@ -13,11 +13,12 @@ from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.limits import (
     check_battery_voltage,
+    check_duties,
     check_finite,
-    check_number,
     check_rate,
     check_speed,
 )
+from raccoon.robot.actions.steps import advance
 from raccoon.robot.motions.pacing import STALL_PATIENCE, HeldWay, check_wiring, reason
 from raccoon.robot.remarks import say
 
@@ -127,7 +128,7 @@ def search(speed: float, reach: float) -> Action[float]:
                         f"drive not done after {seconds:.1f} s: {way:.3f} of {reach:g} m; {reason(robot)}"
                     )
                 held.update()
-                next(body)
+                advance(body)
                 yield
             return held.tell("drive")
         finally:
@@ -143,10 +144,7 @@ def motors(left: float, right: float, *, tuned_at: float | None = None) -> Actio
     What the present battery cannot give is said once, in the log and the recording, with the speed that is
     missing.
     """
-    for name, duty in (("left", left), ("right", right)):
-        check_number(f"{name} duty", duty, "from -1 to 1")
-        if not -1.0 <= duty <= 1.0:
-            raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1 (80 % are 0.8)")
+    check_duties(left, right)
     if tuned_at is not None:
         check_battery_voltage(tuned_at=tuned_at)
     scaling = None if tuned_at is None else VoltageScaling(tuned_at)

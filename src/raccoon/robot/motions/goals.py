@@ -23,6 +23,7 @@ from raccoon.robot.actions.limits import (
     check_limits,
     check_rate,
     check_speed,
+    check_times,
     check_way,
 )
 from raccoon.robot.motions.pacing import LAG_LIMIT, LAG_LIMIT_TURN, MotionResult, Pace, finish
@@ -55,7 +56,8 @@ def straight(
     check_way(distance=distance)
     check_speed(speed=speed)
     check_limits("the sign belongs to the distance", speed=speed)
-    check_limits(tolerance=tolerance, timeout=timeout)
+    check_limits(tolerance=tolerance)
+    check_times(timeout=timeout)
     distance = float(distance)  # of NumPy's too: results and plans are of plain numbers
 
     def steps(robot: Robot) -> Steps[MotionResult]:
@@ -91,7 +93,8 @@ def turn(
     turn_rate: rad/s, the highest on the way; robot.toml's `motion.turn_rate` when None. turns: the
     most full turns that are meant. tolerance: rad. timeout: s. Raises as `straight`.
     """
-    check_limits(tolerance=tolerance, timeout=timeout)
+    check_limits(tolerance=tolerance)
+    check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_rate(turn_rate=turn_rate)
     check_limits("the sign belongs to the angle", turn_rate=turn_rate)
@@ -114,7 +117,8 @@ def turn_to(
     """
     check_heading(heading=heading)
     check_rate(turn_rate=turn_rate)
-    check_limits(turn_rate=turn_rate, tolerance=tolerance, timeout=timeout)
+    check_limits(turn_rate=turn_rate, tolerance=tolerance)
+    check_times(timeout=timeout)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
         angle = math.remainder(heading - robot.plan.heading, math.tau)
@@ -163,7 +167,8 @@ def arc(
     outer wheel, the highest on the way. turns: the most full turns that are meant. tolerance: m of that
     wheel. timeout: s. Raises as `straight`.
     """
-    check_limits(tolerance=tolerance, timeout=timeout)
+    check_limits(tolerance=tolerance)
+    check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_speed(speed=speed)
     check_limits("the sign belongs to the angle; backwards=True drives backwards", speed=speed)
@@ -191,7 +196,8 @@ def pivot(
     speed: m/s of the other wheel, the highest on the way. turns: the most full turns that are meant.
     tolerance: m of that wheel. timeout: s. Raises as `straight`.
     """
-    check_limits(tolerance=tolerance, timeout=timeout)
+    check_limits(tolerance=tolerance)
+    check_times(timeout=timeout)
     check_angle(turns, angle=angle)
     check_speed(speed=speed)
     check_limits("the sign belongs to the angle", speed=speed)

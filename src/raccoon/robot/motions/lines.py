@@ -15,8 +15,10 @@ from raccoon.robot.actions.limits import (
     check_heading,
     check_limits,
     check_speed,
+    check_times,
     check_way,
 )
+from raccoon.robot.actions.steps import advance
 from raccoon.robot.motions.driving import search
 from raccoon.robot.motions.goals import turning
 from raccoon.robot.motions.pacing import MotionResult, at_a_wall, reason
@@ -110,7 +112,7 @@ def _edges(
                 if places[0] is not None and places[1] is not None:
                     return places[0], places[1]
             try:
-                next(body)
+                advance(body)
             except StopIteration as end:
                 raise MotionTimeout(_no_line(robot, left, right, met.values(), reach, end.value)) from None
             yield
@@ -160,7 +162,8 @@ def align_on_wall(
     check_speed(speed=speed)
     check_finite(speed=speed)  # None is no default here
     check_heading(heading=0.0 if heading is None else heading)
-    check_limits(timeout=timeout, heading_std=heading_std)
+    check_limits(heading_std=heading_std)
+    check_times(timeout=timeout)
     if speed == 0.0:
         raise ValueError("speed is 0: allowed are numbers above or below it")
 

@@ -16,7 +16,14 @@ from raccoon.control.path import Path, Point, distinct, legs
 from raccoon.control.stages import Stage, Staged
 from raccoon.model.pose import Pose
 from raccoon.robot.actions.actions import Action, Steps
-from raccoon.robot.actions.limits import check_heading, check_limits, check_number, check_speed, check_way
+from raccoon.robot.actions.limits import (
+    check_heading,
+    check_limits,
+    check_number,
+    check_speed,
+    check_times,
+    check_way,
+)
 from raccoon.robot.motions.goals import straight, turning
 from raccoon.robot.motions.pacing import LAG_LIMIT, MotionResult, Pace, finish
 
@@ -47,7 +54,8 @@ def drive_to(
     check_heading(heading=0.0 if heading is None else heading)
     check_speed(speed=speed)
     check_limits("backwards=True drives backwards", speed=speed)
-    check_limits(tolerance=tolerance, timeout=timeout)
+    check_limits(tolerance=tolerance)
+    check_times(timeout=timeout)
     x, y = float(x), float(y)
 
     def steps(robot: Robot) -> Steps[MotionResult]:
@@ -102,11 +110,12 @@ def follow_path(
     turns on the spot where that lies aside. Where the points after that lead back to where it comes from, it
     stops at that first point and turns as well. rounding: m, radius of the arcs that round the corners.
     speed: m/s of the faster wheel, so corners are slower than straights. tolerance: m along the path at its
-    end. timeout: s of each way without a stop. Raises ValueError for points that are no path, such as some
-    that turn back.
+    end. timeout: s of each way without a stop, and of each turn. Raises ValueError for points that are no
+    path, such as some that turn back.
     """
     check_speed(speed=speed)
-    check_limits(speed=speed, tolerance=tolerance, timeout=timeout, rounding=rounding)
+    check_limits(speed=speed, tolerance=tolerance, rounding=rounding)
+    check_times(timeout=timeout)
     _check_points(points)
     points = [(float(x), float(y)) for x, y in points]
     if len(distinct(points)) > 1:
@@ -126,7 +135,7 @@ def follow_path(
             path = Path(leg, rounding)
             angle = math.remainder(path.start.heading - robot.plan.heading, math.tau)
             if abs(angle) > robot.config.motion.heading_tolerance:
-                yield from turning(robot, angle)
+                parts.append((yield from turning(robot, angle, timeout=timeout)))
             parts.append((yield from _follow(robot, path, speed, tolerance, timeout)))
         return parts[0] if len(parts) == 1 else _whole(robot, robot.plan, begin, parts)
 

@@ -16,11 +16,12 @@ from raccoon.estimate.drive.wheel_track import SPEED_SMOOTHING
 from raccoon.robot.actions.limits import (
     FASTEST,
     FASTEST_TURN,
+    check_duties,
     check_finite,
-    check_number,
     check_rate,
     check_speed,
 )
+from raccoon.robot.instead import Part
 from raccoon.robot.parts.speeds import Speeds, Unread
 
 if TYPE_CHECKING:
@@ -37,12 +38,15 @@ def dead_time(config: RobotConfig) -> float:
     return 0.5 / config.controller.rate_hz + FIRMWARE_SAMPLE
 
 
-class Drive:
+class Drive(Part):
     """Two driven wheels. Motions call `follow`, `duties` or `push` once in each tick they want something,
     a loop of the program's own `velocity`.
 
     Without a command in a tick the wheels stop: nothing runs on by being forgotten.
     """
+
+    called = "robot.run(drive(speed, turn_rate).until(...))"
+    offers = "velocity and duties"
 
     def __init__(self, config: RobotConfig) -> None:
         model = config.model.drive
@@ -104,9 +108,8 @@ class Drive:
     ) -> None:
         """Drive at `forward` m/s turning at `turn_rate` rad/s in this tick: for a loop of the program's own.
 
-        acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed.
-        Where the controller would no longer read a wheel that fast, both go slower by the same share. Raises
-        ValueError for what no robot of this size does, and TypeError for no number, as `drive` does.
+        acceleration m/s2 and turn_acceleration rad/s2 help the wheels to follow a changing speed. Where the
+        controller would no longer read a wheel that fast, both go slower by a share. Raises as `drive` does.
         """
         plain = type(forward) is type(turn_rate) is type(acceleration) is type(turn_acceleration) is float
         if not (plain and abs(forward) <= FASTEST and abs(turn_rate) <= FASTEST_TURN):
@@ -145,10 +148,7 @@ class Drive:
 
     def duties(self, left: float, right: float) -> None:
         """Put these duties (-1..1) on the wheels in this tick, without any control: time-based driving."""
-        for name, duty in (("left", left), ("right", right)):
-            check_number(f"{name} duty", duty, "from -1 to 1")
-            if not -1.0 <= duty <= 1.0:
-                raise ValueError(f"{name} duty is {duty}: allowed are numbers from -1 to 1")
+        check_duties(left, right)
         self._claim()
         self._open_loop = (float(left), float(right))
 

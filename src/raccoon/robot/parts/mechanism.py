@@ -8,6 +8,7 @@ from raccoon.control.tuning import speed_loop_gains
 from raccoon.control.wheels import LEAST_BATTERY_VOLTAGE, Wheel
 from raccoon.core.config import MechanismConfig, RobotConfig
 from raccoon.core.readings import Inputs
+from raccoon.robot.instead import Part
 from raccoon.robot.parts.counted import CountedAngle
 from raccoon.robot.parts.drive import dead_time
 
@@ -15,8 +16,11 @@ PULL = 8.0
 """1/s: rad/s asked for each rad that the mechanism is off its place."""
 
 
-class Mechanism:
+class Mechanism(Part):
     """One named motor of robot.toml that is not a wheel."""
+
+    called = "robot.run(move(name, rad))"
+    offers = "angle and rate"
 
     def __init__(self, name: str, config: MechanismConfig, robot: RobotConfig) -> None:
         motor = robot.motor(config.motor)

@@ -15,7 +15,7 @@ from raccoon.control.profile import ProfileState, profile
 from raccoon.core.errors import MotionTimeout
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
-from raccoon.robot.actions.limits import check_angle, check_finite, check_limits, check_rate
+from raccoon.robot.actions.limits import check_angle, check_finite, check_limits, check_rate, check_times
 from raccoon.robot.parts.holding import held, require_free
 from raccoon.robot.remarks import say
 
@@ -39,7 +39,8 @@ def move(name: str, to: float, speed: float | None = None, *, timeout: float | N
     """
     check_finite(to=to)
     check_rate(speed=speed)
-    check_limits(speed=speed, timeout=timeout)
+    check_limits(speed=speed)
+    check_times(timeout=timeout)
 
     label = f"move {name} to {math.degrees(to):g} deg"
 
@@ -60,7 +61,7 @@ def move_by(
     check_finite(angle=angle)
     check_rate(speed=speed)
     check_limits("the sign belongs to the angle", speed=speed)
-    check_limits(timeout=timeout)
+    check_times(timeout=timeout)
 
     label = f"move {name} by {math.degrees(angle):g} deg"
 

@@ -13,7 +13,8 @@ from raccoon.core.config import ServoConfig
 from raccoon.core.errors import ConfigError
 from raccoon.robot.actions.actions import Action, Steps
 from raccoon.robot.actions.functions import do
-from raccoon.robot.actions.limits import check_limits, check_number
+from raccoon.robot.actions.limits import check_number, check_times
+from raccoon.robot.instead import Part
 from raccoon.robot.parts.holding import held, require_free
 
 if TYPE_CHECKING:
@@ -22,8 +23,11 @@ if TYPE_CHECKING:
 __all__ = ["Servo", "servo", "servo_off"]
 
 
-class Servo:
+class Servo(Part):
     """One named servo of robot.toml. pulse: us, as commanded; None while it is off or was never used."""
+
+    called = "robot.run(servo(name, place))"
+    offers = "pulse"
 
     def __init__(self, name: str, config: ServoConfig) -> None:
         self.name = name
@@ -65,7 +69,7 @@ def servo(name: str, to: str | float, seconds: float | None = None) -> Action[No
     robot.toml does not have, ValueError for a pulse outside its range, RuntimeError where another action
     still moves it.
     """
-    check_limits(seconds=seconds)
+    check_times(seconds=seconds)
     if not isinstance(to, str):
         check_number("to", to, "a pulse in us, or a name")
         if not math.isfinite(to):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from raccoon.core.errors import CalibrationError
 from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, Inputs, Status
+from raccoon.robot.instead import Part
 from raccoon.robot.remarks import say
 
 if TYPE_CHECKING:
@@ -24,8 +25,11 @@ SILENT = 0.5  # s without a word; a controller that restarts gives none for 0.1 
 MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
 
 
-class TophatSensor:
+class TophatSensor(Part):
     """One named tophat of robot.toml."""
+
+    called = "robot.tophat(name).black, or on_black(name) as a condition"
+    offers = "black, coverage, counts and status"
 
     def __init__(self, name: str, config: TophatConfig) -> None:
         self.name = name

@@ -1,0 +1,68 @@
+"""The steps of an action: a generator that yields nothing, once a tick, and whose value is its result."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Generator
+from typing import Any, TypeVar
+
+T = TypeVar("T")
+Steps = Generator[None, None, T]
+
+
+def checked(steps: Steps[T], name: str, start: Callable[..., object]) -> Steps[T]:
+    """What `start` of the action `name` made, which must be steps. Raises TypeError where it is none."""
+    given: object = steps
+    if inspect.isgenerator(given):
+        return steps
+    hint = "a function that yields once a tick is meant; do(function) calls one that ends at once"
+    if inspect.iscoroutine(given) or inspect.isasyncgen(given):
+        if inspect.iscoroutine(given):
+            given.close()
+        hint = "write def instead of async def, and yield once a tick instead of await"
+    elif hasattr(given, "start"):
+        hint = "give its own steps, .start(robot), or let a do() return it"
+    function = getattr(start, "__name__", "its start")
+    raise TypeError(f"action '{name}': {function} gives {given!r} and no steps: {hint}")
+
+
+def advance(steps: Steps[Any]) -> None:
+    """One tick of an action's steps. Raises StopIteration at their end, and TypeError where they yield
+    something, which nobody would do.
+    """
+    given: object = next(steps)
+    if given is not None:
+        yields: Any = steps
+        while inspect.isgenerator(inner := yields.gi_yieldfrom):
+            yields = inner
+        raise TypeError(
+            f"the steps of {yields.__name__} yield {given!r}, and nobody does what is yielded: a bare yield "
+            "lets a tick pass, and yield from action.start(robot) does an action"
+        )
+
+
+def close(steps: Steps[Any]) -> None:
+    """End an action's steps. Where they catch that and go on, it is said, and hides nothing else."""
+    try:
+        steps.close()
+    except RuntimeError as error:
+        if "ignored GeneratorExit" not in str(error):
+            raise
+        import logging
+
+        said = "steps of an action go on after their end: a bare except catches it; write except Exception"
+        logging.getLogger("raccoon").warning(said)
+
+
+def going_on(steps: Steps[T], goes_on: Callable[[], bool]) -> Steps[tuple[T] | None]:
+    """`steps` while `goes_on` says so before each of their ticks: their result, None where ended."""
+    try:
+        while goes_on():
+            try:
+                advance(steps)
+            except StopIteration as end:
+                return (end.value,)
+            yield
+        return None
+    finally:
+        close(steps)

@@ -1,0 +1,104 @@
+"""Names by habit: of KIPR's library, of the robot's own parts, and calls of what is none."""
+
+from typing import Any
+
+import pytest
+
+import raccoon
+from raccoon import Robot, after_time, drive, open_robot, pressed, straight, turn, wait, wait_for, when
+from raccoon.core.config import MechanismConfig, RobotConfig, ServoConfig, TophatConfig
+from robots import Between, simulated
+
+CONFIG = RobotConfig(
+    tophats={"front": TophatConfig(0, 0.11, 0.0)},
+    servos={"claw": ServoConfig(0)},
+    mechanisms={"arm": MechanismConfig(2)},
+)
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("robot.drive(0.15)", r"a Drive is not called: write robot.run\(drive\(speed, turn_rate\)"),
+        ("robot.servo('claw', 1500)", r"moves nothing: write robot.run\(servo\('claw', 1500\)\)"),
+        ("robot.mechanism('arm', 1.0)", r"moves nothing: write robot.run\(move\('arm', 1.0\)\)"),
+        ("robot.servo('claw').open", r"a Servo has no open: it has pulse; else write robot.run\(servo\("),
+        ("robot.mechanism('arm').move(1)", "a Mechanism has no move: it has angle and rate; else"),
+        ("robot.tophat('front').is_black", "has no is_black: it has black, .*counts"),
+        ("robot.arm", r"a robot has no arm: write robot.mechanism\('arm'\)"),
+        ("robot.claw", r"write robot.servo\('claw'\)"),
+        ("robot.front", r"write robot.tophat\('front'\)"),
+        ("robot.motor(0, 50)", r"a robot has no motor: write robot.run\(motors\(left, right\)"),
+        ("robot.ao()", r"a robot has no ao: write robot.stop\(\), from a thread"),
+        ("straight(0.1).run(robot)", r"action 'straight 0.1 m' has no run: it is done with robot.run"),
+        ("raccoon.msleep(500)", r"raccoon has no msleep: write robot.run\(wait\(seconds\)\)"),
+        ("setattr(robot, 'plan', (0, 0))", r"robot.plan takes a Pose, not \(0, 0\)"),
+        ("Robot('robot.toml')", "port of a Robot is 'robot.toml': .*with open_robot"),
+    ],
+)
+def test_what_is_meant_is_said(asked: str, said: str) -> None:
+    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+        robot.tick()
+        names = {"robot": robot, "raccoon": raccoon, "straight": straight, "Robot": Robot}
+        with pytest.raises((TypeError, AttributeError), match=said):
+            eval(asked, names)
+
+
+def test_an_import_of_kipr_says_what_stands_here() -> None:
+    with pytest.raises(ImportError, match=r"raccoon has no motor: write robot.run\(motors\("):
+        exec("from raccoon import motor")
+    with pytest.raises(ImportError, match="cannot import name 'modor'"):
+        exec("from raccoon import modor")
+    assert not hasattr(raccoon, "motor")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: wait(1.0).timeout(5000),
+        lambda: straight(0.1, timeout=5000),
+        lambda: turn(1.0, timeout=5000),
+        lambda: raccoon.turn_to(1.0, timeout=5000),
+        lambda: raccoon.arc(0.2, 1.0, timeout=5000),
+        lambda: raccoon.pivot(1.0, "left", timeout=5000),
+        lambda: raccoon.drive_to(0.2, 0.1, timeout=5000),
+        lambda: raccoon.follow_path([(0.2, 0.1)], timeout=5000),
+        lambda: raccoon.align_on_wall(timeout=5000),
+        lambda: raccoon.move("arm", 1.0, timeout=5000),
+        lambda: raccoon.move_by("arm", 1.0, timeout=5000),
+        lambda: raccoon.servo("claw", 1500, seconds=5000),
+    ],
+)
+def test_a_limit_in_milliseconds_is_refused(make: Any) -> None:
+    with pytest.raises(ValueError, match=r"is 5000: allowed are .* up to 600 s \(500 ms are 0.5\)"):
+        make()
+
+
+def test_a_loop_that_waits_and_never_reads_is_said_once(caplog: pytest.LogCaptureFixture) -> None:
+    port = Between(simulated(config=CONFIG))
+    with open_robot(CONFIG, port=port) as robot:
+        robot.tick()
+        for _ in range(3000):  # while not robot.digital(0): pass
+            robot.digital(0)
+        robot.tick()
+        for _ in range(3000):  # while robot.time - begin < 2.0: pass
+            assert robot.time >= 0.0
+        robot.run(wait_for(pressed(0) | after_time(0.1)))
+    assert caplog.text.count("the robot reads in run() and tick() alone") == 1
+
+
+def test_a_loop_that_ticks_may_ask_as_it_likes(caplog: pytest.LogCaptureFixture) -> None:
+    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+        for _ in range(30):
+            for _ in range(50):
+                assert robot.digital(0) is not True
+            robot.tick()
+    assert "stay as they are" not in caplog.text
+
+
+def test_a_test_that_gives_a_function_does_not_hold() -> None:
+    with open_robot(CONFIG, port=simulated(config=CONFIG)) as robot:
+        digital: Any = when(lambda robot: robot.digital)  # type: ignore[arg-type, return-value]
+        with pytest.raises(TypeError, match="condition 'when': its test gives digital and does not call it"):
+            robot.run(drive(0.1).until(digital))
+        assert not any(robot.outputs.duty)
