@@ -168,13 +168,22 @@ def _compare(
 ) -> None:
     """Say which sensors to use with care, and which sit higher or lower than at the calibration before."""
     from raccoon.estimate.tophat.calibration import Verdict
-    from raccoon.estimate.tophat.watch import height_changed
+    from raccoon.estimate.tophat.watch import height_changed, swapped
 
+    known = {name: each for name, each in before.items() if each is not None}
+    floors = {name: (each.surfaces()[0].mean,) for name, each in found.items()}
+    pair = swapped(known, floors) or ()
+    if pair:
+        say(
+            robot,
+            f"tophats {' and '.join(pair)} read each what the other one did at its last calibration: are "
+            "their plugs exchanged?",
+        )
     for name, now in found.items():
         if now.verdict is Verdict.WEAK:
             say(robot, f"tophat {name} is to be used with care: {now.reason}")
         last = before[name]
-        if last is not None and height_changed(last, now):
+        if last is not None and name not in pair and height_changed(last, now):
             say(robot, f"tophat {name} sits higher or lower than at its last calibration")
 
 

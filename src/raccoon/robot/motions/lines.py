@@ -33,6 +33,8 @@ WALL_SPEED_SHARE = 0.2
 WALL_TIME = 0.3
 PRESS_FORCE = 8.0
 """N a wheel, against a wall: tyres of 0.9 under half of 3 kg carry 13 N."""
+ODDLY, ALONG = math.radians(4.0), math.radians(1.5)
+"""Rad from a quarter of a turn of the field: of a line that is laid so, and of one along the field."""
 SLOWED_SHARE, SQUARING_SHARE = 0.9, 0.15
 """Of the fastest speed on the way: slower wheels are at a wall; wheels that differ by twice that turn it."""
 
@@ -73,14 +75,14 @@ def align_on_line(
             raise MotionTimeout(
                 f"the line lies {math.degrees(angle):.0f} deg askew: allowed are {math.degrees(squint):.0f}"
             )
+        said = _exchanged(robot, left, right, angle)
         robot.replan()
         turned = yield from turning(robot, angle)
         goal = Pose(robot.estimate.x, robot.estimate.y, here + angle)
         robot.plan = goal
         off = robot.estimate.heading - goal.heading
-        return MotionResult(
-            0.0, 0.0, off, robot.time - begin, turned.std, turned.saturated, turned.heading_std
-        )
+        took, std = robot.time - begin, turned.heading_std
+        return MotionResult(0.0, 0.0, off, took, turned.std, turned.saturated, std, remarks=said)
 
     return Action(
         f"align on a line with {left} and {right}", steps, lambda robot: _check_sides(robot, left, right)
@@ -142,6 +144,22 @@ def _place(robot: Robot, sensor: TophatSensor, ago: float) -> tuple[float, float
     ahead = pose.ahead(sensor.config.forward)
     side = sensor.config.left
     return ahead.x - side * math.sin(ahead.heading), ahead.y + side * math.cos(ahead.heading)
+
+
+def _exchanged(robot: Robot, left: str, right: str, angle: float) -> tuple[str, ...]:
+    """What to say where a line, `angle` rad askew, lies along the field as lines do if the plugs of the two
+    sensors are exchanged, and oddly if they are not."""
+    here = robot.estimate
+    normals = here.heading + angle, here.heading - angle
+    lies, mirrored = (abs(math.remainder(each, 0.5 * math.pi)) for each in normals)
+    if lies < ODDLY or mirrored > ALONG or abs(angle) < ODDLY or here.heading_std > ALONG:
+        return ()
+    said = (
+        f"by {left} and {right} the line lies {math.degrees(lies):.0f} deg askew in the field, and along it "
+        "if their plugs are exchanged: are they?"
+    )
+    say(robot, said)
+    return (said,)
 
 
 def align_on_wall(

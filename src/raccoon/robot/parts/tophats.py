@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,8 @@ CHECKED_EVERY = 40  # ticks
 BLIND = 0.1  # s without a floor; a flash of the sun takes less
 SILENT = 0.5  # s without a word; a controller that restarts gives none for 0.1 s
 MOVES = 2e-4  # m a tick: 0.04 m/s at 200 Hz
+STILL = 2e-5  # m a tick, below which it stands
+STANDING, WANDERS = 80, 3  # readings at rest that are judged at once; times that they wander, or not
 
 
 class TophatSensor(Part):
@@ -50,6 +53,10 @@ class TophatSensor(Part):
         self.sees = False
         """Whether it has read a floor just now, and no end of its range where none is."""
         self._seen = -math.inf  # s, when it did so last
+        self._standing: deque[float] = deque(maxlen=STANDING)
+        self._wandered = 0
+        self.floating = False
+        """Whether it wandered when the robot stood last, as an open port does, which may read like black."""
 
     def calibrate(self, calibration: TophatCalibration) -> None:
         """Use a calibration from now on. Raises CalibrationError where it has no threshold."""
@@ -71,13 +78,17 @@ class TophatSensor(Part):
             self.sees = inputs.time - self._seen < BLIND
             return
         self.counts, self._heard = counts, inputs.time
+        if way is not None and way < STILL:
+            self._standing.append(counts)
+        elif self._standing:
+            self._standing.clear()
         classifier, watch = self._classifier, self._watch
         if classifier is None or watch is None:
             return
         reading = self._reading = classifier.update(inputs.time, counts, others_lost, way)
-        self._seen = self._seen if classifier.missed else inputs.time
+        self._seen = self._seen if classifier.missed or self.floating else inputs.time
         self.sees = inputs.time - self._seen < BLIND
-        if reading.edge is not None:
+        if reading.edge is not None and not self.floating:
             self._edge = reading.edge
         if self._since is None:
             self._since = inputs.time
@@ -91,6 +102,13 @@ class TophatSensor(Part):
         from raccoon.estimate.tophat.watch import Fit
 
         self.silent = self._heard is not None and time - self._heard > SILENT
+        if len(self._standing) == STANDING:
+            from raccoon.estimate.tophat.quality import restless
+
+            step = 1 if restless(self._standing) else -1
+            self._wandered = min(max(self._wandered + step, 0), WANDERS)
+            if self._wandered in (0, WANDERS):
+                self.floating = self._wandered == WANDERS
         if self._watch is not None:
             fit = self._watch.fit
             proved = self._since is not None and time - self._since > PROVING
@@ -103,12 +121,15 @@ class TophatSensor(Part):
         """What is wrong with what it reads, "" where it reads as it should."""
         if self.silent:
             return f"tophat {self.name} {UNREAD}"
+        if self.floating:
+            port = self.config.analog
+            return f"tophat {self.name} wanders while the robot stands: is it plugged into analog {port}?"
         return f"tophat {self.name} {WORDS[self.fit]}" if self.fit in WORDS else ""
 
     @property
     def blind(self) -> bool:
         """Whether nothing sensible comes in."""
-        return self.silent or self.fit in ("unplugged", "saturated")
+        return self.silent or self.floating or self.fit in ("unplugged", "saturated")
 
     @property
     def recent(self) -> tuple[float, ...]:
@@ -130,7 +151,7 @@ class TophatSensor(Part):
     @property
     def black(self) -> bool | None:
         """True over black, False over white, None while it is not known."""
-        return None if self._reading is None else self._reading.black
+        return None if self._reading is None or self.floating else self._reading.black
 
     @property
     def darkness(self) -> float | None:
@@ -205,7 +226,7 @@ class Floor:
 
     def _check(self, robot: Robot, sensor: TophatSensor) -> None:
         now = sensor.check(robot.time)
-        if sensor.silent:
+        if sensor.silent or sensor.floating:
             say(robot, sensor.complaint)
         elif now is not None and now in WORDS:
             say(robot, f"tophat {sensor.name} {self._swapped(sensor) or WORDS[now]}")

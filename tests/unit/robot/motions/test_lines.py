@@ -23,10 +23,11 @@ from raccoon import (
     race,
     repeat,
     seq,
+    turn,
     wait,
 )
 from raccoon.core.config import BodyConfig, RobotConfig
-from raccoon.core.readings import STOP
+from raccoon.core.readings import STOP, Inputs
 from raccoon.estimate.tophat import calibrate
 from raccoon.robot.actions.actions import Action
 from raccoon.robot.motions.driving import search
@@ -61,6 +62,26 @@ def test_the_robot_stands_square_to_a_line(askew_deg: float, speed: float | None
     assert robot.inputs.truth is not None
     assert math.degrees(robot.inputs.truth.heading) == pytest.approx(0.0, abs=0.8)
     assert abs(result.heading) < 0.01
+
+
+@pytest.mark.parametrize("exchanged", [True, False])
+def test_sensors_in_each_others_port_are_said_where_the_line_lies_oddly_by_them(
+    exchanged: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    def plugged(inputs: Inputs) -> Inputs:
+        left, right, *others = inputs.analog
+        return replace(inputs, analog=(right, left, *others) if exchanged else inputs.analog)
+
+    world = World(lines=(Line(((0.2, -0.5), (0.2, 0.5))),))
+    with open_robot(CONFIG, port=Between(simulated(world=world), seen=plugged)) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(CALIBRATION)
+        result = robot.run(seq(wait(0.5), turn(deg(8)), align_on_line("left", "right")))[-1]
+    said = (
+        "by left and right the line lies 16 deg askew in the field, and along it if their plugs are exchanged"
+    )
+    assert [said in each for each in result.remarks] == ([True] if exchanged else [])
+    assert (said in caplog.text) is exchanged
 
 
 @pytest.mark.parametrize("askew_deg", [0.0, 10.0, -10.0, 20.0, -20.0, 40.0])

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -14,6 +15,7 @@ from raccoon import (
     MotionTimeout,
     Robot,
     after_distance,
+    align_on_line,
     calibrate_tophats,
     drive,
     load_tophats,
@@ -22,12 +24,14 @@ from raccoon import (
     wait,
 )
 from raccoon.core.readings import Inputs, Status
+from raccoon.estimate.tophat import calibrate
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
 from raccoon.estimate.tophat.store import TophatStore
 from raccoon.robot.actions.actions import Steps
 from raccoon.sim.world.table import Line, World
 from robots import CONFIG, Between, simulated
 
+CALIBRATION = calibrate([1270.0 + i % 5 for i in range(200)] + [3800.0 + i % 5 for i in range(200)])
 LINES = "".join(
     f"[[line]]\npoints = [[{0.3 + 0.37 * i:.2f}, -1.0], [{0.3 + 0.37 * i:.2f}, 1.0]]\nwidth = 0.02\n"
     for i in range(12)
@@ -193,10 +197,10 @@ def test_a_calibration_that_the_card_does_not_take_is_used_and_that_is_said(
         assert not list(store.parent.iterdir())
 
 
-def rewired(inputs: Inputs, change: Callable[[list[float | None]], None]) -> Inputs:
-    """The analog readings go through `change` from 8 s on."""
+def rewired(inputs: Inputs, change: Callable[[list[float | None]], None], begin: float = 8.0) -> Inputs:
+    """The analog readings go through `change` from `begin` s on."""
     counts = list(inputs.analog)
-    if inputs.time > 8.0:
+    if inputs.time > begin:
         change(counts)
     return replace(inputs, analog=tuple(counts))
 
@@ -236,6 +240,49 @@ def test_what_is_wrong_with_a_sensor_is_said(
         robot.run(drive(0.24).until(after_distance(0.9)))
         assert any(each.startswith(said) for each in robot.drive.remarks.values())
         assert robot.tophat("left").status is status
+
+
+def test_an_open_port_sees_no_line_and_is_said_while_the_robot_stands() -> None:
+    """It floats between the surfaces and about black, as on the emulated controllers."""
+    noise, level = Random(1), 2500.0
+
+    def wander(counts: list[float | None]) -> None:
+        nonlocal level
+        level = min(max(level + noise.gauss(0.0, 20.0), 2300.0), 2900.0)
+        counts[0] = level
+
+    is_open = False
+    port = Between(simulated(), seen=lambda each: rewired(each, wander, 0.0) if is_open else each)
+    with open_robot(CONFIG, port=port) as robot:
+        for sensor in robot.tophats.values():
+            sensor.calibrate(CALIBRATION)
+        robot.run(wait(1.5))
+        assert not robot.blind
+        is_open = True
+        robot.run(wait(1.5))
+        assert (robot.tophat("left").black, robot.tophat("left").status) == (None, Status.INVALID)
+        wanders = "tophat left wanders while the robot stands: is it plugged into analog 0"
+        assert any(wanders in each for each in robot.drive.remarks.values())
+        with pytest.raises(MotionTimeout, match=wanders):
+            robot.run(drive(0.15).until(on_black("left")).timeout(0.3))
+        with pytest.raises(MotionTimeout, match=wanders):
+            robot.run(align_on_line("left", "right", reach=0.05))
+        is_open = False
+        robot.run(wait(1.5))
+        assert not robot.blind
+
+
+def test_sensors_that_were_exchanged_since_they_were_calibrated_are_said(tmp_path: Path) -> None:
+    exchanged = False
+    sim = simulated(world=table(tmp_path), effects={"tophat.height@1": {"height": 0.015}})
+    port = Between(sim, seen=lambda each: rewired(each, swap, 0.0) if exchanged else each)
+    with open_robot(CONFIG, port=port) as robot:
+        calibrate_tophats(robot, 0.4, 0.3)
+        exchanged = True
+        calibrate_tophats(robot, 0.4, 0.3)
+        said = list(robot.drive.remarks.values())
+    assert any("left and right read each what the other one did at its last" in each for each in said)
+    assert not any("higher or lower" in each for each in said)
 
 
 @pytest.mark.parametrize(
