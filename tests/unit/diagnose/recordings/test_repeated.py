@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from blind.generator import make
-from raccoon.diagnose.recordings.rows.repeated import without_held
+from raccoon.core.errors import TraceError
+from raccoon.diagnose.recordings.rows.repeated import without_held, without_repeated
 
 Columns = dict[str, np.ndarray]
 
@@ -56,3 +57,19 @@ def test_readings_that_never_change_are_left_to_be_told_by_what_they_are() -> No
     still = {"motor.0.duty": 0.5, "motor.1.duty": 0.5, "motor.0.bemf": 400.0, "motor.1.bemf": 400.0}
     columns = {"t": 0.005 * np.arange(2000)} | {name: np.full(2000, value) for name, value in still.items()}
     assert without_held(columns) == (columns, ())
+
+
+def test_rows_that_a_recorder_wrote_twice_are_left_out_however_many_they_are() -> None:
+    """Two recorders into one file: the time was said to be rounded to 5 ms."""
+    columns = dict(make(4, seconds=6.0).columns)
+    kept, said = without_repeated({name: np.repeat(each, 2) for name, each in columns.items()})
+    assert len(said) == 1
+    for name, each in columns.items():
+        np.testing.assert_array_equal(kept[name], each)
+    rounded = {**columns, "t": np.floor(100.0 * columns["t"]) / 100.0}
+    assert without_repeated(rounded) == (rounded, ())
+
+
+def test_repeated_rows_of_columns_that_are_too_short_are_an_error() -> None:
+    with pytest.raises(TraceError, match=r"column analog\.0 has shape"):
+        without_repeated({"t": np.zeros(9), "analog.0": np.zeros(3)})

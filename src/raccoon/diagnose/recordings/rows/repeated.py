@@ -7,19 +7,28 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from raccoon.trace.recording import check_lengths
+
 Columns = Mapping[str, NDArray[np.float64]]
 
 FEWEST = 200
 """Rows that tell how often they repeat."""
 MOST_REPEATED = 0.1
-"""Share of the samples. More are no slip of a recorder, and are left to be refused."""
+"""Share of the samples. More are no slip of a recorder, and are left to be refused, unless each holds nothing
+but the sample before once more."""
 
 
 def without_repeated(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
-    """The columns without samples whose time is that of the one before, and what is to be said of it."""
+    """The columns without samples whose time is that of the one before, and what is to be said of it.
+
+    Raises TraceError where a column is not as long as t.
+    """
     time = columns.get("t", np.zeros(0))
     again = np.flatnonzero(np.diff(time) == 0.0) + 1
-    if len(again) == 0 or len(again) > MOST_REPEATED * len(time):
+    if len(again) == 0:
+        return columns, ()
+    check_lengths(columns)
+    if len(again) > MOST_REPEATED * len(time) and not _as_before(columns)[again].all():
         return columns, ()
     one = len(again) == 1
     said = (
@@ -27,6 +36,15 @@ def without_repeated(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
         f"{'is' if one else 'are'} left out: the first at {time[again[0]]:.6g} s, row {again[0]}"
     )
     return {name: np.delete(each, again) for name, each in columns.items()}, (said,)
+
+
+def _as_before(columns: Columns) -> NDArray[np.bool_]:
+    """Rows that hold in all columns but t what the row before holds."""
+    same = np.arange(len(columns["t"])) > 0
+    for name, each in columns.items():
+        if name != "t":
+            same[1:] &= (each[1:] == each[:-1]) | (np.isnan(each[1:]) & np.isnan(each[:-1]))
+    return same
 
 
 FASTER = 0.3
@@ -48,11 +66,9 @@ def without_held(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     time = columns.get("t", np.zeros(0))
     if not commands or not readings or len(time) < FEWEST or (np.diff(time) <= 0.0).any():
         return columns, ()  # of a time that stands still nobody knows what was when
-    table = np.column_stack([each for name, each in columns.items() if name != "t"])
     known = np.asarray(np.isfinite(np.column_stack(readings)).all(axis=1), bool)
     driven = np.abs(np.nan_to_num(np.column_stack(commands))).max(axis=1) > 0.0
-    same = np.all((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1])), axis=1)
-    same = np.concatenate([[False], np.asarray(same, bool) & known[1:] & known[:-1]])
+    same = _as_before(columns) & known & np.concatenate([[False], known[:-1]])
     if driven.sum() < FEWEST or float(same[driven].mean()) < FASTER:
         return columns, ()
     new = time[~same & driven]
