@@ -55,6 +55,9 @@ UNDRIVEN = 0.5
 DRIVEN, TURNS, OFTEN = 0.2, 0.3, 0.05
 """Duty that surely drives a wheel; part of the largest reading that surely turns; and share of the rows that
 are no chance."""
+AS_FAST = 0.67
+"""Correlation with the size of the commands from which a reading without a sign is one of speed: it was 0.83
+and more of speeds, and 0.51 at most of angles, on 18 blind drives."""
 
 
 def check_signs(log: Log) -> None:
@@ -62,10 +65,10 @@ def check_signs(log: Log) -> None:
     for index, wheel, command in _measured(log):
         _check_command_sign(log.duty[:, index], wheel, command)
         _check_words(wheel)
-        _check_reading_sign(log.duty[:, index], wheel, "its motor was driven", "how fast the wheel was")
+        _check_reading_sign(log.duty[:, index], wheel, ("its motor was driven", "the wheel"))
     gyro = log.channel("gyro")
     if gyro is not None:
-        _check_reading_sign(_turn(log), gyro, "the robot was turned", "how fast the robot turned")
+        _check_reading_sign(_turn(log), gyro, ("the robot was turned", "the robot"))
 
 
 def _check_command_sign(duty: Array, wheel: Channel, command: str) -> None:
@@ -83,7 +86,7 @@ def _check_command_sign(duty: Array, wheel: Channel, command: str) -> None:
             )
 
 
-def _check_reading_sign(duty: Array, channel: Channel, was_driven: str, holds: str) -> None:
+def _check_reading_sign(duty: Array, channel: Channel, said: tuple[str, str]) -> None:
     known = np.isfinite(channel.values)
     if known.sum() < FEWEST:
         return
@@ -94,9 +97,14 @@ def _check_reading_sign(duty: Array, channel: Channel, was_driven: str, holds: s
         both = _often(way * duty > DRIVEN) and _often(against)
         both = both and bool(np.ptp(reading[against]) > 0.0)  # one that repeats itself holds no size either
         if both and not (way * reading < -least).any() and _often(way * reading[against] > least):
+            was_driven, who = said
             raise TraceError(
-                f"{channel.name} never goes {to} 0, but {was_driven} both ways: it holds {holds}, not which "
-                "way; write it with its sign"
+                f"{channel.name} never goes {to} 0, but {was_driven} both ways: it holds how "
+                + (
+                    f"fast {who} turned, not which way; write it with its sign"
+                    if float(np.corrcoef(np.abs(duty), way * reading)[0, 1]) > AS_FAST
+                    else f"far {who} had turned, and not how fast it turns"
+                )
             )
 
 

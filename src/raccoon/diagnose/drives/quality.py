@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,7 @@ from raccoon.core.errors import TraceError
 from raccoon.core.readings import BEMF_VOLTS_PER_COUNT
 from raccoon.diagnose.drives.answers import check_signs
 from raccoon.diagnose.drives.held import of_free_driving, where_held
-from raccoon.diagnose.drives.log import Log, arranged
+from raccoon.diagnose.drives.log import Channel, Log, arranged
 from raccoon.diagnose.drives.sizes import (
     FAR,
     SHARE,
@@ -74,7 +74,9 @@ def check_units(log: Log, robot: RobotConfig, *, native: bool = False) -> None:
     if not native:
         _check_battery(log)
     _check_plugs(log)
-    _check_wheels(log, robot, native)
+    check_wheel_signs(log, robot)
+    if not native:
+        _check_counts(log, robot)
     _check_gyro(log, robot, native)
     if not native:
         check_sizes(log, robot)
@@ -97,8 +99,28 @@ def _check_battery(log: Log) -> None:
         raise TraceError(f"{battery.name} is around {middle:g} V: allowed are 1 to 30 V")
 
 
-def _check_wheels(log: Log, robot: RobotConfig, native: bool) -> None:
-    """A wheel must have the sign that its command makes, and back-EMF the size."""
+def check_wheel_signs(log: Log, robot: RobotConfig) -> None:
+    """Raise TraceError where a wheel's reading has the opposite sign of what its command makes."""
+    for _, channel, factor in _wheels_over_commands(log, robot):
+        if factor < -0.2:
+            raise TraceError(
+                f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
+                f"does not fit this recording"
+            )
+
+
+def _check_counts(log: Log, robot: RobotConfig) -> None:
+    """Back-EMF must have the size that its command makes."""
+    for side, channel, factor in _wheels_over_commands(log, robot):
+        if channel.unit == "counts" and LEAST_SHARE / 1e4 < factor < LEAST_SHARE:
+            unit = nearest_unit(factor / SHARE, _bemf_units(robot, side))
+            guess = f"it looks like {unit}, not counts" if unit else "is it in counts?"
+            raise TraceError(f"{channel.name} is {SHARE / factor:.0f} times too small: {guess}")
+
+
+def _wheels_over_commands(log: Log, robot: RobotConfig) -> Iterator[tuple[str, Channel, float]]:
+    """Side and reading of each wheel, and its slope over its command in the reading's unit; without those
+    that tell none."""
     voltage = robot.model.battery.open_circuit_voltage.value
     for index, side in enumerate(("left", "right")):
         channel = log.wheel(side)
@@ -106,17 +128,8 @@ def _check_wheels(log: Log, robot: RobotConfig, native: bool) -> None:
             continue
         volts = BEMF_VOLTS_PER_COUNT if channel.unit == "counts" else 1.0
         factor = slope(steady(log.duty[:, index]) * voltage / volts, channel.values)
-        if factor is None:
-            continue
-        if factor < -0.2:
-            raise TraceError(
-                f"{channel.name} has the opposite sign of its command: motor wiring or robot.toml's inverted "
-                f"does not fit this recording"
-            )
-        if not native and channel.unit == "counts" and LEAST_SHARE / 1e4 < factor < LEAST_SHARE:
-            unit = nearest_unit(factor / SHARE, _bemf_units(robot, side))
-            guess = f"it looks like {unit}, not counts" if unit else "is it in counts?"
-            raise TraceError(f"{channel.name} is {SHARE / factor:.0f} times too small: {guess}")
+        if factor is not None:
+            yield side, channel, factor
 
 
 def _bemf_units(robot: RobotConfig, side: str) -> Mapping[str, float]:
@@ -170,8 +183,8 @@ def _check_gyro(log: Log, robot: RobotConfig, native: bool) -> None:
         )
     if factor < -0.2:
         raise TraceError(
-            f"{gyro.name} turns against the wheels: left and right are swapped, or the gyro's axis "
-            f"points down"
+            f"{gyro.name} turns against the wheels: left and right are swapped, the gyro's axis points down, "
+            "or both motors turn the other way than robot.toml's inverted says"
         )
 
 

@@ -77,7 +77,8 @@ def _check_supply(log: Log, robot: RobotConfig, shares: Mapping[str, float | Non
     was, of robot.toml's where not."""
     battery = log.channel("battery")
     nominal = robot.model.battery.open_circuit_voltage.value
-    seen = nominal if battery is None else float(np.nanmedian(battery.values))
+    known = np.zeros(0) if battery is None else battery.values[np.isfinite(battery.values)]
+    seen = float(np.median(known)) if len(known) else nominal
     for side, share in shares.items():
         wheel = log.wheel(side)
         if wheel is None or share is None or wheel.unit != "counts" or share * nominal / seen <= IMPOSSIBLE:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.config import RobotConfig
+from raccoon.core.errors import TraceError
 from raccoon.diagnose.drives.answers import check_answers, check_signs
 from raccoon.diagnose.drives.at_once import with_battery_before_commands
 from raccoon.diagnose.drives.held import LIFTED, not_free, of_free_driving, spans, with_free_driving
@@ -15,7 +16,7 @@ from raccoon.diagnose.drives.joined import joined, said_of_recording
 from raccoon.diagnose.drives.loads import with_loads
 from raccoon.diagnose.drives.log import Log, log_from_columns
 from raccoon.diagnose.drives.order import check_order
-from raccoon.diagnose.drives.quality import check_units, driven_freely
+from raccoon.diagnose.drives.quality import check_units, check_wheel_signs, driven_freely
 from raccoon.diagnose.drives.standing import with_what_turned
 from raccoon.diagnose.drives.stops import with_stops
 from raccoon.diagnose.drives.ways import check_ways
@@ -43,10 +44,19 @@ def _one(columns: Columns, robot: RobotConfig, firmware: Firmware | None) -> Log
     check_signs(log)
     held = not_free(log, robot)
     if sum(each.end - each.start for each in held if each.why == LIFTED) > MOSTLY * log.seconds:
-        check_ways(log, robot)  # nobody carries a robot about for so long: it is one motor's sign
+        # Nobody carries a robot about for so long: it is the sign of one reading, or of one motor.
+        check_wheel_signs(log, robot)
+        check_ways(log, robot)
     native = firmware is not None and firmware.units
     check_units(driven_freely(log, robot, spans(held)), robot, native=native)
-    log = with_free_driving(log, held)
+    try:
+        log = with_free_driving(log, held)
+    except TraceError as error:  # a gyro that is an angle looks like a hand from beginning to end
+        try:
+            check_answers(log)
+        except TraceError as other:
+            raise TraceError(f"{error}. Or {other}") from None
+        raise
     free = with_battery_before_commands(with_stops(of_free_driving(with_what_turned(log, robot))))
     check_order(free)
     check_answers(free)

@@ -231,10 +231,20 @@ def test_commands_without_their_sign_are_said(good: Columns, name: str) -> None:
 
 @pytest.mark.parametrize("name", [*READINGS, GYRO])
 def test_readings_without_their_sign_are_said(good: Columns, name: str) -> None:
-    with pytest.raises(TraceError, match=f"{name} never goes below 0, but .* both ways"):
+    said = "but .* both ways: it holds how fast"
+    with pytest.raises(TraceError, match=f"{name} never goes below 0, {said}"):
         check_signs(changed(good, name, np.abs(good[name])))
-    with pytest.raises(TraceError, match=f"{name} never goes above 0, but .* both ways"):
+    with pytest.raises(TraceError, match=f"{name} never goes above 0, {said}"):
         check_signs(changed(good, name, -np.abs(good[name])))
+
+
+@pytest.mark.parametrize("name", [*READINGS, GYRO])
+def test_angles_in_the_place_of_speeds_are_said(good: Columns, name: str) -> None:
+    """A heading was said to hold how fast the robot turned."""
+    angle = np.cumsum(np.nan_to_num(good[name])) * 0.005
+    angle -= angle.min()
+    with pytest.raises(TraceError, match=f"{name} never goes below 0, .* how far .* had turned, and not how"):
+        check_signs(changed(good, name, angle))
 
 
 def test_a_reading_that_stays_as_it_is_has_lost_no_sign(good: Columns) -> None:

@@ -310,6 +310,23 @@ def test_back_emf_in_words_without_a_sign_is_said(good: Columns, port: int) -> N
         diagnose({**good, name: words}, ROBOT)
 
 
+@pytest.mark.parametrize("port", [0, 1])
+def test_a_reading_of_the_opposite_sign_is_no_motor_that_is_the_other_way_round(
+    good: Columns, port: int
+) -> None:
+    """The wheels then turn as the gyro does not, all the time. (Inverting the motor changes its command.)"""
+    name = f"motor.{port}.bemf"
+    with pytest.raises(TraceError, match=rf"motor\.{port}\.bemf has the opposite sign of its command"):
+        diagnose({**good, name: -good[name]}, ROBOT)
+
+
+def test_an_angle_in_the_place_of_the_gyro_is_not_only_a_robot_in_a_hand(good: Columns) -> None:
+    name = "imu.gyro.z"
+    heading = np.cumsum(np.nan_to_num(good[name])) * 0.005
+    with pytest.raises(TraceError, match=r"lifted, or .* Or imu\.gyro\.z does not turn as .* an angle"):
+        diagnose({**good, name: 5.0 * (heading - heading.mean())}, ROBOT)
+
+
 def test_back_emf_of_fewer_bits_is_no_fault_of_the_gyro(good: Columns) -> None:
     """Of both wheels in quarters of counts the gyro was said to be in another unit."""
     quarters = {f"motor.{port}.bemf": 0.25 * good[f"motor.{port}.bemf"] for port in (0, 1)}
