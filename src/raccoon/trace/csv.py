@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from raccoon.core.errors import TraceError
 from raccoon.core.files import replacing
 from raccoon.trace.format import Event
-from raccoon.trace.mistaken import SEPARATOR_SAID, csv_separator, misnamed, no_number, no_time
+from raccoon.trace.mistaken import SEPARATOR_SAID, began_anew, csv_separator, misnamed, no_number, no_time
 from raccoon.trace.recording import EVENT, SURFACE, DutiesBeyond, Recording, allowed_instead
 from raccoon.trace.rows import Rows
 
@@ -66,6 +66,7 @@ class _Reader:
         self._events: list[Event] = []
         self._count = 0
         self._backward = 0
+        self._anew = ""  # what the first time that goes back seems to be
         self._words: dict[str, int] = {}  # of columns of others: how many lines hold no number
         self._beyond = DutiesBeyond()
 
@@ -84,9 +85,8 @@ class _Reader:
                 self._keep(row, columns)
         if self._backward > self._count:
             first = next(each for each in self._problems if each.endswith(NOT_BACK))
-            raise TraceError(
-                f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
-            )
+            said = f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
+            raise TraceError("; ".join(filter(None, (said, self._anew))))
         self._beyond.check(self._count)
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
@@ -128,7 +128,9 @@ class _Reader:
         if not row["t"] >= last:
             time = cells[names.index("t")]
             if not (time and math.isnan(row["t"])):  # what is no number was reported with its cell
-                self._backward += row["t"] < last
+                if row["t"] < last:
+                    self._backward += 1
+                    self._anew = self._anew or began_anew(last, row["t"])
                 self._report(f"column t: {time!r}: {NOT_BACK}")
             return None
         if text:
@@ -177,7 +179,7 @@ class _Reader:
             raise TraceError(said)
         self._problems.append(said)
         if len(self._problems) > MAX_PROBLEMS:
-            said = "; ".join(filter(None, (self._problems[0], self._beyond.guess())))
+            said = "; ".join(filter(None, (self._problems[0], self._anew, self._beyond.guess())))
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {said}")
 
 

@@ -26,6 +26,10 @@ PICTURES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"%PDF")
 SWEEP_HEADER = "run,seed,status,"
 SEPARATORS = (",", ";", "\t")
 KIND_BYTES = 4096
+COUNTERS = (2.0**32, 2.0**31, 2.0**16)
+"""Where the clocks of small controllers begin anew, in s, ms or us."""
+NEAR_END = 0.02
+"""Part of that within which a time has come to its end, and begun."""
 MOST_ODD = 4
 """Letters of a header that are no UTF-8: an old program may have written a few."""
 MISNAMED_SAID = 4
@@ -53,6 +57,17 @@ def no_time(names: Iterable[str]) -> str:
         return f"{said}, and the first line holds the names of the columns"
     alike = next((each for each in cells if _TIME.fullmatch(each)), None)
     return said if alike is None else f"{said}: if {alike!r} is that, name it t"
+
+
+def began_anew(before: float, now: float) -> str:
+    """Of a time that goes back, and on from there: why it may, for a message."""
+    said = f"it goes back from {before:.9g} to {now:.9g} there"
+    for size in COUNTERS:
+        for unit in (1.0, 1e-3, 1e-6):
+            most = size * unit
+            if abs(before - most) < NEAR_END * most and 0.0 <= now < NEAR_END * most:
+                return f"{said}: a counter that begins anew at {most:.10g}? Add as much from there on"
+    return f"{said}: is it a second recording? Then name each by itself"
 
 
 def no_number(name: str, cell: str) -> str:

@@ -112,6 +112,25 @@ def test_a_file_whose_rows_go_back_is_not_left_with_one_of_them(tmp_path: Path) 
         read_csv(path, strict=False)
 
 
+@pytest.mark.parametrize(
+    ("before", "now", "said"),
+    [
+        (4294.966, 0.003, "begins anew at 4294.967296"),  # micros() in s
+        (4294966296.0, 1704.0, "begins anew at 4294967296"),
+        (65.531, 0.002, "begins anew at 65.536"),
+        (40.0, 0.0, "a second recording"),
+        (4294.966, 2000.0, "a second recording"),
+    ],
+)
+def test_why_a_time_goes_back_and_on_from_there_is_said(
+    tmp_path: Path, before: float, now: float, said: str
+) -> None:
+    rows = [str(before), *(str(now + 0.001 * row) for row in range(3))]
+    path = write(tmp_path / "run.csv", "t\n" + "\n".join(rows) + "\n")
+    with pytest.raises(TraceError, match=f"it goes back from .* there: .*{said}"):
+        read_csv(path, strict=False)
+
+
 def test_a_bad_value_is_blank_and_a_bad_row_is_left_out(tmp_path: Path) -> None:
     path = write(tmp_path / "run.csv", "t,x,y,event\n0,1,2,\n1,oops,3,a\n2,4\n0.5,5,6,b\n3,7,8,c\n")
     recording = read_csv(path, strict=False)
