@@ -12,15 +12,16 @@ import math
 import re
 from array import array
 from pathlib import Path
-from typing import IO
+from typing import IO, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from raccoon.core.errors import TraceError
 from raccoon.core.files import replacing
+from raccoon.trace.advance import Advance, Step
 from raccoon.trace.format import Event
-from raccoon.trace.mistaken import SEPARATOR_SAID, began_anew, csv_separator, misnamed, no_number, no_time
+from raccoon.trace.mistaken import SEPARATOR_SAID, csv_separator, misnamed, no_number, no_time
 from raccoon.trace.recording import EVENT, SURFACE, DutiesBeyond, Recording, allowed_instead
 from raccoon.trace.rows import Rows
 
@@ -33,6 +34,7 @@ _OURS = re.compile(r"t|(motor|servo|battery|imu|analog|digital|truth|fault|estim
 """Columns of the format. What others hold is kept where it is numbers."""
 FEW_WORDS = 10
 """Lines with no number in a column of others that are reported one by one."""
+Columns: TypeAlias = "dict[str, array[float]]"
 _ORDER = ("t", "motor", "servo", "battery", "imu", "analog", "digital", "truth")
 
 
@@ -65,8 +67,7 @@ class _Reader:
         self._problems: list[str] = []
         self._events: list[Event] = []
         self._count = 0
-        self._backward = 0
-        self._anew = ""  # what the first time that goes back seems to be
+        self._advance = Advance()
         self._words: dict[str, int] = {}  # of columns of others: how many lines hold no number
         self._beyond = DutiesBeyond()
 
@@ -77,16 +78,15 @@ class _Reader:
         if other := misnamed(names):
             self._problems.append(other)
         columns = {name: array("d") for name in names if name != EVENT}
-        last = -math.inf
         for cells in rows:
-            row = self._row(names, cells, last)
+            row = self._row(names, cells, columns)
             if row is not None:
-                last = row["t"]
                 self._keep(row, columns)
-        if self._backward > self._count:
+        if (back := self._advance.backward) > self._count:
             first = next(each for each in self._problems if each.endswith(NOT_BACK))
-            said = f"t goes back in {self._backward} lines of {self._backward + self._count}; {first}"
-            raise TraceError("; ".join(filter(None, (said, self._anew))))
+            raise TraceError(
+                f"t goes back in {back} lines of {back + self._count}; {first}; {self._advance.anew}"
+            )
         self._beyond.check(self._count)
         found = {name: np.array(column, np.float64) for name, column in columns.items()}
         self._leave_out_words(found)
@@ -106,7 +106,7 @@ class _Reader:
             if columns.keys() == {"t"} and lines > MAX_PROBLEMS:
                 raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {first}")
 
-    def _row(self, names: list[str], cells: list[str] | str, last: float) -> dict[str, float] | None:
+    def _row(self, names: list[str], cells: list[str] | str, columns: Columns) -> dict[str, float] | None:
         if not cells:
             return None  # an empty line
         if isinstance(cells, str):
@@ -125,14 +125,14 @@ class _Reader:
                 text = cell
             else:
                 row[name] = self._value(name, cell)
-        if not row["t"] >= last:
+        step = self._advance.take(row["t"])
+        if step is Step.BACK:
             time = cells[names.index("t")]
             if not (time and math.isnan(row["t"])):  # what is no number was reported with its cell
-                if row["t"] < last:
-                    self._backward += 1
-                    self._anew = self._anew or began_anew(last, row["t"])
                 self._report(f"column t: {time!r}: {NOT_BACK}")
             return None
+        if step is Step.PAST:
+            self._take_back(columns)
         if text:
             self._events.append(Event(self._count, text))
         return row
@@ -166,12 +166,20 @@ class _Reader:
         self._mark = mark or self._mark
         return cell.replace(",", ".")
 
-    def _keep(self, row: dict[str, float], columns: dict[str, array[float]]) -> None:
+    def _keep(self, row: dict[str, float], columns: Columns) -> None:
         self._count += 1
         if self._count * len(columns) > MAX_CELLS:
             raise TraceError(f"more than {MAX_CELLS} values")
         for name, value in row.items():
             columns[name].append(value)
+
+    def _take_back(self, columns: Columns) -> None:
+        """Leave out the row that was kept last."""
+        self._count -= 1
+        self._events = [each for each in self._events if each.tick != self._count]
+        for column in columns.values():
+            column.pop()
+        self._report(f"column t: it goes on from before {self._advance.wild:g}, whose line is left out")
 
     def _report(self, problem: str) -> None:
         said = f"line {self._rows.line}, {problem}"
@@ -179,7 +187,7 @@ class _Reader:
             raise TraceError(said)
         self._problems.append(said)
         if len(self._problems) > MAX_PROBLEMS:
-            said = "; ".join(filter(None, (self._problems[0], self._anew, self._beyond.guess())))
+            said = "; ".join(filter(None, (self._problems[0], self._advance.anew, self._beyond.guess())))
             raise TraceError(f"more than {MAX_PROBLEMS} bad values; the first: {said}")
 
 

@@ -125,10 +125,25 @@ def test_a_file_whose_rows_go_back_is_not_left_with_one_of_them(tmp_path: Path) 
 def test_why_a_time_goes_back_and_on_from_there_is_said(
     tmp_path: Path, before: float, now: float, said: str
 ) -> None:
-    rows = [str(before), *(str(now + 0.001 * row) for row in range(3))]
+    rows = [str(before - 0.001), str(before), *(str(now + 0.001 * row) for row in range(3))]
     path = write(tmp_path / "run.csv", "t\n" + "\n".join(rows) + "\n")
     with pytest.raises(TraceError, match=f"it goes back from .* there: .*{said}"):
         read_csv(path, strict=False)
+
+
+def test_one_wild_time_costs_its_own_line_and_the_next(tmp_path: Path) -> None:
+    """All after it went back, and nothing but what was before it was left."""
+    rows = ["0,0", "1,1", "1e9,2,oops", "2,3", "3,4", "4,5"]
+    text = "t,x,event\n" + "".join(f"{row}{'' if row.count(',') > 1 else ','}\n" for row in rows)
+    found = read_csv(write(tmp_path / "run.csv", text), strict=False)
+    assert found["x"].tolist() == [0.0, 1.0, 4.0, 5.0]
+    assert found.events == []
+    assert "goes on from before 1e+09, whose line is left out" in found.problems[1]
+
+
+def test_of_lines_out_of_order_the_late_ones_are_left_out(tmp_path: Path) -> None:
+    text = "t,x\n" + "".join(f"{time},{time}\n" for time in (0, 1, 3, 2, 4, 5))
+    assert read_csv(write(tmp_path / "run.csv", text), strict=False)["t"].tolist() == [0, 1, 3, 4, 5]
 
 
 def test_a_bad_value_is_blank_and_a_bad_row_is_left_out(tmp_path: Path) -> None:
