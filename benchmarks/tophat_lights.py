@@ -27,9 +27,10 @@ LIGHTS: dict[str, tuple[list[float], list[float], list[float]]] = {
     "sun patch": ([0, 5, 5.1, 8, 8.1, 14], [-1, -1, 1, 1, -1, -1], [5.0, 8.0]),
 }
 SHADES = (0.3, 0.1, 0.02)
-FLICKER_HZ, FLICKER = 100.3, "flicker"
+LAMPS = {"on 50 Hz": 100.3, "on 60 Hz": 119.7}
+"""Hz at which lamps on either mains flicker, whose frequency is never exact."""
 ROWS = [(light, shade) for light in LIGHTS for shade in SHADES] + [
-    (FLICKER, level) for level in (0.005, 0.02)
+    (lamps, level) for lamps in LAMPS for level in (0.005, 0.02)
 ]
 """Light and its shade; of lamps that flicker by 30 %, their level."""
 SKEW = 0.03  # m by which the second sensor is late at lines that are crossed askew
@@ -37,8 +38,8 @@ SKEW = 0.03  # m by which the second sensor is late at lines that are crossed as
 
 def row(light: str, shade: float) -> str:
     """Name of a row of the table."""
-    if light == FLICKER:
-        return f"lamps of {shade:5.3f} that flicker"
+    if light in LAMPS:
+        return f"lamps of {shade:5.3f} {light}"
     return f"{light:12} sun <-> {shade:4.2f}"
 
 
@@ -50,9 +51,9 @@ def drive(
     condition = TOPHAT_READINGS[2 * (draw % 4)]  # each sensor and height in turn
     at = np.arange(0.0, SECONDS, 1.0 / RATE)
     counted = np.ones(len(at), dtype=bool)
-    if light == FLICKER:
+    if light in LAMPS:
         before = ambient = shade * (
-            1.0 + 0.3 * np.sin(math.tau * FLICKER_HZ * at + rng.uniform(0.0, math.tau))
+            1.0 + 0.3 * np.sin(math.tau * LAMPS[light] * at + rng.uniform(0.0, math.tau))
         )
     else:
         knots, levels, events = LIGHTS[light]

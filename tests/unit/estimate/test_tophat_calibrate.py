@@ -184,11 +184,11 @@ def test_two_phases() -> None:
     assert calibrate_two_phase([], rng.normal(3800, 9, 200)).verdict is Verdict.TOO_FEW
 
 
-@pytest.mark.parametrize("flicker", [0.0, 200.0])
-def test_one_that_is_plugged_in_is_calm_while_the_robot_stands(flicker: float) -> None:
+@pytest.mark.parametrize("hertz", [0.0, 100.2, 119.8])
+def test_one_that_is_plugged_in_is_calm_while_the_robot_stands(hertz: float) -> None:
     random = np.random.default_rng(1)
     time = 0.005 * np.arange(80)
-    lamp = flicker * np.sin(2.0 * np.pi * 100.0 * time + 1.0)
+    lamp = 200.0 * np.sin(2.0 * np.pi * hertz * time + 1.0)
     shadow = np.where(time > 0.2, -600.0, 0.0) - 800.0 * time
     assert not restless(1500.0 + random.normal(0.0, 5.0, 80) + lamp + shadow)
     wandering = np.cumsum(random.normal(0.0, 15.0, 80))

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from raccoon.core.readings import Status
 from raccoon.estimate.tophat import Tophat, Verdict, calibrate
-from raccoon.estimate.tophat.flicker import FlickerWatch, alternates, demodulated
+from raccoon.estimate.tophat.calibration import Surface, TophatCalibration
+from raccoon.estimate.tophat.flicker import FlickerWatch, demodulated, lamps
 from raccoon.model import reflectance
 from raccoon.model.paper import TOPHAT_READINGS, TophatReading
 
@@ -53,38 +54,70 @@ def test_a_shadow_edge_is_no_line(condition: TophatReading, shade: float) -> Non
         assert wrong <= 0.01
 
 
+MAINS = pytest.mark.parametrize(("flicker", "hertz"), [(100.3, 100), (99.8, 100), (120.2, 120), (119.7, 120)])
+"""What lamps on mains of 50 and of 60 Hz do, whose frequency is never exact, and what they are called."""
+
+
 @pytest.mark.parametrize("condition", SENSORS, ids=name)
-def test_the_calibration_and_the_classifier_look_through_flicker(condition: TophatReading) -> None:
+@MAINS
+def test_the_calibration_and_the_classifier_look_through_flicker(
+    condition: TophatReading, flicker: float, hertz: int
+) -> None:
     time = np.arange(1600) / RATE
-    sun = 0.02 * (1.0 + 0.2 * np.sin(2.0 * np.pi * 100.3 * time + 1.0))
-    for seed in range(2):
-        wrong, _ = wrong_share(condition, sun, seed)
-        assert wrong <= 0.01
+    sun = 0.02 * (1.0 + 0.2 * np.sin(2.0 * np.pi * flicker * time + 1.0))
+    wrong, _ = wrong_share(condition, sun, hertz)
+    assert wrong <= 0.01
 
 
-def test_flicker_is_told_from_noise_and_edges() -> None:
+@MAINS
+def test_flicker_is_told_from_noise_and_edges(flicker: float, hertz: int) -> None:
     rng = np.random.default_rng(1)
     noise = 1000.0 + rng.normal(0.0, 5.0, 400)
-    wave = 20.0 * np.sin(2.0 * np.pi * 100.3 / RATE * np.arange(400) + 1.0)
+    wave = 20.0 * np.sin(2.0 * np.pi * flicker / RATE * np.arange(400) + 1.0)
     lines = np.where(np.arange(400) // 12 % 4 == 0, 800.0, 0.0)
-    assert not alternates(noise)
-    assert not alternates(noise + lines)
-    assert alternates(noise + wave)
-    assert alternates(noise + wave + lines)
-    assert np.std(demodulated(noise + wave)) < 0.5 * np.std(noise + wave)
+    assert lamps(noise) == lamps(noise + lines) == 0
+    assert lamps(noise + wave) == lamps(noise + wave + lines) == hertz
+    assert np.std(demodulated(noise + wave, hertz)) < 0.5 * np.std(noise + wave)
 
 
-def test_the_flicker_watch_follows() -> None:
+@MAINS
+def test_the_flicker_watch_follows(flicker: float, hertz: int) -> None:
     rng = np.random.default_rng(2)
     watch = FlickerWatch()
     seen = []
     for index in range(1600):
-        lamp = 30.0 * (-1.0) ** index if 400 <= index < 800 else 0.0
+        lamp = 30.0 * np.cos(2.0 * np.pi * flicker / RATE * index) if 400 <= index < 800 else 0.0
         watch.update(1000.0 + lamp + rng.normal(0.0, 4.0))
-        seen.append(watch.flickers)
+        seen.append(watch.hertz)
     assert not any(seen[:400])
-    assert all(seen[600:800])
+    assert set(seen[600:800]) == {hertz}
     assert not any(seen[1500:])
+
+
+@pytest.mark.parametrize("said", [100, 120])
+def test_in_another_hall_the_flicker_watch_finds_its_mains(said: int) -> None:
+    other, watch = 220 - said, FlickerWatch(said)
+    for index in range(400):
+        watch.update(1000.0 + 30.0 * np.cos(2.0 * np.pi * other / RATE * index + 0.5))
+    assert watch.hertz == other
+
+
+@pytest.mark.parametrize("hertz", [100, 120])
+def test_a_spike_under_flickering_lamps_makes_no_edge(hertz: int) -> None:
+    """Of either sign, over either surface; of an edge that is one the time is right to a reading."""
+    white, black = Surface(1270.0, 5.0, 200), Surface(3800.0, 5.0, 200)
+    found = TophatCalibration(Verdict.OK, "", white, black, 2500.0, 2400.0, 2600.0, flickers=hertz)
+    for spike in (400.0, 2600.0):
+        tophat = Tophat(found)
+        edges = []
+        for index in range(600):
+            counts = 3800.0 if index >= 300 else 1270.0
+            lamp = 20.0 * np.cos(2.0 * np.pi * hertz / RATE * index + 0.5)
+            counts = spike if index in (150, 450) else counts
+            edges.append(tophat.update(index / RATE, counts + lamp, None, 0.0012).edge)
+        crossed = [each for each in edges if each is not None]
+        assert [each.to_black for each in crossed] == [True]
+        assert crossed[0].time == pytest.approx(299.5 / RATE, abs=1.0 / RATE)
 
 
 def test_flicker_is_kept_with_the_calibration() -> None:
@@ -92,11 +125,11 @@ def test_flicker_is_kept_with_the_calibration() -> None:
     condition = SENSORS[3]
     optics = reflectance.fit(condition.generation).at(condition.height)
     path = over_lines(2.5, rng, condition)
-    sun = 0.02 * (1.0 + 0.3 * np.sin(2.0 * np.pi * 100.3 * np.arange(len(path)) / RATE))
+    sun = 0.02 * (1.0 + 0.3 * np.sin(2.0 * np.pi * 119.8 * np.arange(len(path)) / RATE))
     found = calibrate(reflectance.read(rng, path, optics, ambient=sun))
     assert found.verdict is Verdict.OK
-    assert found.flickers
-    assert "flickers" in found.reason
+    assert found.flickers == 120
+    assert "flickers at 120 Hz" in found.reason
 
 
 def test_a_standing_sensor_knows_that_only_the_light_can_have_changed() -> None:

@@ -62,14 +62,13 @@ class Tophat:
         self._adapt = adapt
         self.levels = LightTracker(white, black)
         self._debounce = debounce
-        self._flicker = FlickerWatch(flickers=calibration.flickers)
+        self._flicker = FlickerWatch(calibration.flickers)
         levels = self.levels
         levels.threshold = calibration.threshold or levels.threshold
         levels.low, levels.high = calibration.low or levels.low, calibration.high or levels.high
         self._state: bool | None = None
         self._other = 0  # readings in a row on the side that is not the state's
-        self._last_time = self._taken = self._last_counts = self._last_light = 0.0
-        self._last_coverage = 0.0
+        self._last_time = self._last_counts = self._last_coverage = 0.0
         self._beyond = 0  # readings in a row that are lighter than white or darker than black
         self._edge_time = 0.0  # the last passage through half coverage
         self._seen_jumps = 0
@@ -132,16 +131,14 @@ class Tophat:
         flicker.update(counts)
         light = light_of(counts)
         if self._state is None:
-            self._last_counts, self._last_light, self._taken = counts, light, time
-        # The mean of two readings at 200 Hz does not see lamps that flicker at 100 Hz.
-        if flicker.flickers:
-            light, self._last_light = 0.5 * (light + self._last_light), light
             self._last_counts = counts
+        # What the classifier goes by are readings in which lamps that flicker do not show.
+        time, light = flicker.mean(time, light)
+        if flicker.hertz:
             counts = mean = FULL_SCALE / (1.0 + light)
-            time, self._taken = 0.5 * (time + self._taken), time
         else:
-            mean, self._last_light = 0.5 * (counts + self._last_counts), light
-            self._last_counts, self._taken = counts, time
+            mean = 0.5 * (counts + self._last_counts)
+        self._last_counts = counts
         if self._adapt:
             levels.update(mean, others_lost, way)
         else:
@@ -187,8 +184,7 @@ class Tophat:
             self._other = 0
             return None
         self._other += 1
-        # A spike is in two of the means.
-        if self._other < self._debounce + self._flicker.flickers:
+        if self._other < self._debounce + self._flicker.extra(to_black=not state):
             return None
         self._state, self._other = not state, 0
         return Edge(self._edge_time, not state)

@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 
 LEAST_READINGS = 40  # 0.2 s at 200 Hz
 MOST_AT_RAIL = 0.9
-RESTLESS_BLOCK = 4  # readings averaged, over which lamps that flicker cancel
-LEAST_BLOCKS = 6
-RESTLESS = 15.0  # counts by which such means change at random under a robot that stands: plugged in, below 5
+MAINS = 10  # readings averaged: whole periods of lamps on mains of 50 and of 60 Hz
+APART = 6  # readings between such means
+RESTLESS = 10.0  # counts by which they change at random under a robot that stands: plugged in, below 5
 WANDERING = 250.0  # counts between successive readings: no floor under a sensor does that
 
 
@@ -66,12 +66,12 @@ def restless(standing: ArrayLike) -> bool:
     """True where the readings of a robot that stands wander as an open input does, which may follow its
     neighbour and so show white and black.
 
-    Judged by second differences of short means: one shadow that passes, or light that changes evenly, is no
-    wandering. False where there are too few readings to tell.
+    Judged by second differences of short means: one shadow that passes, light that changes evenly and lamps
+    that flicker are no wandering. False where there are too few readings to tell.
     """
     counts = np.asarray(standing, dtype=float)
-    blocks = len(counts) // RESTLESS_BLOCK
-    if blocks < LEAST_BLOCKS:
+    if len(counts) < LEAST_READINGS:
         return False
-    means = counts[: blocks * RESTLESS_BLOCK].reshape(blocks, RESTLESS_BLOCK).mean(axis=1)
-    return float(np.median(np.abs(np.diff(means, 2)))) > RESTLESS
+    means = np.convolve(counts, np.full(MAINS, 1.0 / MAINS), "valid")
+    bends = means[2 * APART :] - 2.0 * means[APART:-APART] + means[: -2 * APART]
+    return float(np.median(np.abs(bends))) > RESTLESS

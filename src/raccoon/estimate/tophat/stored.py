@@ -9,6 +9,7 @@ from typing import Any
 from raccoon.core.errors import ConfigError
 from raccoon.core.schema import Bounds, finite, refuse_unknown, shown
 from raccoon.estimate.tophat.calibration import Surface, TophatCalibration, Verdict
+from raccoon.estimate.tophat.flicker import LAMPS
 from raccoon.model.reflectance import FULL_SCALE, GENERATIONS
 
 COUNTS = Bounds(0.0, FULL_SCALE)
@@ -64,9 +65,11 @@ def _calibration(table: object, where: str) -> TophatCalibration:
     verdict = values["verdict"]
     if verdict not in tuple(Verdict):
         raise ConfigError(f"{where}.verdict = {shown(verdict)}: allowed is {' | '.join(Verdict)}")
-    flickers = values.get("flickers", False)
-    if not isinstance(flickers, bool):
-        raise ConfigError(f"{where}.flickers = {shown(flickers)}: allowed are true and false")
+    flickers = values.get("flickers", 0)
+    if isinstance(flickers, bool):  # of files from before lamps of 120 Hz were known
+        flickers = 100 if flickers else 0
+    if flickers not in (0, *LAMPS):
+        raise ConfigError(f"{where}.flickers = {shown(flickers)}: allowed are 0, 100 and 120 (Hz)")
     threshold, low, high = (
         _maybe(values.get(key), COUNTS, f"{where}.{key}") for key in ("threshold", "low", "high")
     )

@@ -28,7 +28,9 @@ STILL_LIMIT = 0.05
 """rad/s that the turn rate of a standing robot may scatter by."""
 FROZEN_AFTER = 0.5
 FLOATING = 40.0
-"""Counts that a connected, resting sensor does not scatter by."""
+"""Counts that a connected, resting sensor does not scatter by, unless lamps flicker."""
+MAINS, CALM = 10, 10.0
+"""Readings in means in which lamps on mains of 50 and of 60 Hz do not show; counts that these scatter by."""
 FOLLOWS = 0.9
 _FOLLOWS_FROM = 5.0
 _WOMBAT_VOLTS = (6.0, 6.4, 8.6)  # unreliable below, charge below, impossible above (two lithium cells)
@@ -127,7 +129,8 @@ def _analog_port(port: int, series: Sequence[Sequence[float]], user: str | None)
         return _judged(
             subject, user, measured, "it is saturated", f"{plug}; shade it from strong light", values
         )
-    if noise > FLOATING:
+    calm = [mean(readings[at : at + MAINS]) for at in range(0, len(readings), MAINS)]
+    if noise > FLOATING and deviation(calm) > CALM:
         return _judged(subject, user, measured, "it floats: nothing seems to be plugged in", plug, values)
     neighbour = _followed(port, series, noise)
     if neighbour is not None:

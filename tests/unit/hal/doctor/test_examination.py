@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from datetime import date
 from types import SimpleNamespace
@@ -12,9 +13,10 @@ import pytest
 
 from faulty_robot import FaultyRobot
 from raccoon.core.config import DriveConfig, Measured, MotorConfig, RobotConfig, TophatConfig
-from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault
+from raccoon.core.readings import ANALOG_BOTTOM, ANALOG_TOP, SIMULATOR, STOP, Fault, Inputs
 from raccoon.hal.create import CREATE_2
 from raccoon.hal.doctor import Finding, Report, Verdict, examine
+from raccoon.hal.doctor.sensors import analog
 from raccoon.sim.effects.parameters import Parameters
 from raccoon.sim.port import SimPort
 from raccoon.sim.world.table import World
@@ -233,6 +235,17 @@ def test_an_unused_analog_port_may_float() -> None:
     finding = examined("analog 4", analog_noise=(1, 1, 1, 1, 90, 1))
     assert finding.verdict is Verdict.NOT_CHECKED
     assert "it floats" in finding.measured
+
+
+@pytest.mark.parametrize("hertz", [99.9, 120.2])
+def test_lamps_that_flicker_are_no_open_plug(hertz: float) -> None:
+    rest = [
+        Inputs(
+            device=SIMULATOR, time=at, analog=(1270.0 + 120.0 * math.sin(math.tau * hertz * at), *(None,) * 5)
+        )
+        for at in (0.005 * index for index in range(200))
+    ]
+    assert analog(ROBOT, rest)[0].verdict is Verdict.OK
 
 
 def test_a_rare_fault_that_the_port_repaired_is_no_illness() -> None:
