@@ -27,7 +27,7 @@ DOTTED = re.compile(r"\braccoon(?:\.\w+)+")
 IDENTIFIER = re.compile(r"\b(?:[A-Za-z]\w*_\w+|[A-Z][a-z]+[A-Z]\w*|[a-z]\w*(?=\())")
 OF_OTHERS = {"--quiet", "--editable", "--now", "--system-site-packages", "--timeout"}
 """Options of pip, systemctl, venv and pytest."""
-OF_THE_WOMBAT = {"i2c_arm", "i2c_arm_baudrate", "stm32_data_reader"}
+OF_THE_WOMBAT = {"botball_user_program", "i2c_arm", "i2c_arm_baudrate", "stm32_data_reader"}
 OF_KIPR = {
     "ao",
     "bmd",
