@@ -147,7 +147,10 @@ def _recorded(port: Port, path: str | Path, config: RobotConfig, seed: int | Non
 
 
 def open_port(config: RobotConfig, *, seed: int = 0) -> Port:
-    """The port that robot.toml's `controller.port` names."""
+    """The port that robot.toml's `controller.port` names; who opens it closes it. seed: of a simulated one.
+
+    Raises HardwareError where there is no such controller, or another program has it.
+    """
     kind = config.controller.port
     if kind == "sim":
         from raccoon.sim.effects.calibrated import calibrated_robot, simulated_device

@@ -260,8 +260,9 @@ def _digital(sensors: Sensors, bits: int) -> tuple[bool, ...]:
 def open_create(path: str = SERIAL_PORT, *, mode: Mode = Mode.FULL, speed: bool = False) -> CreatePort:
     """Open the Create 2 on a serial port; its wheels stop when the program ends, is killed or hangs.
 
-    Raises HardwareError when the port is missing, forbidden or taken, ValueError for a mode in which no wheel
-    obeys.
+    mode: FULL always obeys, SAFE stops at a cliff. speed: whether a duty of 1 is 500 mm/s, which the base
+    keeps, instead of full power. Raises HardwareError when the port is missing, forbidden or taken,
+    ValueError for a mode in which no wheel obeys.
     """
     from raccoon.hal.supervise.supervisor import Supervisor
 

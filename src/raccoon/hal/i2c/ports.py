@@ -141,7 +141,13 @@ def open_imu(
     axes: Sequence[str] = ("x", "y", "z"),
     replace_words: bool = True,
 ) -> ImuPort:
-    """Wrap `port` with an MPU-6050/6500/9250. Raises HardwareError where there is none at `address`."""
+    """Wrap `port` with an MPU-6050/6500/9250.
+
+    bus: its number or path. axes: which of the chip's axes look forward, left and up, such as "-y".
+    replace_words: whether its readings take the place of the controller's gyro and accelerometer, or are
+    recorded beside them (`imu2.gyro.x` in rad/s, `imu2.accel.x` in m/s2). Raises HardwareError where there is
+    none at `address`, ConfigError for axes or an address that are not allowed.
+    """
     wires = I2cBus(bus)
     try:
         sensor = Mpu(wires, address, axes=axes)
@@ -157,7 +163,11 @@ def open_imu(
 def open_battery_monitor(
     port: Port, bus: int | str = 1, address: int = INA_ADDRESS, *, shunt: float
 ) -> BatteryMonitorPort:
-    """Wrap `port` with an INA219 or INA226 (shunt in ohm). Raises HardwareError when there is neither."""
+    """Wrap `port` with an INA219 or INA226: the battery's voltage in V and current in A, positive out of it.
+
+    bus: its number or path. shunt: ohm. Raises HardwareError where there is neither at `address`, ConfigError
+    for a shunt or an address that is not allowed.
+    """
     wires = I2cBus(bus)
     try:
         monitor = find_monitor(wires, address, shunt=shunt)
