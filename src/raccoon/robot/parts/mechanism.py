@@ -48,6 +48,10 @@ class Mechanism(Part):
         self._asked_when_read = 0.0  # rad/s
         self._duty = 0.0
 
+    def __repr__(self) -> str:
+        held = "released" if self.goal is None else "held"
+        return f"<mechanism {self.name}: {self.angle:.3f} rad, {self.rate:.2f} rad/s, {held}>"
+
     @property
     def angle(self) -> float:
         """Rad, as counted."""

@@ -36,6 +36,9 @@ class Servo(Part):
         self.moved_by: str | None = None
         """The action that moves it now."""
 
+    def __repr__(self) -> str:
+        return f"<servo {self.name}: {'off' if self.pulse is None else f'{self.pulse:g} us'}>"
+
     def place(self, where: str | float) -> float:
         """The pulse (us) of a named place or of a number.
 

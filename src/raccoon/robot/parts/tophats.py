@@ -58,6 +58,10 @@ class TophatSensor(Part):
         self.floating = False
         """Whether it wandered when the robot stood last, as an open port does, which may read like black."""
 
+    def __repr__(self) -> str:
+        seen = {True: "black", False: "white", None: "not calibrated or not known"}[self.black]
+        return f"<tophat {self.name}: {self.counts} counts, {seen}, {self.status}>"
+
     def calibrate(self, calibration: TophatCalibration) -> None:
         """Use a calibration from now on. Raises CalibrationError where it has no threshold."""
         from raccoon.estimate.tophat import Tophat
