@@ -61,7 +61,9 @@ def test_the_command_that_shows_a_failure_can_be_copied(
     alone = nullcontext(Crew(ThreadPoolExecutor(1), 1))
     monkeypatch.setattr("raccoon.sweep.workers.process_crew", lambda _: alone)
     Path("a robot.toml").write_text("", encoding="utf-8")
+    Path("a table.toml").write_text('name = "bare"\n', encoding="utf-8")
     sweep = ["sweep", program, *VARIED, "--robot", "a robot.toml", "--within", "1e-9", "--out", "r.csv"]
+    sweep += ["--table", "a table.toml"]
     assert main([*sweep, "--runs", "1", "--seed", "4", "--workers", "1"]) == 0
     found = re.search(r"see one: raccoon (.*)\n +raccoon (.*)\n", capsys.readouterr().out)
     assert found is not None
@@ -71,6 +73,7 @@ def test_the_command_that_shows_a_failure_can_be_copied(
     failed = next(row for row in read_results("r.csv") if row["status"] == "failed")
     assert f"{failed['position_error']:.6g}" in said
     assert said.endswith(f"recorded: run-{failed['run']}.jsonl.gz\n")
+    assert view[1:] == ["run-0.jsonl.gz", "--table", "a table.toml"]
     assert main(view) == 0
 
 

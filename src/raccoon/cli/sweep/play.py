@@ -40,7 +40,7 @@ def sweep_and_print(args: argparse.Namespace) -> int:
         if args.out is not None and args.out.exists():  # else nothing was played
             print(f"what was played is in {args.out}: the same command goes on from there", file=sys.stderr)
         raise
-    print_report(match, rows, args.seed, args.given)
+    print_report(match, rows, args.seed, args.given, args.table)
     if args.out is not None:
         print(f"\nevery match: {args.out}")
     return 0

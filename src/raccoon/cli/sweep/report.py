@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 from raccoon.sweep.factors import Factor
 from raccoon.sweep.match import OK, Match
@@ -18,8 +19,9 @@ LEAST_RANKED = 20
 REASONS = 6
 
 
-def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str]) -> None:
-    """Failure rate, reasons, and what it is most sensitive to. given: the command line of the sweep."""
+def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str], table: Path | None) -> None:
+    """Failure rate, reasons, and what it is most sensitive to. given: the command line of the sweep; table:
+    of it, on which a match is to be drawn."""
     units = {each.name: each for each in match.factors}
     found = summary(rows, list(units))
     low, high = found.rate.interval
@@ -27,18 +29,19 @@ def print_report(match: Match, rows: list[Row], seed: int, given: Sequence[str])
     print(f"failure rate {_percent(found.rate.value)}, 95 % interval {_percent(low)} to {_percent(high)}")
     for reason, count in found.reasons[:REASONS]:
         print(f"  {count:6d} x {reason}")
-    _print_first_failure(rows, given)
+    _print_first_failure(rows, given, table)
     _print_sensitivities(found, units)
 
 
-def _print_first_failure(rows: list[Row], given: Sequence[str]) -> None:
+def _print_first_failure(rows: list[Row], given: Sequence[str], table: Path | None) -> None:
     """The first match that failed, and the commands that play and draw it: to copy."""
     run = next((row["run"] for row in rows if row["status"] != OK), None)
     if run is not None:
         recording = f"run-{run}.jsonl.gz"
         # In front of the rest, which may end with what belongs to an option, or begin with --.
         words = ("raccoon", "sweep", "--only", str(run), "--record", recording, *given[1:])
-        print(f"  see one: {shlex.join(words)}\n           raccoon view {recording}")
+        drawn = ("raccoon", "view", recording, *(() if table is None else ("--table", str(table))))
+        print(f"  see one: {shlex.join(words)}\n           {shlex.join(drawn)}")
 
 
 def _print_sensitivities(found: Summary, units: dict[str, Factor]) -> None:
