@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from raccoon.cli.effects.page import figure_of
 from raccoon.cli.effects.recordings import comparison
 from raccoon.cli.main import main
 from raccoon.sim.effects.effect import all_effects
@@ -37,6 +39,17 @@ def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
 def test_every_effect_shows_in_a_recording(entry: object) -> None:
     shown = comparison(entry)  # type: ignore[arg-type]
     assert abs(shown.without - shown.with_effect).max() > 1e-3
+
+
+@pytest.mark.parametrize("name", ["imu.gyro_bias", "imu.gyro_drift"])
+def test_a_picture_shows_an_effect_that_its_channel_hides(name: str) -> None:
+    """A drift of 0.01 rad/s beside turns of 1.5 is thinner than the line."""
+    entry = next(each for each in all_effects() if each.id == name)
+    above, below = figure_of(comparison(entry)).axes
+    low, high = below.get_ylim()
+    assert high - low < 0.05 * (above.get_ylim()[1] - above.get_ylim()[0])
+    assert np.ptp(below.get_lines()[-1].get_ydata()) < high - low
+    assert low < 0.0 < high
 
 
 def test_the_page_is_the_one_of_this_catalogue() -> None:

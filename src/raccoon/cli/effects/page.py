@@ -5,12 +5,16 @@ from __future__ import annotations
 import io
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from raccoon.cli.effects.listing import WHERE, neutral_text
 from raccoon.cli.effects.recordings import Comparison, comparison
 from raccoon.core.errors import ConfigError
 from raccoon.core.files import write_atomically
 from raccoon.sim.effects.effect import Effect, all_effects
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _HEAD = """# Effects
 
@@ -19,8 +23,8 @@ What can make a robot differ from the textbook one, and what a diagnosis may nam
 Written by `raccoon effects --write docs`; edit `sim/effects/catalogue.py` instead.
 
 Each picture shows one channel of the same drive (creeping, steps forward and back, turns; for tophats: over
-lines), grey without and red with the effect, in the channel in which it shows most. An effect that is off
-sits at its neutral value, where it changes nothing, exactly.
+lines), grey without and red with the effect, in the channel in which it shows most, and below it the
+difference. An effect that is off sits at its neutral value, where it changes nothing, exactly.
 
 Adding an effect: an entry in `sim/effects/catalogue.py`, its term in `sim/plant/equations.py` or
 `friction.py` (a statement that ends with `# effect: ID`), its numbers in `sim/effects/physical.py`, and this
@@ -64,16 +68,25 @@ def _section(entry: Effect, shown: Comparison) -> str:
 
 
 def _picture(shown: Comparison) -> bytes:
+    buffer = io.BytesIO()
+    figure_of(shown).savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def figure_of(shown: Comparison) -> Figure:
+    """The channel without and with the effect, and below it the difference."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(5.2, 1.7), dpi=72, layout="constrained")
-    axes = figure.subplots()
-    axes.plot(shown.time, shown.without, color="0.6", linewidth=2.0)
-    axes.plot(shown.time, shown.with_effect, color="#c0392b", linewidth=1.0)
-    axes.set_xlabel("s", fontsize=7)
-    axes.set_ylabel(f"{shown.channel} / {shown.unit}", fontsize=7)
-    axes.tick_params(labelsize=7)
-    axes.margins(x=0)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
+    figure = Figure(figsize=(6.4, 2.8), dpi=90, layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    above.plot(shown.time, shown.without, color="0.6", linewidth=3.0)
+    above.plot(shown.time, shown.with_effect, color="#c0392b", linewidth=1.0)
+    above.set_ylabel(f"{shown.channel}, {shown.unit}", fontsize=8)
+    below.axhline(0.0, color="0.6", linewidth=0.8)
+    below.plot(shown.time, shown.with_effect - shown.without, color="#c0392b", linewidth=1.0)
+    below.set_ylabel("difference", fontsize=8)
+    below.set_xlabel("t, s", fontsize=8)
+    for axes in (above, below):
+        axes.tick_params(labelsize=8)
+        axes.margins(x=0)
+    return figure
