@@ -276,6 +276,20 @@ def test_a_lag_that_another_may_have_a_part_of_is_not_said_to_be_alone() -> None
     assert "none of the others" not in terminal_report(replace(FOUND, causes=(part,)))
 
 
+def test_the_page_has_every_key_of_the_json() -> None:
+    told = (Path(__file__).parents[4] / "docs" / "diagnosis.md").read_text("utf-8")
+    table = told.partition("| key | holds |")[2].partition("\n\n")[0]
+    named = set(re.findall(r"`(\w+)`", table))
+    by_name = FOUND.to_dict() | {"identified": None}
+
+    def keys(value: object) -> set[str]:
+        if isinstance(value, dict):
+            return set(value) | set().union(*map(keys, value.values()))
+        return set().union(*map(keys, value)) if isinstance(value, list) else set()
+
+    assert keys(by_name) - {"factor"} <= named
+
+
 def _page(found: Diagnosis) -> str:
     return page(found, "run")
 
