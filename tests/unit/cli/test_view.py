@@ -237,3 +237,13 @@ def test_what_the_robot_believed_meets_the_truth_where_both_begin(tmp_path: Path
     assert np.column_stack([estimate.x, estimate.y]) == pytest.approx(
         np.array([[1.0, -0.1], [1.0, 0.0], [1.0, 0.5]])
     )
+
+
+def test_what_has_nothing_to_draw_is_drawn_by_the_odometry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A manoeuvre on a real controller has neither truth nor a robot that believes anything."""
+    bare = tmp_path / "bare.csv"
+    bare.write_text("t,motor.0.bemf\n0,0\n0.005,0\n", encoding="utf-8")
+    assert main(["view", str(bare), "-o", str(tmp_path / "bare.png")]) == 2
+    assert "raccoon replay FILE --plot drive.svg draws" in capsys.readouterr().err

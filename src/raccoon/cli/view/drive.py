@@ -87,7 +87,10 @@ def drive_of(path: Path, start: Sequence[float] | None = None) -> Drive:
     if len(run.recording) == 0:
         raise TraceError(f"{path}: the recording is empty: it was ended before its first cycle")
     if truth is None and estimate is None:
-        raise TraceError(f"{path}: it has neither truth.x, truth.y, truth.heading nor estimates to draw")
+        raise TraceError(
+            f"{path}: it has neither truth.x, truth.y, truth.heading nor estimates to draw; "
+            "raccoon replay FILE --plot drive.svg draws what the odometry makes of it"
+        )
     if truth is not None and placed is not None:
         truth = _home(truth).placed(*placed)
     if truth is not None and estimate is not None:
